@@ -12,13 +12,7 @@ from viewer_files import colour_of, contents, demonstration, note, values, view_
 
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import quaternion
-from structlearn.primitives.fitting import FitParameters, learn_primitive
-from structlearn.primitives.primitive_files import write_primitives
-from structlearn.primitives.trajectory import differentiated, differentiated_orientation
-from structlearn.recordings import synchronise
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.recording import Recording, Stream
-from structlearn.recordings.runs import write_runs as write_sets
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
@@ -307,42 +301,6 @@ def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonst
     assert contents(path)[0]["/down/guess/curve"] == 1
 
 
-def streams(run):
-    stamps = np.round(1e9 * run.time).astype(np.int64)
-    signals = {
-        "pose": np.hstack([run.position, run.orientation]),
-        "joint_positions": run.joint_positions,
-        "wrench": run.wrench,
-        "tool_to_board": run.tool_to_board,
-    }
-    return Recording(
-        run.name,
-        tuple(Stream(f"/{kind}", kind, stamps, values) for kind, values in signals.items()),
-        run.true_segments,
-        run.provenance,
-    )
-
-
-@pytest.fixture
-def files(tmp_path):
-    """Learned primitives alone."""
-    one = board_run(hand_deg=0.0)
-    paths = (
-        differentiated(one.position, one.dt, 5.0),
-        differentiated_orientation(one.orientation, one.dt, 5.0),
-    )
-    parameters = committed(FitParameters, "fit_primitives")
-    folder = tmp_path / "primitives/scraping"
-    folder.mkdir(parents=True)
-    learned = [learn_primitive(name, [paths, paths], parameters) for name in PRIMITIVES]
-    write_primitives(learned, folder / "primitives.safetensors")
-    return ScrapingFiles(tmp_path)
-
-
-def write_runs(files, place, setting, names=("01", "02"), **run):
-    runs = [synchronise(streams(board_run(name, **run)), **CLOCK.model_dump()) for name in names]
-    write_sets(runs, files.data / "runs/scraping" / place / f"{setting}.parquet")
-
-
-def test_without_executions_nothing_is_shown(files):
+def test_without_executions_nothing_is_shown(tmp_path):
+    files = ScrapingFiles(tmp_path)
     assert read_feedback_runs(files) == read_refined_runs(files) == {}

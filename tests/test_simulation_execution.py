@@ -42,7 +42,7 @@ def two_fingers():
     return FingerPair(committed(TouchParameters, "testbed.touch"), 1, np.random.default_rng(2), 100.0)
 
 
-def press(roll=0.0, ticks=600, control=SILENT, person=None, motion=None, engine=None, **changes):
+def press(roll=0.0, ticks=600, control=SILENT, person=None, motion=None, **changes):
     return execute(
         WORLD,
         press_motion(ticks) if motion is None else motion,
@@ -53,7 +53,6 @@ def press(roll=0.0, ticks=600, control=SILENT, person=None, motion=None, engine=
         two_fingers(),
         np.random.default_rng(3),
         person,
-        engine,
     )
 
 
