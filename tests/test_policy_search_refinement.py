@@ -248,17 +248,3 @@ def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
     improved = result.policies[PARAMETERS.search.samples]  # the first row after the samples
     first = trained[0][0].where(np.arange(kept, kept + TICKS))
     np.testing.assert_array_equal(first.target, open_loop(improved).coupling(np.empty((TICKS, 0)), *PHASE))
-
-
-def test_what_was_felt_and_done_is_kept_of_every_rollout(uninterrupted):
-    environment, _, result = uninterrupted
-    keys = ["iteration", "kind", "number"]
-    grouped = result.samples.groupby(keys, sort=False)
-    assert [key for key, _ in grouped] == list(result.history[keys].itertuples(index=False, name=None))
-    costs = grouped["cost_rad"].sum()
-    np.testing.assert_allclose(costs.to_numpy(), result.history["cost_rad"], rtol=1e-5)
-    network, seed = environment.calls[7]
-    run = environment.rollout(network, seed)
-    kept = grouped.get_group(tuple(result.history.loc[7, keys]))
-    np.testing.assert_array_equal(kept["target"], run.samples.target.astype(np.float32))
-    np.testing.assert_array_equal(kept["channel_00"], run.samples.deviation[:, 0].astype(np.float32))

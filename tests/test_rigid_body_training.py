@@ -39,11 +39,6 @@ PARAMETERS = committed(
 ROBOTS = (11, 12)
 
 
-@pytest.fixture(autouse=True)
-def _one_process(monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "sequential")
-
-
 def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated():
     work = trainings(ROBOTS, PARAMETERS)
     motions = {"iiwa": sine_motion(arm(), 200)}

@@ -214,13 +214,6 @@ def test_one_that_can_be_cut_does_not_speak_for_all():
         segmentation_of(made, 3, skip_failures=True)
 
 
-def test_a_named_reference_is_the_reference():
-    made = takes(4, 3, 4)
-    assert segmentation_of(made, 3, reference="03").reference == "03"
-    with pytest.raises(InputError, match="no demonstration named '07'"):
-        segmentation_of(made, 3, reference="07")
-
-
 def test_primitives_may_be_a_number_names_or_mappings():
     defaults = read_task("pick").segment.model_dump()
     forms = (2, ["move_1", "move_2"], [{"name": "move_1"}, "move_2"])

@@ -21,14 +21,6 @@ from structlearn.testbeds.scraping.protocol.executions import (
 from structlearn.testbeds.scraping.world.execution import ControlParameters
 
 
-@pytest.fixture(scope="module", autouse=True)
-def in_this_process():
-    """Short runs are over before worker processes would have started; faults can be put in."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        yield
-
-
 @pytest.fixture(scope="module")
 def board():
     return small_board()

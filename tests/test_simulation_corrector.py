@@ -98,13 +98,6 @@ def test_a_seen_error_is_reduced_by_the_gain_until_it_looks_flat(roll_deg):
     assert (np.diff(path) * np.sign(board) > -1e-9).all()  # what is under way is not done twice
 
 
-def test_the_person_goes_along_with_the_nominal_movement():
-    """Where the hand is where the robot takes it, and flat is where that ends, there is nothing to do."""
-    roll, rate = np.radians(-3.0), 0.05
-    torque = torques(np.full(900, -roll), nominal=(roll, rate), hand=(roll, rate))
-    np.testing.assert_allclose(torque, 0.0, atol=1e-15)
-
-
 def test_what_the_robot_will_do_itself_is_not_corrected():
     """The error of a tool that the nominal movement has yet to turn counts without that turn."""
     still_to_come, own = np.radians(3.0), np.radians(4.0)

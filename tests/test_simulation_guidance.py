@@ -58,13 +58,6 @@ def test_a_motion_is_the_intended_movement_tick_by_tick(movement):
     assert sorted(set(motion.primitive)) == [0, 1, 2]
 
 
-def test_the_angular_velocity_is_that_of_the_orientation(movement):
-    velocities = guided_motion(movement).angular_velocity
-    orientations = orientation_of(movement.tilt)
-    exact = quaternion.angular_velocity(orientations, DT)
-    np.testing.assert_allclose(velocities, exact, atol=0.02 * np.abs(exact).max())
-
-
 def test_the_arm_follows_the_intended_path(movement, guided):
     """Sideways within a few mm, and no further into the board than the pressure asks for."""
     off = guided.position - movement.edge

@@ -25,14 +25,6 @@ KINDS += ["tactile", "tactile", "tool_to_board"]
 TESTBED = committed(TestbedParameters, "testbed")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def in_this_process():
-    """Short runs are over before worker processes would have started."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        yield
-
-
 @pytest.fixture(scope="module")
 def skill():
     return scraping_skill()
