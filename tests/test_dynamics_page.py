@@ -85,15 +85,9 @@ def untracked(results, model, arm, form):
     return replace(its, scores=scores[~gone])
 
 
-def test_metrics_are_all_there_and_the_first_ones_few(results):
+def test_metrics_are_those_of_the_tables_and_the_first_ones_few(results):
     every = metrics(results)
     assert 0 < len(headlines(every)) <= HEADLINES
-    for model in ("mlp", "mlp_scaled", "delan", "nostr", "symm", "spd", "tri", "cov"):
-        for key in ("epochs", "ee_velocity_nmse", "unstable", "robot_nmse", "robot_unstable", "online_nmse"):
-            assert f"{key}_{model}" in every
-    for model in ("nostr", "symm", "spd", "tri", "cov"):
-        for key in ("epochs", "ee_velocity_nmse", "unstable", "robot_nmse", "robot_unstable"):
-            assert f"{key}_{model}_plain" in every
     assert every["epochs_cov"] == every["epochs_cov_plain"] == 2
     assert (every["epochs_mlp"], every["epochs_mlp_plain"]) == (20, every["epochs_limit"])
     assert "ee_velocity_nmse_mlp_plain" not in every  # it did not meet the criterion

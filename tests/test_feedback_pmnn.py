@@ -1,4 +1,3 @@
-import json
 from itertools import pairwise
 
 import numpy as np
@@ -76,20 +75,8 @@ def test_where_the_phase_rests_there_is_no_coupling(seed, deviation, u, p):
     np.testing.assert_allclose(two, 2.0 * one)  # proportional to the phase velocity
 
 
-def test_foreign_files_are_named(tmp_path):
-    weights = {"layer.weights": np.ones(3)}
-    claims = {"plain": "a network", "list": json.dumps([1]), "empty": "{}"}
-    claims["claim"] = json.dumps({"coupling_models": {"turn": "pmnn"}})
-    for name, description in claims.items():
-        path = tmp_path / f"{name}.safetensors"
-        artefacts.write_tensors(weights, path, description)
-        with pytest.raises(InputError, match=rf"{name}\.safetensors: holds no feedback networks"):
-            coupling_model.read_networks(path)
-    artefacts.write_tensors(weights, tmp_path / "other", json.dumps({"coupling_models": {"turn": "os"}}))
-    with pytest.raises(InputError, match=r"there is no feedback network 'os' among .*pmnn"):
-        coupling_model.read_networks(tmp_path / "other")
-    (tmp_path / "text.safetensors").write_text("x,y\n1,2\n" * 20)
-    with pytest.raises(InputError, match=r"text\.safetensors: not a readable safetensors file"):
-        coupling_model.read_networks(tmp_path / "text.safetensors")
-    with pytest.raises(InputError, match="no such file"):
-        coupling_model.read_networks(tmp_path / "missing.safetensors")
+@pytest.mark.parametrize("description", ["a network", "[1]", "{}", '{"coupling_models": {"turn": "pmnn"}}'])
+def test_foreign_files_are_named(tmp_path, description):
+    artefacts.write_tensors({"layer.weights": np.ones(3)}, tmp_path / "n.safetensors", description)
+    with pytest.raises(InputError, match=r"n\.safetensors: holds no feedback networks"):
+        coupling_model.read_networks(tmp_path / "n.safetensors")

@@ -4,7 +4,6 @@ import pytest
 from rigid_body_robots import ROBOTS, configuration, robot, states
 
 from structlearn.rigid_body import compiled_chain
-from structlearn.simulation.bullet_arm import BulletArm
 
 DT = 1.0 / 900.0
 
@@ -60,17 +59,6 @@ def test_accelerations_are_pinocchios_forward_dynamics(arm, body, work):
         np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max())
 
 
-def test_a_step_is_pybullets(arm, body, work):
-    with BulletArm(arm.tree, arm.inertias, np.zeros(len(arm.tree.names)), DT) as bullet:
-        for q, qd, torques in zip(*states(arm, 5), strict=True):
-            bullet.place(q, qd)
-            compiled_chain.dynamics(body, q, qd, work)
-            bullet_q, bullet_qd = bullet.step(torques)
-            compiled_chain.step(body, q, qd, torques.copy(), DT, work)
-            np.testing.assert_allclose(bullet_qd, qd, rtol=1e-9, atol=1e-9)
-            np.testing.assert_allclose(bullet_q, q, atol=1e-10)
-
-
 def test_a_step_leaves_the_workspace_of_the_new_state(arm, body, work):
     q, qd, torques = (values[0] for values in states(arm, 1))
     compiled_chain.dynamics(body, q, qd, work)
@@ -79,13 +67,3 @@ def test_a_step_leaves_the_workspace_of_the_new_state(arm, body, work):
     compiled_chain.dynamics(body, q, qd, again)
     np.testing.assert_array_equal(work.mass_matrix, again.mass_matrix)
     np.testing.assert_array_equal(work.bias, again.bias)
-
-
-def test_a_system_is_solved():
-    rng = np.random.default_rng(0)
-    root = rng.normal(size=(9, 9))
-    matrix, right = root @ root.T + np.eye(9), rng.normal(size=9)
-    expected = np.linalg.solve(matrix, right)
-    compiled_chain.factorise(matrix)
-    compiled_chain.solve(matrix, right)
-    np.testing.assert_allclose(right, expected, rtol=1e-10)

@@ -91,14 +91,6 @@ def test_units_make_training_samples_alike(touch):
     np.testing.assert_array_equal(touch_units(changed, taught, 0.01).signal_scale, units.signal_scale)
 
 
-def test_units_refuse_a_dead_electrode(touch):
-    dataset, _ = touch
-    signals = dataset.signals.copy()
-    signals[:, 4] = 7.0
-    with pytest.raises(InputError, match="electrode 5 has the same value in all samples"):
-        touch_units(dataclasses.replace(dataset, signals=signals), chains(dataset, 3, split=TRAIN), 0.01)
-
-
 @pytest.mark.parametrize(
     ("part", "message"),
     [
@@ -125,8 +117,14 @@ def test_pairs_share_bin_and_split(touch):
         assert distance == geodesics.distance[place, row, column]
 
 
-def test_pairs_need_samples_of_the_split_in_every_bin(touch):
+def test_what_cannot_be_learned_or_controlled_is_named(touch, comparison):
     dataset, geodesics = touch
+    signals = dataset.signals.copy()
+    signals[:, 4] = 7.0
+    with pytest.raises(InputError, match="electrode 5 has the same value in all samples"):
+        touch_units(dataclasses.replace(dataset, signals=signals), chains(dataset, 3, split=TRAIN), 0.01)
+    with pytest.raises(InputError, match="its horizon must be 1"):
+        TactileServo(comparison.models, comparison.units, True, ServoParameters(inverse="NG", horizon=2), 3.0)
     rows = np.flatnonzero(dataset.split == TRAIN)[:10][None]
     lacking = Geodesics(rows, geodesics.distance[:1, :10, :10])
     with pytest.raises(InputError, match="a bin has fewer than two samples of split 2"):
@@ -287,11 +285,6 @@ def test_with_actions_oftener_than_steps_the_step_before_still_lasts_a_step(comp
     found, _ = often.act(now, target, memory)
     mean = ServoMemory(first[None], np.mean(actions, axis=0)[None])
     np.testing.assert_allclose(found, once.act(now, target, mean)[0], rtol=1e-9)
-
-
-def test_gradient_has_no_horizon(comparison):
-    with pytest.raises(InputError, match="its horizon must be 1"):
-        TactileServo(comparison.models, comparison.units, True, ServoParameters(inverse="NG", horizon=2), 3.0)
 
 
 def test_predictions_are_held_against_the_touch_that_followed(comparison, lesson, touch):
