@@ -16,10 +16,9 @@ from structlearn.avoidance.shapes import SHAPES
 from structlearn.ground.artefacts import write_metrics
 from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render
-from structlearn.testbeds.obstacles.page import figures as drawn
 from structlearn.testbeds.obstacles.page.evidence import evidence
 from structlearn.testbeds.obstacles.page.page import HEADLINES, PACKAGE, document, read_published
-from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting, metrics
+from structlearn.testbeds.obstacles.page.results import ObstacleResults, metrics
 from structlearn.testbeds.obstacles.page.tables import tables
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
@@ -196,12 +195,3 @@ def test_claims_on_fits_follow_the_numbers(results):
     found = verdicts(blind)
     assert found["low_dominant"] == found["rai_dominant"] == "not tested"
     assert not re.search(r"\bnan\b", rendered(blind))
-
-
-def test_what_is_shown_is_in_the_way(results):
-    assert example_setting(results.found.scores, 1) == 1
-    number, speed = drawn.worst(results, "pair")
-    length = np.linalg.norm(PRIMITIVE.goal - PRIMITIVE.start)
-    for one in results.situations["pair"].obstacles:
-        assert 0.0 < one.centre[number - 1, 0] < length
-    assert (speed, drawn.worst(results, "moving")[1]) == (0.0, 0.1)

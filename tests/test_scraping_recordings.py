@@ -13,7 +13,6 @@ from viewer_files import colour_of, contents, demonstration, note, values, view_
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import quaternion
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.tactile.electrodes import SKIN_RADIUS_MM
@@ -45,7 +44,6 @@ PRIMITIVES = ("down", "turn", "scrape")
 SEGMENTS = np.array([[0.0, 0.3], [0.3, 0.9], [0.9, 1.2]])
 RATE_HZ = 200
 FELT = (("turn", 0.6), ("scrape", 0.3))
-CLOCK = committed(ClockParameters, "clock", rate_hz=RATE_HZ)
 LENGTH = 40  # samples of a rollout, at 100 Hz
 
 
@@ -265,13 +263,6 @@ def arm_transforms(path):
                 transform[:3, 3] = first["translation"][0]
             found[first["child_frame"][0]] = (first["parent_frame"][0], transform)
     return found
-
-
-@pytest.mark.parametrize("joints", [None, np.zeros((261, 6))])
-def test_a_robot_of_another_make_is_refused(tmp_path, joints):
-    other = Demonstration(**{**vars(board_run()), "joint_positions": joints})
-    with pytest.raises(ValueError, match="01: needs the positions of 7 joints"):
-        write_robot(tmp_path / "robot.rrd", Execution(RUNS[NOMINAL], other, 10.0, PRIMITIVES, traces()))
 
 
 def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonstration(tmp_path):

@@ -199,13 +199,6 @@ def test_too_few_primitives_leave_motion_that_is_told_of(tmp_path):
     assert read_segmentation(tmp_path / "cuts").doubts.equals(segmentation.doubts)
 
 
-def test_too_many_primitives_are_refused():
-    with pytest.raises(
-        InputError, match=r"01: has 3 runs of motion .* cannot be move_1, move_2, move_3, move_4"
-    ):
-        segmentation_of(takes(1, 3), 4)
-
-
 def test_one_that_can_be_cut_does_not_speak_for_all():
     """Of the others each has a run less: the number is wrong, and nothing of it may be skipped."""
     others = dict.fromkeys(["02", "03", "04"], "carry")

@@ -117,7 +117,9 @@ def test_seeds_meet_no_other_runs_and_tell_primitives_apart(board, asked):
         replace(board, name=name).rollouts([open_loop(POLICY)] * len(seeds), seeds)
     found = [run.seed for run, *_ in asked]
     assert len(set(found)) == len(found) == 2 * len(seeds)
-    others = [*nominal_runs(15), *corrected_runs([5.0], 15), *evaluation_runs([5.0], 15, False)]
+    settings = [0.0, 2.5, 5.0, 6.3, 10.0, -2.5]
+    others = [*nominal_runs(15), *corrected_runs(settings, 15), *evaluation_runs(settings, 8, False)]
+    assert len({run.seed for run in others}) == len(others) == 15 + 15 * 6 + 8 * 6
     assert REFINED not in {run.seed[0] for run in others}
 
 

@@ -5,7 +5,6 @@ import pinocchio
 import pytest
 from scraping_motions import FLAT, beside_contact
 
-from structlearn.simulation.bullet_arm import BulletArm
 from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
 from structlearn.testbeds.scraping.world.scraping_robot import (
     ARM_JOINTS,
@@ -17,7 +16,6 @@ from structlearn.testbeds.scraping.world.scraping_robot import (
     joint_angles,
     urdf,
 )
-from structlearn.testbeds.scraping.world.scraping_robot import whole as whole_robot
 
 ARM = arm_model()
 LOCAL_WORLD = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -141,7 +139,6 @@ def test_the_error_of_a_turn_is_its_rotation_vector_up_to_nearly_half_a_turn():
 
 JOINTS = ARM_JOINTS + len(GRASP_JOINTS)
 GRAVITY = np.array([0.0, 0.0, -9.81])
-DT = 1e-5  # s
 
 
 @pytest.fixture(scope="module")
@@ -149,14 +146,6 @@ def whole():
     model = pinocchio.buildModelFromXML(urdf())
     model.gravity.linear = GRAVITY
     return model
-
-
-@pytest.fixture(scope="module")
-def loaded():
-    """The robot in PyBullet."""
-    robot = whole_robot()
-    with BulletArm(robot.tree, robot.inertias, np.zeros(JOINTS), DT) as arm:
-        yield arm
 
 
 def states(count=8):

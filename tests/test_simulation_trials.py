@@ -86,12 +86,6 @@ def test_true_segments_are_the_commanded_primitives(recordings):
         assert segments[-1, 1] == pytest.approx(sum(DURATIONS_S))
 
 
-def test_seeds_of_different_uses_settings_and_numbers_never_meet():
-    settings = [0.0, 2.5, 5.0, 6.3, 7.5, 8.8, 10.0, -2.5]
-    runs = [*nominal_runs(15), *corrected_runs(settings, 15), *evaluation_runs(settings, 8, False)]
-    assert len({run.seed for run in runs}) == len(runs) == 15 + 15 * 8 + 8 * 8
-
-
 def test_runs_with_and_without_feedback_meet_equal_conditions():
     without, with_it = (evaluation_runs([0.0, 8.8], 3, feedback) for feedback in (False, True))
     assert [replace(run, feedback=True) for run in without] == with_it
