@@ -183,9 +183,12 @@ def test_a_sum_beyond_the_largest_number_is_no_finite_cost():
     ],
 )
 def test_arrays_that_do_not_fit_are_named(change, message):
-    distribution, policies, costs, *activation = change(*random_rollouts(np.random.default_rng(0)))
-    with pytest.raises(InputError, match=message):
+    def updated():
+        distribution, policies, costs, *activation = change(*random_rollouts(np.random.default_rng(0)))
         update(distribution, policies, costs, DEFAULT, *activation)
+
+    with pytest.raises(InputError, match=message):
+        updated()
 
 
 def test_samples_have_the_moments_of_the_distribution():
