@@ -20,9 +20,7 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
 )
 from structlearn.testbeds.obstacles.recordings import avoidance_scene as drawn
 from structlearn.testbeds.obstacles.recordings.avoidance_scene import chosen_scenarios, shown_scenarios
-from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import (
-    write_trained_avoidance,
-)
+from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import write_trained_avoidance
 from structlearn.testbeds.obstacles.recordings.unseen_avoidance import (
     shown_reaches,
     sphere_paths,

@@ -30,11 +30,7 @@ PARAMETERS = committed(
     hidden=(8, 8),
     networks=committed(AdamParameters, "train_dynamics.learning.networks", rate=3e-3, batch=16),
     structures=committed(
-        AdamParameters,
-        "train_dynamics.learning.networks",
-        rate=0.03,
-        batch=32,
-        second_moment_decay=0.99,
+        AdamParameters, "train_dynamics.learning.networks", rate=0.03, batch=32, second_moment_decay=0.99
     ),
 )
 FRICTION = ("viscous", "coulomb")

@@ -46,12 +46,7 @@ from structlearn.testbeds.scraping.page import people_results as people_module
 from structlearn.testbeds.scraping.page import refinement_results as refinement_module
 from structlearn.testbeds.scraping.page import scraping_report as module
 from structlearn.testbeds.scraping.page.feedback_results import dominant_features, sharing_over_phase
-from structlearn.testbeds.scraping.page.people_results import (
-    People,
-    known,
-    share_left,
-    sweep_evidence,
-)
+from structlearn.testbeds.scraping.page.people_results import People, known, share_left, sweep_evidence
 from structlearn.testbeds.scraping.page.scraping_report import scraping_report
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 

@@ -18,11 +18,7 @@ from structlearn.segmentation.segments import cut
 from structlearn.tactile.electrodes import SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.names import CORRECTED, CUT_METHODS, ROLLOUTS, RUNS
-from structlearn.testbeds.scraping.protocol.execution_scores import (
-    AFTER,
-    BEFORE,
-    NOMINAL,
-)
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.recordings.executions_recording import (
     write_executions,
     write_refinement,

@@ -23,12 +23,7 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     intended_movements,
     orientation_of,
 )
-from structlearn.testbeds.scraping.world.execution import (
-    FINGER_TICKS,
-    ControlParameters,
-    execute,
-    roll_of,
-)
+from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, ControlParameters, execute, roll_of
 from structlearn.testbeds.scraping.world.guided_demonstrations import guided_motion, pressure
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 from structlearn.testbeds.scraping.world.testbed import GuidanceParameters

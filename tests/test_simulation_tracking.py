@@ -15,13 +15,7 @@ from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.simulation.arm import ArmParameters, ideal
-from structlearn.testbeds.dynamics.protocol.tracking import (
-    Candidate,
-    Testbed,
-    known,
-    learned,
-    track,
-)
+from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, known, learned, track
 from structlearn.testbeds.dynamics.world.arm_motion import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
 
