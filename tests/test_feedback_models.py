@@ -102,14 +102,6 @@ def table():
     return feedback_models.compare_representations({"turn": toy_dataset()}, QUICK)["turn"]
 
 
-def test_each_stopping_is_the_lowest_of_its_own_part(table):
-    keys = ["representation", "fold"]
-    validation = table[table["stopping"] == "validation"].set_index(keys)
-    optimistic = table[table["stopping"] == "generalization"].set_index(keys)
-    assert (optimistic["generalization"] <= validation["generalization"]).all()
-    assert (validation["validation"] <= optimistic["validation"]).all()
-
-
 def made_up(errors):
     """A table with given generalisation errors per representation and fold."""
     rows = [

@@ -10,20 +10,12 @@ from primitives_movements import quick, wobbly_turn
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import Limits, ReactiveSkill, Workspace, demonstrated_workspace, on_axis
 from structlearn.ground.errors import InputError
-from structlearn.primitives import canonical, kernels
 from structlearn.primitives.twist_swing import fit_twist_swing
 
 
 def skill_with_feedback(seed=0):
     rng = np.random.default_rng(seed)
     return random_skill(rng, on_axis({"tilt": random_network(rng), "scrape": open_loop(np.ones(25))}, "rx"))
-
-
-def test_an_open_loop_policy_is_linear_in_the_phase_features():
-    weights = np.random.default_rng(0).normal(size=25)
-    phase = canonical.phase(np.linspace(0.0, 1.0, 9), 2.0)
-    found = open_loop(weights).coupling(np.empty((9, 0)), *phase)
-    np.testing.assert_allclose(found, kernels.features(*phase) @ weights, atol=1e-14)
 
 
 def twisted(skill):

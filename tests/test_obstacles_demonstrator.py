@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 from committed import committed
-from pydantic import ValidationError
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
-from structlearn.ground.errors import InputError
 from structlearn.testbeds.obstacles.world.reaching_person import (
     FIXED_POINTS,
     AvoiderParameters,
@@ -124,11 +122,3 @@ def test_least_jerk_metric_is_the_inverse_of_the_jerk_form():
     np.testing.assert_allclose(product / product[0, 0], np.eye(21 - 2 * FIXED_POINTS), atol=1e-6)
     assert not metric[:FIXED_POINTS].any()
     assert not metric[:, -FIXED_POINTS:].any()
-
-
-def test_bad_scenes_and_people_are_refused():
-    blocked = Scenario(1, obstacle("cube", SCENE.goal))
-    with pytest.raises(InputError, match=r"the cube at .* contains the goal of the reach"):
-        captured(blocked, SCENE, person())
-    with pytest.raises(ValidationError, match="low <= high"):
-        person(rest_s=(0.4, 0.1))

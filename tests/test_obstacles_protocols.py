@@ -203,17 +203,6 @@ def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too()
     assert table["restrained"].gt(0).any()
 
 
-def test_a_baseline_through_a_sphere_hits_it():
-    local_middle = np.array([np.linalg.norm(GOAL - START) / 2, 0.0, 0.03])
-    clouds = spheres(local_middle + np.array([[0, 0, 0], [0, 0.2, 0]]))
-    paths = unroll(baseline(), no_coupling, [clouds], DT)
-    table = scores(paths, [clouds], paths.path.position)
-    assert list(table["hit"]) == [True, False]
-    assert (table["restrained"] == 0).all()
-    assert table["late_goal_distance_m"].max() < 0.001
-    assert (table["detour_m"] == 0).all()
-
-
 def test_demonstrations_of_any_length_are_scored():
     obstacles = [spheres([[0.5, 0.15, 0.0]]), spheres([[0.2, 0.0, 0.0]])]
     table = demonstration_scores([TIME, TIME[:61]], [LINE[0], LINE[0, :61]], [1.0, 0.0, 0.0], obstacles)

@@ -64,11 +64,6 @@ def board():
     return MadeUpBoard(**{**vars(real), "setting_deg": PARAMETERS.setting_deg})
 
 
-@pytest.fixture(scope="module")
-def refined(board):
-    return refine_on_board(board, DATASETS, PARAMETERS)
-
-
 def same_network(one, other):
     return all(map(np.array_equal, one.arrays().values(), other.arrays().values()))
 
