@@ -24,12 +24,8 @@ from structlearn.avoidance.human_inspired import (
     write_human_inspired,
 )
 from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, without_generalization
-from structlearn.feedback.coupling_model import (
-    CouplingModel as AxisModel,
-    TrainingParameters,
-    read_networks,
-    write_networks,
-)
+from structlearn.feedback.coupling_model import CouplingModel as AxisModel
+from structlearn.feedback.coupling_model import TrainingParameters, read_networks, write_networks
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.ground.errors import InputError
 

@@ -6,6 +6,30 @@ and `forward_kinematics` (raw messages <-> streams), `clock` (streams -> one clo
 tables: `runs`, and `joint_log` where nobody recorded a pose.
 """
 
-import lazy_loader
+from structlearn.recordings.bag_recording import (
+    read_demonstrations,
+    read_recording,
+    read_recordings,
+    write_recording,
+    write_recordings,
+)
+from structlearn.recordings.clock import synchronise
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.recording import Recording, Stream
+from structlearn.recordings.stamps import StampPolicy
+from structlearn.recordings.topics import OWN_TOPICS, TopicMap
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__all__ = [
+    "OWN_TOPICS",
+    "Demonstration",
+    "Recording",
+    "StampPolicy",
+    "Stream",
+    "TopicMap",
+    "read_demonstrations",
+    "read_recording",
+    "read_recordings",
+    "synchronise",
+    "write_recording",
+    "write_recordings",
+]

@@ -17,7 +17,8 @@ from structlearn.palette import (
     VERMILION,
     Look,
 )
-from structlearn.rigid_body.model_names import DEFAULT, NAMES as MODEL_NAMES
+from structlearn.rigid_body.model_names import DEFAULT
+from structlearn.rigid_body.model_names import NAMES as MODEL_NAMES
 
 RECORDED = Look("recorded", DEMONSTRATION_COLOUR)
 LEARNED = Look("primitive", REPRODUCTION_COLOUR)
