@@ -1,7 +1,7 @@
 """Evidence for the claims on learned dynamics.
 
 Differences and ratios are taken in pairs: in simulation seed by seed, on robots robot by robot. The
-dissertation's claims are decided by as published; what our form makes of them has claims of its own. Of a
+dissertation's claims are decided by the published form; results of our form have separate claims. Of a
 model that did not meet the criterion nothing follows (`UNMET`): the text trained until it was met.
 """
 
@@ -21,7 +21,7 @@ from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 
 NETWORKS = ("mlp", "delan")
-"""The published models that are no inertias."""
+"""The published models without inertias."""
 
 RIVALS = {TEXT: (*NETWORKS, "nostr", "symm"), OURS: ("mlp", "mlp_scaled", "delan", "nostr", "symm")}
 """All that are less constrained than SPD, Tri and Cov, by form."""

@@ -230,7 +230,7 @@ def _structures(results: DynamicsResults) -> list[str]:
 
 
 def _of(table: pd.DataFrame, model: str) -> pd.DataFrame:
-    """What a model learned in as published."""
+    """Results of a model trained as published."""
     return table[(table["model"] == model) & (table["form"] == TEXT)]
 
 

@@ -142,7 +142,7 @@ def _geometry(results: ServoingResults) -> dict[str, Found]:
 
 
 def _if_serves(results: ServoingResults, variant: Variant, found: Found) -> Found:
-    """What was found of a controller that works as published, over people; else unknown.
+    """Evidence over people on a controller that works in its own training setting; else unknown.
 
     Where it does not, its failing elsewhere, or without the inverse model's loss, says nothing of either.
     """

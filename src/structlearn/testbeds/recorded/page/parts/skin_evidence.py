@@ -74,7 +74,7 @@ class SkinRuns:
         return of_mean(self.by_block(names.SKIN_NEW_RUN, error, model))
 
     def by_pair(self, found: pd.Series) -> Found:
-        """Means by what was training and test set."""
+        """Means by training and test set."""
         if not len(found):
             return MISSING
         groups = found.groupby(level=[0, 1])

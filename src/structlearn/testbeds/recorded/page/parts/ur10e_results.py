@@ -94,7 +94,7 @@ class Ur10eResults:
 
     @property
     def further(self) -> list[str]:
-        """Logs that were tested beside the test."""
+        """Test logs besides the main one."""
         known = ("train", self.tested)
         return [part for part in self["blocks"]["part"].unique() if part not in known]
 
