@@ -1,5 +1,4 @@
-# make repro   create the environment, run the whole pipeline, write reports/index.html
-# make test    create the environment, lint, run all tests
+# `make` alone lists the targets. Each creates the environment first, if it is not there.
 PYTHON ?= python3
 BIN := .venv/bin
 IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
@@ -12,17 +11,20 @@ override URDF := $(value URDF)
 override OUTPUT := $(value OUTPUT)
 export TASK SOURCE URDF OUTPUT
 
-.PHONY: repro test lint recorded own own-example inspect check bench profile study studies studies-check other-processor verdicts faults kills upsets view plot-page clean
+.PHONY: help repro test docs lint recorded own own-example inspect check bench profile study studies studies-check other-processor verdicts faults kills upsets view plot-page clean
 
-repro: $(INSTALLED)
+help:
+	@grep -hE '^[a-z -]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## /\1\t/' | expand -t 18
+
+repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
 	$(IN_ENVIRONMENT) dvc repro
 	@$(BIN)/python -m structlearn.ground.wall_clock
 	@echo "reports/index.html is up to date"
 
-test: lint
+test: lint  ## lint, run all tests
 	OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-lint: $(INSTALLED)
+lint: $(INSTALLED)  ## check style and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -30,7 +32,7 @@ lint: $(INSTALLED)
 # The pipeline on recorded data; DATA holds some of the folders that the README names. What other reports quote of it
 # is put aside: the front page shows it at once, those of testbeds when they are made next.
 QUOTED := reports/quoted/recorded
-recorded: $(INSTALLED)
+recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA=FOLDER
 	$(IN_ENVIRONMENT) RECORDED_DATA="$(abspath $(DATA))" dvc repro stages/recorded/dvc.yaml
 	mkdir -p $(QUOTED)
 	cd reports/recorded && cp tables/claims.csv metrics.json details.json $(CURDIR)/$(QUOTED)
@@ -42,7 +44,7 @@ recorded: $(INSTALLED)
 EXAMPLE := data/example/pick
 OWN := stages/own/dvc.yaml
 ENTRY_IS_GOOD = $(if $(TASK),$(BIN)/python -m structlearn.testbeds.own.task "$$TASK")
-own: $(INSTALLED) $(if $(filter-out pick,$(TASK)),,$(EXAMPLE))
+own: $(INSTALLED) $(if $(filter-out pick,$(TASK)),,$(EXAMPLE))  ## learn skills from your recordings, as stages/own/params.yaml lists them: make own TASK=pour
 	$(ENTRY_IS_GOOD)
 	$(IN_ENVIRONMENT) dvc repro --keep-going $(if $(TASK),"$(OWN):report@$$TASK" "$(OWN):view@$$TASK",$(OWN))
 	@echo "reports/own/$${TASK:-*}/index.html is up to date"
@@ -51,17 +53,17 @@ $(EXAMPLE): | $(INSTALLED)
 	$(BIN)/python stages/own/make_example.py
 
 # Six bags of an invented pick-and-place task, to try the pipeline for a task of your own on.
-own-example: $(INSTALLED)
+own-example: $(INSTALLED)  ## write six bags of a simulated task to try it with
 	$(BIN)/python stages/own/make_example.py
 
 # What recordings hold, whether they are fit to be learned from, and an entry for stages/own/params.yaml, e.g.
 # `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
-inspect: $(INSTALLED)
+inspect: $(INSTALLED)  ## say what recordings hold, and propose an entry: make inspect SOURCE=~/bags
 	$(BIN)/python -m structlearn.inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks
-bench: $(INSTALLED) .venv/installed-bench
+bench: $(INSTALLED) .venv/installed-bench  ## time inner loops beside public libraries
 	mkdir -p $(BENCH)
 	bash -e -o pipefail -c '{ \
 	  $(BIN)/python benchmarks/run.py --output $(BENCH)/table.csv; \
@@ -72,45 +74,45 @@ bench: $(INSTALLED) .venv/installed-bench
 # Where a stage and its processes spend their time: a flame graph, e.g. `make profile STAGE=stages/dynamics/online.py`.
 STAGE ?= stages/scraping/segment.py
 PROFILE = reports/profiles/$(subst /,-,$(STAGE:stages/%.py=%)).svg
-profile: $(INSTALLED)
+profile: $(INSTALLED)  ## draw where a stage spends its time: make profile STAGE=stages/dynamics/online.py
 	$(BIN)/pip install --quiet py-spy==0.4.3
 	mkdir -p $(dir $(PROFILE))
 	$(BIN)/py-spy record --subprocesses --output $(PROFILE) -- $(BIN)/python $(STAGE)
 
 # Trials beside the pipeline as experiments of DVC, e.g. `make study NAME=scraping/people`; `make studies` runs all,
 # for hours, and goes on where it was stopped.
-study studies: $(INSTALLED)
+study studies: $(INSTALLED)  ## run one study, or all, for hours: make study NAME=scraping/people
 	$(IN_ENVIRONMENT) python benchmarks/study.py $(NAME)
 
 # Does the present code still give what the studies found? Runs part of one cell again, and keeps the answer.
-studies-check: $(INSTALLED)
+studies-check: $(INSTALLED)  ## run part of one cell of a study again and compare
 	$(IN_ENVIRONMENT) python benchmarks/study.py --check $(NAME)
 
 # The whole pipeline once more as on another processor: no verdict may depend on it.
-other-processor: $(INSTALLED)
+other-processor: $(INSTALLED)  ## run the pipeline as on an older processor and compare verdicts
 	$(IN_ENVIRONMENT) python benchmarks/other_processor.py
 
 # Which verdicts changed their word in the working tree, against the last commit.
-verdicts: $(INSTALLED)
+verdicts: $(INSTALLED)  ## list verdicts whose word differs from the last commit
 	$(BIN)/python -m structlearn.reporting.verdicts
 
 # Damage N files of every kind and read them: the same data, or one line. Tests do some hundred.
 faults: N ?= 10000
-faults: $(INSTALLED)
+faults: $(INSTALLED)  ## damage N files of every kind and read them
 	PYTHONPATH=tests $(BIN)/python -m faults.many --count $(N)
 
 # End processes at every step on the disk, and kill N stages of a reduced pipeline: done again, all is as without.
 kills: N ?= 50
-kills: $(INSTALLED)
+kills: $(INSTALLED)  ## kill N stages and run them again
 	PYTHONPATH=tests $(BIN)/python -m faults.kills --count $(N)
 
 # N ticks of the controller under faults of its sensor and of its caller: finite, within its bounds, at the goal.
 upsets: N ?= 1000000
-upsets: $(INSTALLED)
+upsets: $(INSTALLED)  ## run N ticks of the controller under faults
 	PYTHONPATH=tests $(BIN)/python -m faults.upsets --ticks $(N)
 
 # Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
-check: $(INSTALLED)
+check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make check TASK=pour
 	$(if $(TASK),,$(error which task? make check TASK=pick))
 	$(ENTRY_IS_GOOD)
 	$(IN_ENVIRONMENT) dvc repro "$(OWN):check@$$TASK"
@@ -120,7 +122,7 @@ check: $(INSTALLED)
 TESTBED ?= scraping
 view: export FOLDER = $(if $(TASK),reports/own/$(TASK)/recordings,reports/recordings/$(TESTBED))
 view: export MADE_BY = $(if $(TASK),make own TASK=$(TASK),dvc repro, or dvc checkout where it was run)
-view: $(INSTALLED)
+view: $(INSTALLED)  ## open 3-D recordings: make view TESTBED=obstacles, or TASK=pour; WEB=1 for a browser
 	@ls "$$FOLDER"/*.rrd > /dev/null 2>&1 || { echo "error: $$FOLDER: no recordings; make them first: $$MADE_BY" >&2; exit 1; }
 ifdef WEB
 	@echo "http://localhost:9090/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9876%2Fproxy&theme=dark"
@@ -131,12 +133,16 @@ else
 	$(BIN)/rerun "$$FOLDER"/*.rrd
 endif
 
+# The documentation as a site that needs no network: open site/index.html.
+docs: $(INSTALLED) .venv/installed-docs  ## build the documentation into site/
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --site-dir site
+
 # The page of `dvc plots show` with its scripts inside, so that it needs no network; the file is kept in git.
-plot-page: $(INSTALLED)
+plot-page: $(INSTALLED)  ## make the offline page of dvc plots
 	$(BIN)/pip install --quiet vl-convert-python==1.9.0.post1
 	$(BIN)/python .dvc/plots/make_page.py
 
-clean:
+clean:  ## remove the environment and caches
 	rm -rf .venv .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
 # pip would compile thousands of files one by one, for most of a minute; here on all cores, and not others' tests.
@@ -148,4 +154,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 
 .venv/installed-bench: $(INSTALLED)
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable ".[dev,bench]"
+	touch $@
+
+.venv/installed-docs: $(INSTALLED)
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable ".[dev,docs]"
 	touch $@

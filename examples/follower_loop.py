@@ -11,10 +11,9 @@ import time
 
 import numpy as np
 
-from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill_file import read_skill
+from structlearn.feedback import Controller, read_skill
 from structlearn.primitives.sequence import default_start
-from structlearn.rigid_body.inverse_kinematics import Follower, read_arm
+from structlearn.rigid_body import Follower, read_arm
 from structlearn.simulation.arm import urdf_path
 
 URDF, TIP = "franka_panda/panda.urdf", "panda_grasptarget"

@@ -8,10 +8,9 @@ import sys
 
 import numpy as np
 
-from structlearn.primitives import sequence
-from structlearn.primitives.fitting import cross_validation, learn_sequence
+from structlearn.primitives import cross_validation, learn_sequence, sequence
 from structlearn.recordings import read_demonstrations
-from structlearn.segmentation.segments import cut
+from structlearn.segmentation import cut
 from structlearn.testbeds.own.task import read_task
 
 SHIFT_M = np.array([0.03, -0.02, 0.0])

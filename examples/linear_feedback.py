@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from structlearn.feedback.coupling_model import Compiled, CouplingModel, Trained, kernel
+from structlearn.feedback import Compiled, CouplingModel, Trained, kernel
 
 
 @kernel

@@ -2,6 +2,8 @@
 
 import ast
 import runpy
+import subprocess
+import sys
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
@@ -228,7 +230,7 @@ def test_the_lists_of_code_have_every_script_and_every_file_of_the_package():
     files = {
         path.relative_to(PACKAGE.parent) for path in PACKAGE.rglob("*.*") if "__pycache__" not in path.parts
     }
-    unused = {path.as_posix() for path in files - used if path.suffix != ".py"}
+    unused = {path.as_posix() for path in files - used if path.suffix not in (".py", ".pyi")}
     assert unused == {"structlearn/py.typed"}
 
 
@@ -286,3 +288,15 @@ def test_no_stage_hands_a_function_of_its_own_to_other_processes():
             if isinstance(argument, ast.Name)
         }
         assert not own & handed, f"{script.name} hands over {own & handed}"
+
+
+@pytest.mark.parametrize("face", sorted(PACKAGE.glob("*/__init__.pyi")), ids=lambda face: face.parent.name)
+def test_what_users_import_is_there_and_loads_nothing_before_it_is_used(face):
+    name = f"structlearn.{face.parent.name}"
+    words = (
+        f"import sys, {name} as face\n"
+        f"loaded = [one for one in sys.modules if one.startswith('{name}.')]\n"
+        "assert not loaded and face.__all__, loaded\n"
+        "for one in face.__all__: getattr(face, one)\n"
+    )
+    subprocess.run([sys.executable, "-c", words], check=True)

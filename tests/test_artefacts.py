@@ -48,31 +48,23 @@ def test_nothing_is_published_when_the_body_raises(tmp_path, old):
     assert [entry.read_text() for entry in tmp_path.iterdir()] == ([old] if old else [])
 
 
-def test_a_folder_replaces_a_folder(tmp_path):
-    target = tmp_path / "logs"
-    for name in ("first", "second"):
-        with artefacts.publish(target) as path:
-            path.mkdir()
-            (path / name).write_text(name)
-    assert [entry.name for entry in target.iterdir()] == ["second"]
-    assert list(tmp_path.iterdir()) == [target]
-
-
 @pytest.mark.parametrize("writes_half", [True, False])
-def test_an_old_folder_stays_when_no_new_one_is_complete(tmp_path, writes_half):
+def test_a_folder_is_replaced_by_a_whole_one_only(tmp_path, writes_half):
     target = tmp_path / "logs"
-    target.mkdir()
-    (target / "old").write_text("old")
 
-    def fail():
+    def write(name, fails):
         with artefacts.publish(target) as path:
-            if writes_half:
+            if writes_half or not fails:
                 path.mkdir()
+                (path / name).write_text(name)
+            if fails:
                 raise FileNotFoundError("killed")
 
+    write("first", fails=False)
+    write("second", fails=False)
     with pytest.raises(FileNotFoundError):
-        fail()
-    assert (target / "old").read_text() == "old"
+        write("third", fails=True)
+    assert [entry.name for entry in target.iterdir()] == ["second"]
     assert list(tmp_path.iterdir()) == [target]
 
 
@@ -120,21 +112,36 @@ def test_a_tensor_with_a_value_that_is_none_is_named(tmp_path, bad, kind):
 
 
 READERS = [
-    (artefacts.read_table, "t.parquet", "not a readable Parquet file"),
-    (artefacts.read_tensors, "t.safetensors", "not a readable safetensors file"),
-    (artefacts.read_description, "t.safetensors", "not a readable safetensors file"),
-    (artefacts.read_metrics, "t.json", "not a JSON file"),
+    (artefacts.read_table, "table.parquet", "not a readable Parquet file"),
+    (artefacts.read_tensors, "tensors.safetensors", "not a readable safetensors file"),
+    (artefacts.read_description, "tensors.safetensors", "not a readable safetensors file"),
+    (artefacts.read_metrics, "metrics.json", "not a JSON file"),
 ]
 
 
+CONTENTS = {
+    "missing": None,
+    "empty": b"",
+    "text": b"time,x\n0,1\n" * 50,
+    "binary": b"\x80\x81\xfe\xff" * 20,
+    **{f"cut off at {share}": share for share in (0.02, 0.5, 0.999)},
+}
+
+
 @pytest.mark.parametrize(("read", "name", "complaint"), READERS)
-@pytest.mark.parametrize(
-    "content", [b"", b"time,x\n0,1\n" * 50, b"\x80\x81\xfe\xff" * 20], ids=["empty", "text", "binary"]
-)
-def test_a_foreign_file_is_named(tmp_path, read, name, complaint, content):
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError, match=re.escape(f"{tmp_path / name}: {complaint}")):
-        read(tmp_path / name)
+@pytest.mark.parametrize("content", CONTENTS.values(), ids=CONTENTS)
+def test_a_file_that_cannot_be_read_is_named(tmp_path, read, name, complaint, content):
+    path = tmp_path / name
+    if content is None:
+        complaint = "no such file; run the stage"
+    elif isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        WRITERS[name](path)
+        size = path.stat().st_size
+        path.write_bytes(path.read_bytes()[: min(int(content * size), size - 3)])
+    with pytest.raises(InputError, match=re.escape(f"{path}: {complaint}")):
+        read(path)
 
 
 @pytest.mark.parametrize(
@@ -150,22 +157,6 @@ def test_json_that_no_metrics_are_is_named(tmp_path, text, complaint):
     (tmp_path / "m.json").write_text(text)
     with pytest.raises(InputError, match=re.escape(f"{tmp_path / 'm.json'}: {complaint}")):
         artefacts.read_metrics(tmp_path / "m.json")
-
-
-@pytest.mark.parametrize(("read", "name", "complaint"), READERS)
-def test_a_missing_file_is_named(tmp_path, read, name, complaint):
-    with pytest.raises(InputError, match=re.escape(f"{tmp_path / name}: no such file; run the stage")):
-        read(tmp_path / name)
-
-
-@pytest.mark.parametrize(("read", "name", "complaint"), READERS[:3])
-@pytest.mark.parametrize("kept", [0.02, 0.5, 0.999])
-def test_a_truncated_file_is_named(tmp_path, read, name, complaint, kept):
-    WRITERS["table.parquet" if name == "t.parquet" else "tensors.safetensors"](tmp_path / name)
-    whole = (tmp_path / name).read_bytes()
-    (tmp_path / name).write_bytes(whole[: int(kept * len(whole))])
-    with pytest.raises(InputError, match=re.escape(f"{tmp_path / name}: {complaint}")):
-        read(tmp_path / name)
 
 
 def test_metrics_are_flat_rounded_and_readable(tmp_path):

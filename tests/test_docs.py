@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -82,3 +83,12 @@ def test_places_in_the_index_are_lines_of_the_source(hooks):
     for one in hooks.citations():
         line = (ROOT / one.path).read_text().splitlines()[one.line - 1]
         assert one.line == 1 or one.name in line or line.startswith("@") or "def" in line
+
+
+def test_make_alone_lists_every_target():
+    phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split()
+    told = subprocess.run(
+        ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    listed = {target for line in told.stdout.splitlines() for target in line[:18].split()}
+    assert listed == set(phony) - {"help"}

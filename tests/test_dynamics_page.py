@@ -9,13 +9,12 @@ import reporting_verdicts
 from committed import committed
 from dynamics_tables import SEEDS, dynamics_results, iiwa, payload_table
 
-from structlearn.reporting.document import render, words_in_view
+from structlearn.reporting.document import render
 from structlearn.reporting.publishing import HEADLINES
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, NAMES
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
@@ -86,22 +85,9 @@ def untracked(results, model, arm, form):
     return replace(its, scores=scores[~gone])
 
 
-def test_page_is_short_and_the_same_every_time(results, whole_page):
-    """It names no table, source or number that is not there."""
-    assert words_in_view(whole_page) <= 1500
-    assert rendered(results) == whole_page
-    assert "nan" not in whole_page.replace(">", " ").replace("<", " ").split()
-
-
-def test_metrics_are_all_there_and_the_first_ones_few(results):
+def test_metrics_are_those_of_the_tables_and_the_first_ones_few(results):
     every = metrics(results)
     assert 0 < len(headlines(every)) <= HEADLINES
-    for model in ("mlp", "mlp_scaled", "delan", "nostr", "symm", "spd", "tri", "cov"):
-        for key in ("epochs", "ee_velocity_nmse", "unstable", "robot_nmse", "robot_unstable", "online_nmse"):
-            assert f"{key}_{model}" in every
-    for model in ("nostr", "symm", "spd", "tri", "cov"):
-        for key in ("epochs", "ee_velocity_nmse", "unstable", "robot_nmse", "robot_unstable"):
-            assert f"{key}_{model}_plain" in every
     assert every["epochs_cov"] == every["epochs_cov_plain"] == 2
     assert (every["epochs_mlp"], every["epochs_mlp_plain"]) == (20, every["epochs_limit"])
     assert "ee_velocity_nmse_mlp_plain" not in every  # it did not meet the criterion
@@ -259,12 +245,3 @@ def test_what_is_known_explains_a_log_made_with_it():
     assert errors[DEFAULT].min() > 1e-3
     table = friction_table({"cov_coulomb": truth}, mechanics)
     assert np.allclose(table["value"], table["truth"])
-
-
-def test_agreement_sees_a_difference():
-    arm, ways = iiwa(), ["recursion_n_m", "regressor_n_m", "compiled_n_m"]
-    found = agreement_with_pinocchio(arm, states=20)
-    assert max(found[way] for way in ways) < 1e-9 < found["largest_n_m"]
-    heavier = replace(arm, inertias=replace(arm.inertias, mass=1.01 * arm.inertias.mass))
-    wrong = agreement_with_pinocchio(heavier, states=20)
-    assert min(wrong[way] for way in ways) > 1e-3

@@ -5,14 +5,12 @@ from feedback_runs import Y, cuts, execution
 from feedback_skills import random_network
 
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.primitives.vector import fit_expected_traces
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     NOMINAL,
     ExecutedSet,
     execution_scores,
     nominal_orientation,
     scores,
-    traces,
 )
 
 PARAMETERS = committed(
@@ -52,16 +50,3 @@ def test_scores_of_all_sets_settings_runs_and_primitives_with_feedback(sets):
     alone = execution_scores(runs, cuts(runs, ("turn", "scrape")), MEAN, Y)
     np.testing.assert_allclose(part["end_roll_deg"], alone["end_roll_deg"])
     np.testing.assert_allclose(part["cost_rad"], alone["cost_rad"])
-
-
-def test_traces_of_all_sets_and_primitives_with_feedback(sets):
-    waves = 10 * np.sin(np.linspace(0, 3, 201)[:, None] * np.arange(1, 7))
-    expected = {name: fit_expected_traces([waves], 0.01, 6.0) for name in ("turn", "scrape")}
-    table = traces(sets, expected, PARAMETERS)
-    counts = table.groupby(["model", "primitive", "setting_deg", "run"]).size()
-    assert len(counts) == 2 * 2 * 2 * 2
-    assert (counts.xs("turn", level="primitive") == 101).all()
-    assert (counts.xs("scrape", level="primitive") == 126).all()
-    coupled = table.groupby(["model", "primitive"])["coupling"].apply(lambda c: c.abs().max())
-    assert coupled[NOMINAL, "turn"] == coupled["pointwise", "scrape"] == 0.0
-    assert coupled["pointwise", "turn"] > 0.0

@@ -5,17 +5,10 @@ import pytest
 from feedback_toy import toy_dataset
 
 from structlearn.feedback import coupling_dataset
+from structlearn.feedback.coupling_dataset import leave_one_out, without_generalization
 from structlearn.ground import artefacts
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
-
-
-def test_a_stored_dataset_is_the_same_bit_for_bit(tmp_path):
-    data = toy_dataset(channels=38)
-    artefacts.write_table(coupling_dataset.to_table(data), tmp_path / "data.parquet")
-    found = coupling_dataset.from_table(artefacts.read_table(tmp_path / "data.parquet"))
-    for name, values in vars(data).items():
-        np.testing.assert_array_equal(getattr(found, name), values)
-    assert found.demonstration.dtype.kind == "i"
 
 
 def test_modulation_is_that_of_the_forcing_term():
@@ -45,3 +38,64 @@ def test_axes_of_one_primitive_share_a_table(tmp_path):
             np.testing.assert_array_equal(getattr(dataset, name), getattr(shown[axis], name))
     with pytest.raises(KeyError, match="target_<axis>"):
         coupling_dataset.from_axes_table(coupling_dataset.to_table(data))
+
+
+FRACTIONS = (0.075, 0.075)
+
+
+@pytest.mark.parametrize("chunk", [1, 7])
+def test_parts_are_disjoint_and_cover_everything(chunk):
+    data = toy_dataset()
+    folds = leave_one_out(data, FRACTIONS, chunk, seed=0)
+    assert [fold.number for fold in folds] == [0, 1, 2, 3]
+    for fold in [*folds, without_generalization(data, FRACTIONS, chunk, seed=0)]:
+        rows = np.concatenate(fold.parts())
+        np.testing.assert_array_equal(np.sort(rows), np.arange(len(data.target)))
+
+
+def test_the_same_number_is_left_out_of_every_setting_and_enters_nothing_else():
+    data = toy_dataset()
+    for fold in leave_one_out(data, FRACTIONS, 1, seed=0):
+        assert set(data.demonstration[fold.generalization]) == {fold.number}
+        assert set(data.setting[fold.generalization]) == set(data.setting)
+        for rows in (fold.train, fold.validation, fold.test):
+            assert fold.number not in data.demonstration[rows]
+
+
+def test_single_samples_are_split_as_the_text_says():
+    data = toy_dataset()
+    fold = leave_one_out(data, FRACTIONS, 1, seed=0)[2]
+    remaining = len(data.target) - len(fold.generalization)
+    assert len(fold.validation) == len(fold.test) == round(0.075 * remaining)
+    assert len(fold.train) / remaining == pytest.approx(0.85, abs=0.01)
+
+
+def test_a_chunk_is_split_as_a_whole_and_ends_with_its_demonstration():
+    data = toy_dataset()
+    fold = without_generalization(data, FRACTIONS, 7, seed=0)
+    part = np.empty(len(data.target), dtype=int)
+    for index, rows in enumerate(fold.parts()):
+        part[rows] = index
+    seen = set()
+    for setting in np.unique(data.setting):
+        for number in np.unique(data.demonstration):
+            rows = part[(data.setting == setting) & (data.demonstration == number)]
+            for start in range(0, len(rows), 7):
+                assert len(set(rows[start : start + 7])) == 1
+            seen |= set(rows)
+    assert seen == {0, 1, 2}
+
+
+def test_too_little_data_is_named():
+    with pytest.raises(InputError, match="1 demonstration per setting: nothing is left"):
+        leave_one_out(toy_dataset(demonstrations=1), FRACTIONS, 1, seed=0)
+    with pytest.raises(InputError, match="6 chunks of samples are too few for train, validation and test"):
+        leave_one_out(toy_dataset(demonstrations=3), FRACTIONS, 10_000, seed=0)
+
+
+def test_no_demonstration_is_left_out_whatever_its_number():
+    data = toy_dataset(demonstrations=4)
+    renumbered = replace(data, demonstration=data.demonstration - 2)
+    fold = without_generalization(renumbered, FRACTIONS, 1, seed=0)
+    assert len(fold.generalization) == 0
+    np.testing.assert_array_equal(np.sort(np.concatenate(fold.parts())), np.arange(len(data.target)))

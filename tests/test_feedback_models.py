@@ -1,15 +1,18 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from committed import committed
 from feedback_toy import toy_dataset
 
+from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, split, unrolled_error
 from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
-from structlearn.feedback.feedback_models import MODELS, FeedbackParameters, train_models
+from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.ground.errors import InputError
+from structlearn.testbeds.scraping.page.feedback_results import dominant_features
 
 FEW = FeedbackParameters(
     network="pmnn",
@@ -42,17 +45,6 @@ def trained(datasets, level):
 
 def arrays(network):
     return list(network.arrays().values())
-
-
-def test_every_model_has_a_network_for_every_primitive(trained, datasets):
-    assert tuple(trained) == MODELS
-    for networks in trained.values():
-        assert [name for name, _ in networks] == ["turn", "scrape"]
-        for name, network in networks:
-            assert len(network.input_mean) == datasets[name].deviation.shape[1]
-            assert [weights.shape[0] for weights, _ in network.hidden] == [8]
-            assert network.output_weights.shape == (25,)
-            assert all(np.isfinite(array).all() for array in arrays(network))
 
 
 def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
@@ -100,3 +92,56 @@ def test_one_demonstration_is_too_few():
     one = toy_dataset(demonstrations=1, settings=(0.0, 5.0, 10.0))
     with pytest.raises(InputError, match="at least two demonstration numbers"):
         train_models({"turn": one}, {"turn": one}, FEW)
+
+
+QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every=20, batch_size=16)
+
+
+@pytest.fixture(scope="module")
+def table():
+    return feedback_models.compare_representations({"turn": toy_dataset()}, QUICK)["turn"]
+
+
+def made_up(errors):
+    """A table with given generalisation errors per representation and fold."""
+    rows = [
+        (name, fold, stopping, error)
+        for stopping in feedback_models.STOPPINGS
+        for name, values in errors.items()
+        for fold, error in enumerate(values)
+    ]
+    return pd.DataFrame(rows, columns=["representation", "fold", "stopping", "generalization"])
+
+
+def test_orderings_are_told_in_pairs_over_the_folds():
+    rng = np.random.default_rng(0)
+    level = rng.uniform(0.1, 0.9, 15)  # folds differ far more than models
+    errors = {
+        "pmnn_100": level,
+        "pmnn_6": level + 0.05 + 0.01 * rng.normal(size=15),
+        "pca": level - 0.05 + 0.01 * rng.normal(size=15),
+        "autoencoder": level + 0.02 * np.resize([-1.0, 1.0], 15),
+    }
+    found = feedback_models.paired_orderings(made_up(errors)).set_index(["stopping", "better", "worse"])
+    assert len(found) == 2 * 5
+    for stopping in feedback_models.STOPPINGS:
+        rows = found.loc[stopping]
+        assert rows["verdict"].to_dict() == {
+            ("pmnn_100", "pmnn_6"): "better",
+            ("pmnn_100", "pca"): "worse",
+            ("pmnn_100", "autoencoder"): "undecided",
+            ("pmnn_6", "pca"): "worse",
+            ("pmnn_6", "autoencoder"): "worse",
+        }
+        assert rows.loc[("pmnn_100", "pmnn_6"), "p_value"] == pytest.approx(2 / 2**15)  # all 15 agree
+        assert rows.loc[("pmnn_100", "pmnn_6"), "difference"] == pytest.approx(0.05, abs=0.01)
+    same = feedback_models.paired_orderings(made_up({"pmnn_100": level, "pmnn_0": level}))
+    assert same["verdict"].eq("undecided").all()
+    assert same["p_value"].eq(1.0).all()
+
+
+def test_the_dominant_features_are_those_with_the_largest_weights():
+    weights = np.array([[0.1, -5.0, 2.0, 0.0], [3.0, 0.2, -0.1, -4.0]])
+    found = dominant_features(weights, 2)
+    np.testing.assert_array_equal(found, [[False, True, True, False], [True, False, False, True]])
+    assert dominant_features(weights, 10).all()

@@ -2,15 +2,13 @@ import subprocess
 import sys
 import tracemalloc
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from feedback_skills import NAMES, POINTS, random_network, random_skill
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, quick, random_orientations, random_vectors, rngs
-from scipy.integrate import solve_ivp
 
 from structlearn.feedback.coupling import AXES, direction
 from structlearn.feedback.models.pmnn import open_loop
@@ -25,7 +23,6 @@ from structlearn.feedback.skill import (
 )
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
-from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, kernels, sequence
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import PositionPrimitive
@@ -175,67 +172,34 @@ def still_primitive(duration):
     local = VectorPrimitive(np.zeros((25, 3)), zeros, zeros, zeros, zeros, duration, np.zeros(3, dtype=bool))
     unit = quaternion.IDENTITY
     turn = QuaternionPrimitive(np.zeros((25, 3)), unit, unit, zeros, zeros, duration)
-    return PosePrimitive("still", PositionPrimitive(local, "world", zeros, zeros), turn)
+    return PosePrimitive("down", PositionPrimitive(local, "world", zeros, zeros), turn)
 
 
 @pytest.mark.parametrize("axis", AXES)
 @given(rng=rngs)
 @few
 def test_a_coupling_term_on_one_axis_acts_as_a_sum_of_steps_does(axis, rng):
-    """Closed form of the critically damped system; the other axes do not feel it."""
-    duration, dt = rng.uniform(0.4, 0.8), 1 / RATE
-    policy = {"still": {axis: open_loop(rng.normal(0.0, 2.0, 25))}}
-    skill = ReactiveSkill([still_primitive(duration)], {}, policy, UNBOUNDED)
-    outputs, _ = run(started(Controller(skill, RATE)))
-    tau = canonical.time_constant(duration)
-    frequency, times = 0.5 * ALPHA / tau, outputs["time"]
-    c = outputs["coupling"][:, 0]
+    """Closed form of the critically damped system, which the other axes do not feel.
+
+    Positions add up (eq. IV.1 is linear), so the primitive moves; about a rotation axis it is still.
+    """
+    policy = {"down": {axis: open_loop(rng.normal(0.0, 2.0, 25))}}
+    moving = random_skill(rng)
+    primitive = still_primitive(rng.uniform(0.4, 0.8)) if axis.startswith("r") else moving.primitives[0]
+    skill = ReactiveSkill([primitive], {}, policy, UNBOUNDED)
+    outputs, free = (run(started(Controller(skill, RATE, feedback=acts)))[0] for acts in (True, False))
+    tau, times = canonical.time_constant(primitive.duration), outputs["time"]
+    frequency, c = 0.5 * ALPHA / tau, outputs["coupling"][:, 0]
     passed = frequency * np.maximum(times[:, None] - times, 0.0)  # (T, T) since each change
     step = (1.0 - (1.0 + passed) * np.exp(-passed)) / (ALPHA * BETA)
     moved = np.zeros((len(times), 6))
     moved[:, AXES.index(axis)] = step @ np.diff(c, prepend=0.0)
     assert np.ptp(moved) > 0.003
-    np.testing.assert_allclose(outputs["position"], moved[:, :3], atol=1e-9)
-    np.testing.assert_allclose(quaternion.rotation_vector(outputs["orientation"]), moved[:, 3:], atol=1e-9)
-    features = kernels.features(*canonical.phase(dt * np.arange(len(times)), tau))
-    np.testing.assert_allclose(c, features @ policy["still"][axis].phase_biases, atol=1e-9)
-
-
-@given(rngs)
-@settings(few, max_examples=2)  # the solver takes a second
-def test_feedback_on_the_position_is_the_transformation_system_with_it(rng):
-    """Eq. IV.1 and IV.10 by a solver of differential equations, with what acts between two ticks."""
-    rate = 50.0
-    policies = {axis: open_loop(rng.normal(0.0, 3.0, 25)) for axis in ("x", "y", "z")}
-    skill = random_skill(rng, {"down": policies}, limits=UNBOUNDED)
-    skill = replace(skill, primitives=skill.primitives[:1], expected={})
-    controller = started(Controller(skill, rate))
-    outputs, _ = run(controller)
-    primitive = skill.primitives[0].position
-    tau, times = canonical.time_constant(primitive.duration), outputs["time"]
-    axes = local_frame(primitive.start, primitive.goal, primitive.frame)
-    reach = (primitive.goal - primitive.start) @ axes
-    forcing = primitive.local.forcing(times, np.zeros(3), reach, primitive.duration) @ axes.T
+    np.testing.assert_allclose(outputs["position"] - free["position"], moved[:, :3], atol=1e-9)
+    turned = quaternion.difference(outputs["orientation"], free["orientation"])
+    np.testing.assert_allclose(turned, moved[:, 3:], atol=1e-9)
     features = kernels.features(*canonical.phase(times, tau))
-    coupling = np.column_stack([features @ policies[axis].phase_biases for axis in "xyz"])
-
-    def rates(t, state):
-        x, xd, g = state.reshape(3, 3)
-        k = min(int(np.floor(t * rate + 1e-9)), len(times) - 2)
-        f = forcing[k] + (forcing[k + 1] - forcing[k]) * (t * rate - k) + coupling[k]
-        xdd = (ALPHA * (BETA * (g - x) - tau * xd) + f) / tau**2
-        return np.concatenate([xd, xdd, ALPHA_G * (primitive.goal - g) / tau])
-
-    state, path = np.concatenate([primitive.start, np.zeros(3), primitive.start]), []
-    for begin, end in pairwise(times):
-        path.append(state)
-        inside = end - 1e-12  # the step's own forcing and coupling up to its end
-        state = solve_ivp(rates, (begin, inside), state, method="DOP853", rtol=1e-9, atol=1e-10).y[:, -1]
-    path = np.array([*path, state])
-    bent = skill.primitives[0].position.unroll(1 / rate, velocity=0.0, acceleration=0.0).position
-    assert np.abs(outputs["position"] - bent).max() > 0.005  # else this would check nothing
-    np.testing.assert_allclose(outputs["position"], path[:, :3], atol=1e-7)
-    np.testing.assert_allclose(outputs["velocity"], path[:, 3:6], atol=1e-6)
+    np.testing.assert_allclose(c, features @ policy["down"][axis].phase_biases, atol=1e-9)
 
 
 def test_a_corrected_end_is_where_the_next_primitive_starts():
@@ -272,7 +236,8 @@ def test_a_second_run_repeats_the_first_whatever_happened_in_it():
     skill, sensor = with_feedback(rng), touching(rng)
     controller = Controller(skill, RATE)
     first, flags = run(started(controller), sensor)
-    run(started(controller), lambda k: np.full(6, np.nan) if k % 2 else None, ticks=200)
+    started(controller).move_goal("tilt", POINTS[2] + 0.05, random_orientations(rng))
+    run(controller, lambda k: np.full(6, np.nan) if k % 2 else None, ticks=200)
     second, again = run(started(controller), sensor)
     assert flags == again
     for name, values in first.items():
@@ -454,6 +419,9 @@ def test_a_sample_of_another_size_is_an_error_and_nothing_moves(counts):
     np.testing.assert_array_equal(joined(first, rest)["orientation"], reference["orientation"])
 
 
+BOX = Workspace(np.array([-0.1, -0.1, 0.0]), np.array([0.4, 0.4, 0.5]))
+
+
 # --- moving goals -----------------------------------------------------------------------------------------
 
 
@@ -500,7 +468,7 @@ def test_a_later_goal_that_is_moved_is_as_good_as_given_from_the_start(rng):
 
 
 def test_a_goal_that_cannot_be_moved_is_an_error_and_changes_nothing():
-    skill = random_skill(np.random.default_rng(12))
+    skill = replace(random_skill(np.random.default_rng(12)), workspace=BOX)
     reference, _ = run(started(Controller(skill, RATE)))
     controller = started(Controller(skill, RATE))
     begin, _ = run(controller, ticks=round(RATE * skill.primitives[0].duration) + 30)
@@ -512,24 +480,12 @@ def test_a_goal_that_cannot_be_moved_is_an_error_and_changes_nothing():
         (("tilt", np.array([0.0, np.nan, 0.0]), unit), "goal of 'tilt' must be 3 finite numbers"),
         (("tilt", point, 1.1 * unit), "goal orientation of 'tilt' must have norm 1"),
         (("scrape", np.zeros(2), unit), "goal of 'scrape' must be 3 finite numbers"),
+        (("scrape", np.full(3, 4.0), unit), "goal of 'scrape' is outside the workspace"),
     ):
         with pytest.raises(InputError, match=message):
             controller.move_goal(*arguments)
     rest, _ = run(controller)
     assert_motions_agree(joined(begin, rest), reference, tolerance=0.0)
-
-
-def test_a_moved_goal_is_one_of_this_run():
-    skill = random_skill(np.random.default_rng(21))
-    controller = started(Controller(skill, RATE))
-    first, _ = run(controller)
-    started(controller).move_goal("tilt", POINTS[2] + 0.05, random_orientations(np.random.default_rng(0)))
-    run(controller)
-    again, _ = run(started(controller))
-    assert_motions_agree(again, first, tolerance=0.0)
-
-
-BOX = Workspace(np.array([-0.1, -0.1, 0.0]), np.array([0.4, 0.4, 0.5]))
 
 
 @pytest.mark.parametrize(
@@ -542,23 +498,15 @@ BOX = Workspace(np.array([-0.1, -0.1, 0.0]), np.array([0.4, 0.4, 0.5]))
 )
 def test_nothing_starts_or_ends_outside_the_workspace(point, message):
     skill = replace(random_skill(np.random.default_rng(22)), workspace=BOX)
-    goals = sequence.default_goals(skill.primitives)
+    goals, controller = sequence.default_goals(skill.primitives), started(Controller(skill, RATE))
     far = [goals[0], PoseGoal(np.array(point), goals[1].orientation), goals[2]]
-    with pytest.raises(InputError, match="goal of 'tilt' is outside the workspace of the skill: " + message):
-        Controller(skill, RATE, goals=far)
-    controller = Controller(skill, RATE)
-    with pytest.raises(
-        InputError, match="position at the start is outside the workspace of the skill: " + message
+    for place, ask in (
+        ("goal of 'tilt'", lambda: Controller(skill, RATE, goals=far)),
+        ("position at the start", lambda: controller.start(point, UNIT)),
+        ("goal of 'scrape'", lambda: controller.move_goal("scrape", np.array(point))),
     ):
-        controller.start(point, UNIT)
-    reference, _ = run(started(controller))
-    begin, _ = run(started(controller), ticks=20)
-    with pytest.raises(
-        InputError, match="goal of 'scrape' is outside the workspace of the skill: " + message
-    ):
-        controller.move_goal("scrape", np.array(point))
-    rest, _ = run(controller)
-    assert_motions_agree(joined(begin, rest), reference, tolerance=0.0)
+        with pytest.raises(InputError, match=f"{place} is outside the workspace of the skill: {message}"):
+            ask()
 
 
 # --- bad input at the start -------------------------------------------------------------------------------
@@ -567,49 +515,36 @@ UNIT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(
-    ("position", "orientation", "message"),
+    ("start", "arguments", "message"),
     [
-        ([0.0, np.nan, 0.0], UNIT, "position at the start must be 3 finite numbers"),
-        ([0.0, 0.0], UNIT, "position at the start must be 3 finite numbers"),
-        (np.zeros(3), 1.01 * UNIT, "orientation at the start must have norm 1, has 1.01"),
-        (np.zeros(3), 0.0 * UNIT, "must have norm 1"),
-        (np.zeros(3), np.nan * UNIT, "orientation at the start must be 4 finite numbers"),
-        (np.zeros(3), None, "orientation at the start must be 4 finite numbers"),
+        (([0.0, np.nan, 0.0], UNIT), {}, "position at the start must be 3 finite numbers"),
+        (([0.0, 0.0], UNIT), {}, "position at the start must be 3 finite numbers"),
+        ((np.zeros(3), 1.01 * UNIT), {}, "orientation at the start must have norm 1, has 1.01"),
+        ((np.zeros(3), 0.0 * UNIT), {}, "must have norm 1"),
+        ((np.zeros(3), np.nan * UNIT), {}, "orientation at the start must be 4 finite numbers"),
+        ((np.zeros(3), None), {}, "orientation at the start must be 4 finite numbers"),
+        ((POINTS[1], UNIT), {}, r"'down' from .* local frame"),  # there is no way to its goal
+        ((), {"rate_hz": 0.0}, "rate of the controller"),
+        ((), {"rate_hz": np.nan}, "rate of the controller"),
+        ((), {"durations": [1.0, 1.0]}, "2 durations for 3 primitives"),
+        ((), {"durations": [1.0, 0.0, 1.0]}, "duration of 'tilt' must be a tick at least"),
+        ((), {"durations": [1.0, 1e9, 1.0]}, "more than 10000000 ticks"),
+        ((), {"durations": [1.0, 1.0, np.inf]}, "duration of 'scrape'"),
+        ((), {"goals": [PoseGoal(np.zeros(3), UNIT)]}, "1 goals for 3 primitives"),
+        ((), {"goals": [PoseGoal(np.zeros(3), 2 * UNIT)] * 3}, "goal orientation of 'down' must have norm 1"),
+        ((), {"goals": [PoseGoal(np.full(3, np.inf), UNIT)] * 3}, "goal of 'down' must be 3 finite numbers"),
     ],
 )
-def test_a_start_that_is_no_pose_is_an_error(position, orientation, message):
-    controller = Controller(random_skill(np.random.default_rng(13)), RATE)
+def test_a_run_that_cannot_be_planned_or_started_is_an_error(start, arguments, message):
+    skill = random_skill(np.random.default_rng(13))
+    goals = {"goals": [PoseGoal(POINTS[1], UNIT), *sequence.default_goals(skill.primitives)[1:]]}
     with pytest.raises(InputError, match=message):
-        controller.start(position, orientation)
+        Controller(skill, **({"rate_hz": RATE} | goals | arguments)).start(*start)
+
+
+def test_there_is_no_tick_before_the_start():
     with pytest.raises(RuntimeError, match="start"):
-        controller.tick(None)
-
-
-def test_a_reach_without_direction_is_named():
-    skill = random_skill(np.random.default_rng(14))
-    controller = Controller(skill, RATE)
-    with pytest.raises(InputError, match=r"'down' from .* local frame"):
-        controller.start(skill.primitives[0].position.goal, UNIT)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"rate_hz": 0.0}, "rate of the controller"),
-        ({"rate_hz": np.nan}, "rate of the controller"),
-        ({"durations": [1.0, 1.0]}, "2 durations for 3 primitives"),
-        ({"durations": [1.0, 0.0, 1.0]}, "duration of 'tilt' must be a tick at least"),
-        ({"durations": [1.0, 1e9, 1.0]}, "more than 10000000 ticks"),
-        ({"durations": [1.0, 1.0, np.inf]}, "duration of 'scrape'"),
-        ({"goals": [PoseGoal(np.zeros(3), UNIT)]}, "1 goals for 3 primitives"),
-        ({"goals": [PoseGoal(np.zeros(3), 2 * UNIT)] * 3}, "goal orientation of 'down' must have norm 1"),
-        ({"goals": [PoseGoal(np.full(3, np.inf), UNIT)] * 3}, "goal of 'down' must be 3 finite numbers"),
-    ],
-)
-def test_a_run_that_cannot_be_planned_is_an_error(arguments, message):
-    skill = random_skill(np.random.default_rng(15))
-    with pytest.raises(InputError, match=message):
-        Controller(skill, **({"rate_hz": RATE} | arguments))
+        Controller(random_skill(np.random.default_rng(13)), RATE).tick(None)
 
 
 # --- real time --------------------------------------------------------------------------------------------
@@ -671,13 +606,9 @@ def test_the_controller_runs_without_torch():
 def test_latencies_are_those_of_as_many_ticks_as_asked():
     controller = Controller(with_feedback(np.random.default_rng(18)), RATE)
     latency = tick_latency(controller, 1500)  # more than one run
-    assert all(values.shape == (1500,) for values in latency)
-    assert (latency.seconds > 0).all()
-    assert (latency.switches >= 0).all()
-    assert (latency.faults >= 0).all()
+    assert all(values.shape == (1500,) and (values >= 0).all() for values in latency)
     assert (latency.processor_s <= latency.seconds).all()
     assert latency.processor_s.sum() > 0.0
-    assert (latency.collections >= 0).all()
 
 
 def test_the_bound_follows_from_the_largest_demonstrated_coupling():

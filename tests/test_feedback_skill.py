@@ -3,25 +3,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from feedback_skills import NAMES, random_network, random_skill
-from primitives_movements import wobbly_turn
+from hypothesis import given
+from hypothesis.extra.numpy import arrays
+from primitives_movements import quick, wobbly_turn
 
 from structlearn.feedback.models.pmnn import open_loop
-from structlearn.feedback.skill import Limits, ReactiveSkill, on_axis
+from structlearn.feedback.skill import Limits, ReactiveSkill, Workspace, demonstrated_workspace, on_axis
 from structlearn.ground.errors import InputError
-from structlearn.primitives import canonical, kernels
 from structlearn.primitives.twist_swing import fit_twist_swing
 
 
 def skill_with_feedback(seed=0):
     rng = np.random.default_rng(seed)
     return random_skill(rng, on_axis({"tilt": random_network(rng), "scrape": open_loop(np.ones(25))}, "rx"))
-
-
-def test_an_open_loop_policy_is_linear_in_the_phase_features():
-    weights = np.random.default_rng(0).normal(size=25)
-    phase = canonical.phase(np.linspace(0.0, 1.0, 9), 2.0)
-    found = open_loop(weights).coupling(np.empty((9, 0)), *phase)
-    np.testing.assert_allclose(found, kernels.features(*phase) @ weights, atol=1e-14)
 
 
 def twisted(skill):
@@ -116,3 +110,30 @@ def test_names_and_places_lead_to_a_primitive():
     for unknown in ("up", 3, -1):
         with pytest.raises(InputError, match="there is no primitive"):
             skill.index(unknown)
+
+
+UNIT_CUBE = Workspace(np.zeros(3), np.ones(3))
+
+
+@given(arrays(float, (7, 3), elements={"min_value": -2.0, "max_value": 2.0}))
+@quick
+def test_all_that_was_demonstrated_is_inside_and_no_more_than_the_margin_around_it(points):
+    box = demonstrated_workspace([points[:3], points[3:]], 0.1)
+    for point in points:
+        box.require(point, "a sample")
+    np.testing.assert_allclose(box.high - box.low, np.ptp(points, axis=0) + 0.2)
+    with pytest.raises(InputError, match="a point is outside the workspace of the skill: y = "):
+        box.require(points.mean(axis=0) + 4.2 * np.eye(3)[1], "a point")
+
+
+def test_the_border_is_inside():
+    for corner in (np.zeros(3), np.ones(3)):
+        UNIT_CUBE.require(corner, "the corner")
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(np.ones(3), np.zeros(3)), (np.zeros(3), [1.0, 1.0, np.inf]), (np.zeros(2), np.ones(2))]
+)
+def test_corners_that_make_no_box_are_an_error(low, high):
+    with pytest.raises(InputError, match="a workspace needs a low and a high corner"):
+        Workspace(np.array(low), np.array(high))

@@ -1,11 +1,19 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
+from structlearn.feedback import coupling_model
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, kernel_scale
+from structlearn.ground import artefacts
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 
-MODELS, INPUTS, BATCH, KERNELS = 3, 4, 50, 25
+MODELS, CHANNELS, BATCH, KERNELS = 3, 4, 50, 25
 TIMES = np.linspace(0.0, 1.0, BATCH)
 PHASE = canonical.phase(TIMES, canonical.TAU_PER_DURATION)  # one movement
 MODULATION = kernels.features(*PHASE, KERNELS)
@@ -13,7 +21,7 @@ MODULATION = kernels.features(*PHASE, KERNELS)
 
 def stack(hidden=(10,)):
     generator = torch.Generator().manual_seed(0)
-    network = StackedPhaseModulatedNetworks(MODELS, INPUTS, hidden, KERNELS, 0.5, generator)
+    network = StackedPhaseModulatedNetworks(MODELS, CHANNELS, hidden, KERNELS, 0.5, generator)
     with torch.no_grad():  # biases too, which start from zero
         for values in network.parameters():
             values += 0.3 * torch.randn(values.shape, generator=generator)
@@ -21,7 +29,7 @@ def stack(hidden=(10,)):
 
 
 def batch():
-    inputs = torch.randn(MODELS, BATCH, INPUTS, generator=torch.Generator().manual_seed(1))
+    inputs = torch.randn(MODELS, BATCH, CHANNELS, generator=torch.Generator().manual_seed(1))
     return inputs, torch.tensor(MODULATION, dtype=torch.float32).expand(MODELS, -1, -1)
 
 
@@ -47,18 +55,6 @@ def test_a_stack_starts_from_exported_networks():
     torch.testing.assert_close(again.forward(*batch()), network.forward(*batch()), atol=1e-6, rtol=0.0)
 
 
-def test_an_exported_network_stays_when_its_stack_goes_on():
-    network = stack()
-    exported = network.to_network(0, np.zeros(4), np.ones(4), 1.0)
-    before = [exported.hidden[0][0].copy(), exported.phase_weights.copy(), exported.output_weights.copy()]
-    for values in network.parameters():
-        values.data += 1.0
-    for values, kept in zip(
-        (exported.hidden[0][0], exported.phase_weights, exported.output_weights), before, strict=True
-    ):
-        np.testing.assert_array_equal(values, kept)
-
-
 def test_the_phase_layer_is_spared_from_dropout():
     whole, alone = stack(), stack(())  # no regular hidden layer: nothing is dropped
     assert torch.equal(alone.forward(*batch(), training=True), alone.forward(*batch()))
@@ -72,3 +68,74 @@ def test_every_scaled_kernel_sees_a_phase_velocity_of_one_on_average():
     np.testing.assert_allclose(means * kernel_scale(KERNELS), -1.0, rtol=0.03)
     assert means.min() < -4.5  # in mid-movement
     assert means.max() > -0.2  # at the end: gradients were almost thirty times smaller
+
+
+INPUTS, FEW_KERNELS = 4, 5
+
+
+def random_network(sizes=(7,), seed=0):
+    rng = np.random.default_rng(seed)
+    widths = (INPUTS, *sizes)
+    pairs = list(pairwise(widths))
+    return PhaseModulatedNetwork(
+        input_mean=rng.normal(size=INPUTS),
+        input_scale=rng.uniform(0.5, 2.0, INPUTS),
+        hidden=tuple((rng.normal(size=(after, before)), rng.normal(size=after)) for before, after in pairs),
+        phase_weights=rng.normal(size=(FEW_KERNELS, widths[-1])),
+        phase_biases=rng.normal(size=FEW_KERNELS),
+        output_weights=rng.normal(size=FEW_KERNELS),
+    )
+
+
+def by_hand(network, deviation, modulation):
+    """Equations IV.27-IV.30 for one sample, node by node."""
+    layer = [(x - m) / s for x, m, s in zip(deviation, network.input_mean, network.input_scale, strict=True)]
+    for weights, biases in network.hidden:
+        rows = zip(weights, biases, strict=True)
+        layer = [np.tanh(sum(w * h for w, h in zip(row, layer, strict=True)) + bias) for row, bias in rows]
+    coupling = 0.0
+    for kernel in range(FEW_KERNELS):
+        unit = sum(w * h for w, h in zip(network.phase_weights[kernel], layer, strict=True))
+        unit += network.phase_biases[kernel]
+        coupling += network.output_weights[kernel] * modulation[kernel] * unit
+    return coupling
+
+
+@pytest.mark.parametrize("sizes", [(), (7,), (6, 3), (100,)])
+@pytest.mark.parametrize("scale", [1.0, 1e6])
+def test_coupling_is_the_equation_node_by_node(sizes, scale):
+    """Also where layers saturate."""
+    rng, network = np.random.default_rng(1), random_network(sizes)
+    deviation, phase = (
+        scale * rng.normal(size=(2, 3, INPUTS)),
+        canonical.phase(np.array([0.2, 0.5, 0.9]), 2.0),
+    )
+    found = network.coupling(deviation, *phase)
+    modulation = kernels.features(*phase, FEW_KERNELS)
+    assert found.shape == (2, 3)
+    for index in np.ndindex(2, 3):
+        expected = by_hand(network, deviation[index], modulation[index[1]])
+        np.testing.assert_allclose(found[index], expected, rtol=1e-11)
+        one = network.coupling(deviation[index], phase[0][index[1]], phase[1][index[1]])
+        assert one.shape == ()
+        np.testing.assert_allclose(one, expected, rtol=1e-11)
+
+
+@given(
+    st.integers(0, 100),
+    st.lists(st.floats(-1e6, 1e6), min_size=INPUTS, max_size=INPUTS),
+    st.floats(-9.0, 0.0),
+    st.floats(0.0, 1.0),
+)
+def test_where_the_phase_rests_there_is_no_coupling(seed, deviation, u, p):
+    network = random_network((3,), seed)
+    assert network.coupling(np.array(deviation), p, 0.0) == 0.0
+    one, two = (network.coupling(np.array(deviation), p, factor * u) for factor in (1.0, 2.0))
+    np.testing.assert_allclose(two, 2.0 * one)  # proportional to the phase velocity
+
+
+@pytest.mark.parametrize("description", ["a network", "[1]", "{}", '{"coupling_models": {"turn": "pmnn"}}'])
+def test_foreign_files_are_named(tmp_path, description):
+    artefacts.write_tensors({"layer.weights": np.ones(3)}, tmp_path / "n.safetensors", description)
+    with pytest.raises(InputError, match=r"n\.safetensors: holds no feedback networks"):
+        coupling_model.read_networks(tmp_path / "n.safetensors")

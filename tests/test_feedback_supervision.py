@@ -110,16 +110,6 @@ def demonstration(primitive, expected, name="01", duration=2.4, axis=Y, size=8.0
     return run, pd.Series({"start_s": BEFORE, "end_s": BEFORE + duration})
 
 
-def test_the_known_deviation_comes_back_without_the_offset(primitive, expected):
-    run, cut = demonstration(primitive, expected)
-    time, deviation = executed_primitive(run, cut, expected, FELT)
-    np.testing.assert_allclose(time, DT * np.arange(len(time)), atol=1e-12)
-    assert time[-1] == pytest.approx(2.4)
-    np.testing.assert_allclose(deviation, known_deviation(time), atol=1e-9)
-    corrected = corrected_primitive(run, cut, primitive, expected, PARAMETERS)
-    np.testing.assert_array_equal(corrected.deviation, deviation)
-
-
 @pytest.fixture(scope="module")
 def supervised(primitive, expected):
     """Two demonstrations in one setting, one in another, of different durations."""
@@ -162,16 +152,6 @@ def test_on_the_level_board_nothing_is_to_be_corrected(supervised, primitive, ex
     assert not level.setting.any()
     one = level_dataset(runs[5.0], cuts[5.0].iloc[1:], expected, PARAMETERS)
     np.testing.assert_array_equal(np.unique(one.demonstration), [1])
-
-
-def test_the_checks_hold_on_what_was_made_without_fault(supervised):
-    _, checks = supervised[2]
-    assert list(checks["name"]) == ["01", "02", "01"]
-    assert list(checks["setting_deg"]) == [5.0, 5.0, 10.0]
-    assert list(checks["demonstration"]) == [0, 1, 0]
-    assert checks["reproduction_deg"].max() < 0.01
-    assert checks["smoothing_deg"].max() < 0.01
-    assert checks["others"].max() < 1e-3
 
 
 def test_a_correction_about_another_axis_shows_in_the_checks(primitive, expected):

@@ -177,6 +177,8 @@ def test_all_channels_share_one_scale_and_its_unit_does_not_matter():
     np.testing.assert_allclose([scaled.mean(), (scaled**2).sum(axis=1).mean()], [0.0, 6.0], atol=1e-9)
     again, finer = standardisation(1000.0 * data.deviation, fold)
     np.testing.assert_allclose((again, finer), (1000.0 * mean, 1000.0 * spread))
+    grouped = standardisation(data.deviation * np.repeat([1.0, 1e-3], 3), fold, (3, 3))[1]
+    np.testing.assert_allclose(grouped[:3] / grouped[3:], 1e3, rtol=0.5)  # another unit, another scale
     np.testing.assert_array_equal(standardisation(np.full((len(data.target), 2), 7.0), fold)[1], 1.0)
 
 

@@ -189,18 +189,6 @@ def test_a_network_knocked_off_is_put_right_from_the_path_alone():
     assert rms_deg(learnt, validation) < 0.2 * rms_deg(start, validation)
 
 
-def test_the_same_seed_gives_the_same_network_and_another_does_not():
-    training, validation = split(random_paths(), 0.3, seed=0)
-    start = untrained(training)
-    short = QUICK.model_copy(update={"steps": 20, "dropout": 0.3})
-    first, again, other = (
-        train_unrolled(training, validation, start, short.model_copy(update={"seed": seed})).output_weights
-        for seed in (1, 1, 2)
-    )
-    np.testing.assert_array_equal(first, again)
-    assert not np.array_equal(first, other)
-
-
 def test_a_training_that_leads_astray_keeps_the_initial_network():
     training, validation = split(random_paths(), 0.3, seed=0)
     start = train_unrolled(training, validation, untrained(training), QUICK)

@@ -20,8 +20,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import test_own_motion
-import test_own_obstacles
-import test_own_touch
 import test_recorded_boxes
 import test_recorded_corrected_reaches
 import test_recorded_latent_touch
@@ -30,7 +28,7 @@ import test_simulation_board_refinement
 import torch
 import yaml
 from board_rollouts import small_board
-from committed import OWN_FILE, committed, committed_finger
+from committed import OWN_FILE, committed
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
@@ -78,12 +76,10 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
 from structlearn.rigid_body.training_grid import DynamicsTrainingParameters, EpochLimits, train, trainings
 from structlearn.segmentation.segments import cut
-from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile import latent_comparison
-from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
+from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tactile.touch_dataset import TRAIN
-from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.tasks import skin_readings, skin_touches
 from structlearn.tasks.joint_motion import learn_motion
 from structlearn.tasks.motion_parameters import MotionParameters
@@ -104,46 +100,27 @@ from structlearn.testbeds.recorded.protocol.avoidance_representations import Rec
 from structlearn.testbeds.recorded.protocol.corrections import _split, corrected_reaches, learn_corrections
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
-from structlearn.testbeds.servoing.protocol import other_skins
-from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters
 
 ROOT = Path(__file__).parents[1]
 
 HOLDS_NOTHING_OUT = {
-    "engines": "simulates",
-    "own/import_task": "takes recordings over",
-    "own/segment": "cuts demonstrations",
-    "own/skill": "puts into one file what was learned",
-    "own/check": "unrolls a skill",
-    "recorded/import_recordings": "takes recordings over",
-    "recorded/calibrate": "measures statistics",
-    "recorded/scraping": "one recorded execution, of which every primitive has one part",
-    "recorded/unscrewing": "a primitive of every log, and one of all logs",
-    "scraping/record_nominal": "simulates",
-    "scraping/record_corrections": "simulates",
-    "scraping/import_nominal": "reads recordings",
-    "scraping/import_corrections": "reads recordings",
-    "dynamics/import_logs": "reads recordings",
-    "servoing/import_touch": "reads recordings",
-    "scraping/segment": "cuts demonstrations",
-    "scraping/sweep": "cuts demonstrations",
-    "scraping/expected_traces": "traces of all runs that it is given; the further ones go to other files",
-    "scraping/coupling_dataset": "makes samples, each of one demonstration",
-    "scraping/evaluate_feedback": "executes",
-    "scraping/evaluate_refinement": "executes",
-    "scraping/compare_search": "searches by trial, on rollouts of its own",
-    "scraping/write_skill": "puts into one file what was learned",
-    "scraping/time_controller": "measures times",
-    "obstacles/demonstrate": "simulates",
-    "obstacles/evaluate": "unrolls",
-    "dynamics/record_motion": "simulates",
-    "dynamics/track": "simulates",
-    "servoing/record_touch": "simulates",
-    "servoing/touch_dataset": "makes samples",
-    "servoing/geodesics": "distances between all places that were touched, those of the test among them",
-    "servoing/servo": "simulates",
+    "simulates": "engines scraping/record_nominal scraping/record_corrections obstacles/demonstrate "
+    "dynamics/record_motion dynamics/track servoing/record_touch servoing/servo",
+    "reads recordings": "own/import_task recorded/import_recordings scraping/import_nominal "
+    "scraping/import_corrections dynamics/import_logs servoing/import_touch",
+    "cuts demonstrations": "own/segment scraping/segment scraping/sweep",
+    "puts into one file what was learned": "own/skill scraping/write_skill",
+    "executes or unrolls": "own/check scraping/evaluate_feedback scraping/evaluate_refinement "
+    "obstacles/evaluate",
+    "measures statistics or times": "recorded/calibrate scraping/time_controller",
+    "one recorded execution, of which every primitive has one part": "recorded/scraping",
+    "a primitive of every log, and one of all logs": "recorded/unscrewing",
+    "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
+    "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
+    "searches by trial, on rollouts of its own": "scraping/compare_search",
+    "distances between all places that were touched, those of the test among them": "servoing/geodesics",
 }
-"""Stages without a case, and why."""
+"""Why stages have no case."""
 
 SHOWS = ("report", "view", "calibration_report", "list_code")
 """Stages that show what others wrote, or list sources."""
@@ -151,14 +128,7 @@ SHOWS = ("report", "view", "calibration_report", "list_code")
 
 @dataclass(frozen=True)
 class Case:
-    """One fit three times.
-
-    Attributes:
-        learn: from data to models, of which every array counts.
-        data: as they are.
-        held_out: the same where only what is held out differs.
-        taught: the same where something differs that is learned from.
-    """
+    """One fit three times."""
 
     learn: Callable[[Any], Any]
     data: Any
@@ -495,7 +465,7 @@ def recorded_avoidance(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1::2], data, tested, taught)
 
 
-@of_stage("recorded/boxes")
+@of_stage("recorded/boxes", "own/obstacles")
 def reaches_past_boxes(monkeypatch, tmp_path):
     """Of three people, on one of whom constants were chosen: what was learned without the second."""
     boxes = test_recorded_boxes
@@ -509,23 +479,6 @@ def reaches_past_boxes(monkeypatch, tmp_path):
 
     learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_obstacles(its, boxes.PARAMETERS))
     return Case(lambda its: learn(its)[0][0], trials(), trials(1), trials(2))
-
-
-@of_stage("own/obstacles")
-def own_reaches_past_obstacles(monkeypatch, tmp_path):
-    """Folds are dealt out by how far reaches bend: the last of six is of the second."""
-    own = test_own_obstacles
-
-    def recordings(changed=None):
-        bows = {0: 0.12, 1: 0.13, 2: 0.14}
-        found = own.recordings()
-        for number, bow in bows.items():
-            more = 0.004 * (number == changed)
-            found[2 * number] = own.made_up(f"blocked {number}", bow + more, 0.0, 0.01 * number)
-        return found
-
-    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_obstacles(its, own.chosen()))
-    return Case(lambda its: learn(its)[0][1], recordings(), recordings(2), recordings(1))
 
 
 # --- dynamics ----------------------------------------------------------------------------------------------
@@ -674,7 +627,7 @@ def of_comparison(found: latent_comparison.LatentComparison) -> tuple:
     return found.models, found.units
 
 
-@of_stage("servoing/train_latent")
+@of_stage("servoing/train_latent", "servoing/other_skins")
 def latent_spaces(monkeypatch, tmp_path):
     """Spaces, forward and inverse models, and the units they see touch in."""
     data = toy_touches(contacts=10, samples=200)
@@ -684,35 +637,6 @@ def latent_spaces(monkeypatch, tmp_path):
         data,
         with_wobbling(data, data.split != TRAIN, *READINGS),
         with_wobbling(data, data.split == TRAIN, *READINGS),
-    )
-
-
-@of_stage("servoing/other_skins")
-def latent_spaces_of_other_skins(monkeypatch, tmp_path):
-    """The way from demonstrations; their samples are changed behind the preparation."""
-    person = committed(ToucherParameters, "toucher", areas=2, rotations=2, translations=2)
-    others = committed(OtherSkinsParameters, "other_skins", seeds=1)
-    real = other_skins.prepare
-
-    def learn(change):
-        monkeypatch.setattr(other_skins, "prepare", lambda *arguments: change(real(*arguments)))
-        return of_comparison(
-            other_skins.learn_other_skin(
-                others,
-                person,
-                committed_finger(),
-                committed(TouchDataParameters, "touch_dataset"),
-                committed(GeodesicParameters, "geodesics", bins=1, bin_size=300),
-                LATENT,
-                "flat_pad",
-            )
-        )
-
-    return Case(
-        learn,
-        lambda its: its,
-        lambda its: with_wobbling(its, its.split != TRAIN, *READINGS),
-        lambda its: with_wobbling(its, its.split == TRAIN, *READINGS),
     )
 
 
@@ -756,7 +680,7 @@ SKIN = committed(
 )
 
 
-@of_stage("recorded/skin")
+@of_stage("recorded/skin", "own/touch")
 def recorded_skin(monkeypatch, tmp_path):
     """Of one run: without the blocks of a fold, and of the whole beside another run."""
     toy = test_recorded_skin
@@ -770,27 +694,6 @@ def recorded_skin(monkeypatch, tmp_path):
     yield Case(lambda its: learn(its)[0], data, changed(0, fold == 0), changed(0, fold == 1))
     whole = each(monkeypatch, skin_touches, "learn_skin", lambda logs: skin_touches.learn_touch(logs, SKIN))
     yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), changed(0, fold == 0))
-
-
-@of_stage("own/touch")
-def own_skin(monkeypatch, tmp_path):
-    """Latent spaces without the touches of a fold."""
-    toy = test_own_touch
-    quick = {"seeds": 1, "pair_pool": 100, "evaluation_pairs": 50, "training": {"steps": 4}}
-    parameters = toy.chosen(folds=2, spaces=quick)
-    log = toy.made_up("a", 0, count=150)
-    place = skin_touches.gathered([log], parameters)[0][0].place[:, :2]
-    fold = held_out(place, 1e-3 * parameters.block_mm, parameters.folds)[1]
-
-    def changed(number):
-        counts = log.counts - log.counts[: toy.AIR].mean(axis=0)
-        rows = toy.AIR + np.flatnonzero(fold == number)
-        return [replace(log, counts=log.counts + wobbling(counts, rows) - counts)]
-
-    learn = each(
-        monkeypatch, skin_readings, "learn_skin", lambda logs: skin_touches.learn_touch(logs, parameters)
-    )
-    return Case(lambda its: learn(its)[0], [log], changed(0), changed(1))
 
 
 # --- the tests ---------------------------------------------------------------------------------------------
@@ -864,6 +767,6 @@ def stage_scripts() -> dict[str, Path]:
 def test_every_stage_that_learns_has_a_case():
     """A new stage gets one, or a line that says why it holds nothing out."""
     scripts = stage_scripts()
-    known = {stage for stage, _ in CASES} | set(HOLDS_NOTHING_OUT)
-    assert {name for name in scripts if name.split("/")[-1] not in SHOWS} == known
-    assert not {stage for stage, _ in CASES} & set(HOLDS_NOTHING_OUT)
+    cases, others = {stage for stage, _ in CASES}, {*" ".join(HOLDS_NOTHING_OUT.values()).split()}
+    assert {name for name in scripts if name.split("/")[-1] not in SHOWS} == cases | others
+    assert not cases & others

@@ -16,7 +16,6 @@ from structlearn.avoidance.avoidance_dataset import (
 )
 from structlearn.ground.artefacts import read_table, write_table
 from structlearn.ground.errors import InputError
-from structlearn.primitives import canonical
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, reaches
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
@@ -81,21 +80,6 @@ def test_unrolled_with_its_target_the_baseline_is_the_demonstration(baseline, se
     unrolled = baseline.local.unroll(path.dt, *ends, path.duration, *state, **coupling)
     np.testing.assert_allclose(unrolled.position, path.position, atol=6e-4)
     assert np.abs(path.position[:, 2]).max() > 0.1  # where the baseline alone is not
-
-
-def test_keys_and_phase(dataset):
-    keys = list(zip(dataset.scenario, dataset.demonstration, strict=True))
-    assert len(dataset.features) == len(dataset.target) == len(keys)
-    assert keys == sorted(keys)
-    assert set(keys) == {(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)}
-    one = dataset.where((dataset.scenario == 1) & (dataset.demonstration == 2))
-    assert one.phase[0] == 1.0
-    every = PARAMETERS.keep_every / PARAMETERS.rate_hz
-    np.testing.assert_allclose(np.diff(one.time), every, atol=2e-3)
-    ends = canonical.phase(1.0, canonical.time_constant(1.0))[0]
-    assert one.phase[-1] == pytest.approx(ends, abs=0.01)
-    assert (np.diff(one.phase) < 0).all()
-    assert (one.phase_velocity[1:] < 0).all()
 
 
 def test_a_table_gives_the_dataset_back(dataset, tmp_path):

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 from committed import committed
-from pydantic import ValidationError
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
-from structlearn.ground.errors import InputError
 from structlearn.testbeds.obstacles.world.reaching_person import (
     FIXED_POINTS,
     AvoiderParameters,
@@ -92,12 +90,6 @@ def test_the_shorter_detour_is_taken_unless_preferred_otherwise():
     assert np.std(undecided[:, 0]) > 0.03
 
 
-def test_each_demonstration_can_be_repeated_alone():
-    scenario = scenarios(SCENE)[0]
-    many = reaches(scenario, SCENE, person(count=5))
-    np.testing.assert_equal(reaches(scenario, SCENE, person(count=2)), many[:2])
-
-
 def test_motor_noise_stays_below_its_bound_and_the_marker_s_is_white(baseline):
     quiet = person(marker_noise_m=0, motor_noise_m=0)
     marker = person(motor_noise_m=0)
@@ -130,11 +122,3 @@ def test_least_jerk_metric_is_the_inverse_of_the_jerk_form():
     np.testing.assert_allclose(product / product[0, 0], np.eye(21 - 2 * FIXED_POINTS), atol=1e-6)
     assert not metric[:FIXED_POINTS].any()
     assert not metric[:, -FIXED_POINTS:].any()
-
-
-def test_bad_scenes_and_people_are_refused():
-    blocked = Scenario(1, obstacle("cube", SCENE.goal))
-    with pytest.raises(InputError, match=r"the cube at .* contains the goal of the reach"):
-        captured(blocked, SCENE, person())
-    with pytest.raises(ValidationError, match="low <= high"):
-        person(rest_s=(0.4, 0.1))

@@ -45,25 +45,6 @@ def test_settings_are_dealt_out_with_all_their_shapes():
     assert own_scenarios(SCENARIOS, [5, 6, 7])[7].tolist() == []
 
 
-def test_everybody_has_models_of_every_source_and_their_errors(learned):
-    models, errors = learned
-    assert tuple(models) == PEOPLE
-    sources = {"setting", "sphere", "cube", "all"}
-    for person, its in models.items():
-        assert set(its.networks) == sources
-        assert set(its.ensembles) == sources - {"setting"}
-        assert set(its.human_inspired) == sources - {"all"}
-        assert set(its.phase_modulated) == (sources - {"setting"} if person == 7 else set())
-        assert len(its.networks["setting"]) == len(its.human_inspired["setting"]) == 2
-    own = errors[(errors["part"] == "test") & (errors["person"] == 3)]
-    counts = own.groupby(["model", "learned_from"]).size()
-    assert counts["network"].to_dict() == {"setting": 2, "sphere": 1, "cube": 1, "all": 2}
-    assert counts["ensemble"].to_dict() == {"sphere": 1, "cube": 1, "all": 2}
-    assert counts["human_inspired"].to_dict() == {"setting": 2, "sphere": 1, "cube": 1}
-    assert set(own.loc[own["learned_from"] == "setting", "scenario"]) == {2}
-    assert "phase_modulated" not in counts
-
-
 def test_errors_are_those_of_the_models_on_the_named_samples(learned, datasets):
     models, errors = learned
     errors = errors[errors["part"] == "test"]

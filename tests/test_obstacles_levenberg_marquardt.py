@@ -101,13 +101,6 @@ def test_dead_nodes_and_too_few_samples_do_no_harm():
     assert all(np.isfinite(layer).all() for layer in found.layers)
 
 
-def test_rule_and_validation_samples_belong_together():
-    samples = problem(10)
-    for arguments in ((chosen(rule="validation"),), (chosen(), samples)):
-        with pytest.raises(ValueError, match="validation samples"):
-            lm.train(samples, (4,), *arguments)
-
-
 def jacobian(layers, inputs, step=1e-6):
     """(S * O, P) by central differences, weight by weight."""
     columns = []

@@ -9,7 +9,7 @@ from obstacles_world import PLACES, POPULATION, PRIMITIVE, TESTED, evaluation, p
 from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, model_name
+from structlearn.testbeds.obstacles.names import FREE, HIT, KINDS, SOURCES, model_name
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
     SituationKey,
@@ -20,10 +20,7 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
 )
 from structlearn.testbeds.obstacles.recordings import avoidance_scene as drawn
 from structlearn.testbeds.obstacles.recordings.avoidance_scene import chosen_scenarios, shown_scenarios
-from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import (
-    write_avoidance_demonstrations,
-    write_trained_avoidance,
-)
+from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import write_trained_avoidance
 from structlearn.testbeds.obstacles.recordings.unseen_avoidance import (
     shown_reaches,
     sphere_paths,
@@ -69,28 +66,6 @@ def test_reaches_are_those_of_the_tables(reaches):
     x = (PRIMITIVE.goal - PRIMITIVE.start) / np.linalg.norm(PRIMITIVE.goal - PRIMITIVE.start)
     np.testing.assert_allclose(its[1].coupling_in_base @ x, its[1].coupling[:, 0], atol=1e-9)
     assert np.abs(its[1].coupling).max() > 0.1
-
-
-def test_demonstrations_stand_beside_their_obstacle_and_the_bare_reach(tmp_path, shown):
-    path = tmp_path / "demonstrations.rrd"
-    places = [(place, place.setting == 1) for place in PLACES[:2]]
-    write_avoidance_demonstrations(path, shown, people(), PRIMITIVE, places, "Demonstrations")
-    rows, entities, timelines = contents(path)
-    assert timelines == {"time"}
-    bare = KINDS["none"].name.replace(" ", "\\ ")
-    for one in shown:
-        tab = f"/{one.scenario.shape}\\/01"
-        samples = len(one.demonstrations[0].time)
-        assert {f"{tab}/obstacle/solid", f"{tab}/demonstrated", f"{tab}/{bare}/path"} <= entities
-        assert rows[f"{tab}/hands/2"] == samples
-        assert rows[f"{tab}/distance/{bare}"] == len(without_avoidance(one.reaches).time)
-        cloud = values(path, f"{tab}/obstacle/cloud", "Points3D:positions")[0]
-        assert one.scenario.obstacle.signed_distance(np.array(cloud)) == pytest.approx(0.0, abs=1e-6)
-        assert colour_of(path, f"{tab}/demonstrated", "LineStrips3D") == DEMONSTRATIONS.colour
-        assert colour_of(path, f"{tab}/{bare}/path", "LineStrips3D") == SOURCES[""].colour
-    assert values(path, "/places", "Points3D:labels") == [["01", "02"]]
-    assert "what is shown" in view_names(path)
-    assert "simulated" in note(path)
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -98,26 +98,6 @@ def test_the_goal_is_reached_whatever_the_model_and_wherever_the_obstacle(rng, s
     np.testing.assert_allclose(paths.path.position[..., 0], own.position[..., 0], atol=1e-12)
 
 
-def test_nothing_acts_at_the_first_sample_which_the_initial_goal_would_absorb():
-    paths = unroll(PRIMITIVE, constant(0, 20.0, 0), [spheres([[0.3, 0.1, 0.0]])], DT)
-    assert (paths.coupling[:, 0] == 0.0).all()
-    assert (paths.coupling[:, 1, 1] == 20.0).all()
-    own = baseline_path()
-    assert (paths.path.position[0, 2:END, 1] > own.position[0, 2:END, 1]).all()  # never the other way
-
-
-def test_the_model_is_shown_the_phase_and_what_acts_is_recorded():
-    model, shown = recorder(constant(5.0, 3.0, -4.0))
-    paths = unroll(PRIMITIVE, model, [spheres([[0.3, 0.1, 0.0], [0.9, 0.0, 0.0]])], DT)
-    p, u = canonical.phase(paths.path.time[1:], TAU)
-    np.testing.assert_allclose([phase for _, phase, _ in shown], np.stack([p, p], axis=1))
-    np.testing.assert_allclose([rate for _, _, rate in shown], np.stack([u, u], axis=1))
-    np.testing.assert_array_equal(paths.coupling[0, 1:5], np.tile([0.0, 3.0, -4.0], (4, 1)))
-    np.testing.assert_array_equal(paths.coupling[1], 0.0)  # beyond the goal
-    own = baseline_path(2)
-    np.testing.assert_allclose(paths.path.position[1], own.position[1], atol=1e-12)
-
-
 def test_a_moving_obstacle_is_seen_in_its_own_frame():
     velocity = np.array([[0.02, -0.1, 0.05], [0.0, 0.0, 0.0]])
     centres = np.array([[0.3, 0.2, 0.0], [0.4, 0.1, 0.0]])

@@ -57,17 +57,6 @@ def test_the_map_is_the_skin_where_it_was_not_learned():
     assert len(results()["map"]) == results()["recordings"]["touching"].sum()  # each was held out once
 
 
-def test_recordings_apart_are_asked_about_each_other():
-    """The recordings of a lab, whose channels drifted in between, go the way of the public skin."""
-    quick = {"seeds": 1, "pair_pool": 2000, "evaluation_pairs": 500, "training": {"steps": 20}}
-    logs = [made_up(name, seed, 200) for seed, name in enumerate("ab")]
-    skins, tables = learn_touch(logs, chosen(apart=True, folds=2, spaces=quick))
-    assert set(skins) == {"a", "b"}
-    pairs = set(zip(tables["errors"]["learned_from"], tables["errors"]["asked_about"], strict=True))
-    assert pairs == {("a", "a"), ("b", "b"), ("a", "b"), ("b", "a")}
-    assert tables["errors"].groupby("new")["presses"].sum()["new run"] == 4 * 400  # by each of the models
-
-
 def test_air_reads_zero_and_is_no_touch():
     (touches,), recordings = gathered([made_up("a", 0)], chosen())
     assert recordings.to_dict("records") == [{"recording": "a", "samples": 720, "touching": 700}]

@@ -39,14 +39,6 @@ def read(tmp_path, text):
     return read_parameters(path, "segment", SegmentParameters)
 
 
-def complaint(tmp_path, text):
-    with pytest.raises(InputError) as error:
-        read(tmp_path, text)
-    message = str(error.value)
-    assert message.startswith(f"{tmp_path / 'params.yaml'}: ")
-    return message.removeprefix(f"{tmp_path / 'params.yaml'}: ")
-
-
 def test_values_are_read_and_frozen(tmp_path):
     found = read(tmp_path, "other: {unknown: 1}\nsegment:\n  extension_s: 0.5\n  filter: {cutoff_hz: 2}\n")
     assert found == SegmentParameters(extension_s=0.5, filter=FilterParameters(cutoff_hz=2.0))
@@ -54,71 +46,50 @@ def test_values_are_read_and_frozen(tmp_path):
         found.extension_s = 1.0
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("segment: {extension_s: 1, extent: 2}", "segment.extent: unknown parameter"),
-        (
-            "segment: {extension_s: 1, filter: {cutoff_hz: 1, order: 2}}",
-            "segment.filter.order: unknown parameter",
-        ),
-        ("segment: {extension_s: -1}", "segment.extension_s: Input should be greater than 0 (got -1)"),
-        (
-            "segment: {extension_s: 1, filter: {cutoff_hz: 0}}",
-            "segment.filter.cutoff_hz: Input should be greater than 0 (got 0)",
-        ),
-        ("segment: {extension_s: .nan}", "segment.extension_s: Input should be a finite number (got nan)"),
-        ("segment: {extension_s: .inf}", "segment.extension_s: Input should be a finite number (got inf)"),
-        ("segment: {extension_s: -.inf}", "segment.extension_s: Input should be a finite number (got -inf)"),
-        ("other: {}", "key 'segment' is missing"),
-        ("", "key 'segment' is missing"),
-        ("- a list", "key 'segment' is missing"),
-    ],
-)
-def test_a_wrong_value_is_named_with_its_file_and_dotted_key(tmp_path, text, expected):
-    assert complaint(tmp_path, text) == expected
+VALUE, YAML = "segment.extension_s: ", "not a YAML file: "
+DEEP = "nested too deeply"
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("segment: {extension_s: long}", "segment.extension_s: .*valid number.* \\(got 'long'\\)"),
-        ("segment: {extension_s: yes}", "segment.extension_s: .*true or false.* \\(got True\\)"),
-        ("segment: {extension_s: 1, count: on}", "segment.count: .*true or false.* \\(got True\\)"),
-        ("segment: {extension_s: 2026-13-45}", "not a YAML file: month must be in 1..12"),
-        (f"segment: {{extension_s: 1, count: {'9' * 6000}}}", "not a YAML file: Exceeds the limit"),
-        (f"segment: {{extension_s: 1, count: 0x{'f' * 5000}}}", "not a YAML file: Exceeds the limit"),
-        ("segment: {extension_s: !!bool x}", "not a YAML file: "),
-        ("segment: {extension_s: !!timestamp x}", "not a YAML file: "),
-        ("segment: " + "[" * 200_000 + "]" * 200_000, "not a YAML file: nested too deeply"),
-        ("segment: {a: " + "[\n" * 200_000 + "]" * 200_000, "not a YAML file: nested too deeply"),
-        ("- " * 200_000, "not a YAML file: nested too deeply"),
-        ("a:\r" + "- " * 200_000, "not a YAML file: nested too deeply"),
-        ("segment: {extension_s: 1\nother: [", "not a YAML file: .*line 2"),
-        (BOMB, "segment.extension_s: .*valid number.* \\(got \\[{6}.{,600}$"),
-        ("segment: {extension_s: 1, count: 1.5}", "segment.count: .*valid integer.* \\(got 1.5\\)"),
-        ("segment: {}", "segment.extension_s: Field required"),
-        ("segment:", "segment: .*\\(got None\\)"),
-        ("segment: {extension_s: -1, count: 0}", "segment.extension_s: .*; segment.count: .*"),
-        ("segment: [1, 2", "not a YAML file: "),
-        ("segment: {extension_s: 1}\n  bad: indent", "not a YAML file: "),
+        ("segment: {extension_s: 1, extent: 2}", "segment.extent: unknown parameter$"),
+        ("segment: {extension_s: 1, filter: {order: 2}}", ".*segment.filter.order: unknown parameter$"),
+        ("segment: {extension_s: -1}", VALUE + r"Input should be greater than 0 \(got -1\)$"),
+        ("segment: {extension_s: .nan}", VALUE + r"Input should be a finite number \(got nan\)$"),
+        ("segment: {extension_s: -.inf}", VALUE + r"Input should be a finite number \(got -inf\)$"),
+        ("segment: {extension_s: long}", VALUE + r".*valid number.* \(got 'long'\)"),
+        ("segment: {extension_s: yes}", VALUE + r".*true or false.* \(got True\)"),
+        (BOMB, VALUE + r".*valid number.* \(got \[{6}.{,600}$"),
+        ("segment: {extension_s: 1, count: on}", r"segment.count: .*true or false.* \(got True\)"),
+        ("segment: {extension_s: 1, count: 1.5}", r"segment.count: .*valid integer.* \(got 1.5\)"),
+        ("segment: {}", VALUE + "Field required"),
+        ("segment: {extension_s: -1, count: 0}", VALUE + ".*; segment.count: .*"),
+        ("segment:", r"segment: .*\(got None\)"),
+        *((text, "key 'segment' is missing$") for text in ("other: {}", "", "- a list")),
+        ("segment: {extension_s: 2026-13-45}", YAML + "month must be in 1..12"),
+        (f"segment: {{extension_s: 1, count: {'9' * 6000}}}", YAML + "Exceeds the limit"),
+        (f"segment: {{extension_s: 1, count: 0x{'f' * 5000}}}", YAML + "Exceeds the limit"),
+        ("segment: {extension_s: !!bool x}", YAML),
+        ("segment: {extension_s: !!timestamp x}", YAML),
+        ("segment: !!python/object/apply:os.getcwd []", YAML),
+        ("segment: " + "[" * 200_000 + "]" * 200_000, YAML + DEEP),
+        ("segment: {a: " + "[\n" * 200_000 + "]" * 200_000, YAML + DEEP),
+        ("- " * 200_000, YAML + DEEP),
+        ("a:\r" + "- " * 200_000, YAML + DEEP),
+        ("segment: {extension_s: 1\nother: [", YAML + ".*line 2"),
+        ("segment: {extension_s: 1}\n  bad: indent", YAML),
+        (b"PAR1\x80\x81\xff", YAML),
+        ("segment: {}\nsegment: {}\n", r"key 'segment' stands twice \(line 2\)$"),
+        ("segment: {filter: {cutoff_hz: 1, cutoff_hz: 2}}", r"key 'cutoff_hz' stands twice \(line 1\)$"),
     ],
 )
-def test_every_fault_has_its_own_phrase(tmp_path, text, expected):
-    assert re.match(expected, complaint(tmp_path, text), re.DOTALL)
-
-
-def test_a_binary_file_is_not_yaml(tmp_path):
+def test_a_fault_is_named_with_its_file_and_dotted_key(tmp_path, text, expected):
     path = tmp_path / "params.yaml"
-    path.write_bytes(b"PAR1\x80\x81\xff")
-    with pytest.raises(InputError, match=r"params\.yaml: not a YAML file"):
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError) as error:
         read_parameters(path, "segment", SegmentParameters)
-
-
-def test_a_line_may_be_long(tmp_path):
-    path = tmp_path / "params.yaml"
-    path.write_text(f"segment: {{extension_s: 1}} # {'- ' * 20_000}\n")
-    assert read_parameters(path, "segment", SegmentParameters).extension_s == 1.0
+    assert re.match(f"{re.escape(str(path))}: {expected}", str(error.value), re.DOTALL)
 
 
 def test_a_missing_file_is_named(tmp_path):
@@ -126,8 +97,9 @@ def test_a_missing_file_is_named(tmp_path):
         read_parameters(tmp_path / "nowhere.yaml", "segment", SegmentParameters)
 
 
-def test_yaml_cannot_run_code(tmp_path):
-    assert complaint(tmp_path, "segment: !!python/object/apply:os.getcwd []").startswith("not a YAML file")
+def test_a_changed_file_is_read_anew_however_long_its_lines(tmp_path):
+    assert read(tmp_path, "segment: {extension_s: 1}\n").extension_s == 1.0
+    assert read(tmp_path, f"segment: {{extension_s: 0.25}} # {'- ' * 20_000}\n").extension_s == 0.25
 
 
 def test_a_dotted_key_is_one_further_down(tmp_path):
@@ -137,27 +109,6 @@ def test_a_dotted_key_is_one_further_down(tmp_path):
     for key in ("segment.filters", "other.filter", "segment.extension_s.filter"):
         with pytest.raises(InputError, match=f"key '{key}' is missing"):
             read_parameters(path, key, FilterParameters)
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("segment: {extension_s: 1}\nsegment: {extension_s: 2}\n", "key 'segment' stands twice (line 2)"),
-        ("segment:\n  extension_s: 1\n  extension_s: 1\n", "key 'extension_s' stands twice (line 3)"),
-        (
-            "segment: {extension_s: 1, filter: {cutoff_hz: 1, cutoff_hz: 2}}",
-            "key 'cutoff_hz' stands twice (line 1)",
-        ),
-    ],
-)
-def test_a_key_that_stands_twice_is_named(tmp_path, text, expected):
-    """YAML itself takes the last one, silently."""
-    assert complaint(tmp_path, text) == expected
-
-
-def test_a_changed_file_is_read_anew(tmp_path):
-    assert read(tmp_path, "segment: {extension_s: 1}\n").extension_s == 1.0
-    assert read(tmp_path, "segment: {extension_s: 0.25}\n").extension_s == 0.25
 
 
 FILES = ("params.yaml", "stages/recorded/params.yaml")

@@ -7,18 +7,22 @@ from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import reach
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 from structlearn.ground.errors import InputError
 from structlearn.policy_search.pi2 import (
+    CovarianceParameters,
     PI2Parameters,
     SearchDistribution,
+    adapted_covariance,
     cost_to_go,
+    covariance_factor,
     sample,
     time_weights,
     update,
 )
 from structlearn.policy_search.refinement import kernel_activation
+from structlearn.policy_search.temperature import bounded_temperatures, normalised, probabilities
 from structlearn.primitives.vector import fit_vector
 
 rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)
@@ -114,15 +118,6 @@ def test_time_weights_by_hand():
     np.testing.assert_allclose(found.weights[:, 0], [5 / 6, 1 / 6])
 
 
-def test_costs_that_were_paid_before_do_not_count():
-    """A cost at the first step is in the cost-to-go of the first step only (weight T of T (T + 1) / 2)."""
-    costs = np.zeros((2, 4))
-    costs[1, 0] = 1.0
-    found = update(SearchDistribution.around(np.zeros(1), 1.0), TWO_SIDES, costs, COLD)
-    np.testing.assert_allclose(found.weights[:, 0], [0.4 + 0.6 / 2, 0.6 / 2])
-    np.testing.assert_allclose(found.effective_samples, [1, 2, 2, 2])
-
-
 def test_two_samples_at_a_fixed_temperature():
     distribution = SearchDistribution.around(np.array([10.0, 0.0]), 1.0)
     policies = np.array([[1.0, 2.0], [3.0, -2.0]])
@@ -132,15 +127,6 @@ def test_two_samples_at_a_fixed_temperature():
     np.testing.assert_allclose(found.distribution.mean, [p + 3 * (1 - p), 2 * p - 2 * (1 - p)])
     np.testing.assert_allclose(found.temperatures, 0.5)
     np.testing.assert_allclose(found.effective_samples, 1 / (p**2 + (1 - p) ** 2))
-
-
-@given(rng=rngs, scale=st.floats(1e-3, 1e3), shift=st.floats(-10.0, 10.0))
-def test_scale_and_shift_of_the_costs_do_not_matter(rng, scale, shift):
-    distribution, policies, costs = random_rollouts(rng)
-    plain = update(distribution, policies, costs, DEFAULT).distribution
-    other = update(distribution, policies, scale * (costs + shift), DEFAULT).distribution
-    np.testing.assert_allclose(other.mean, plain.mean, atol=1e-7)
-    np.testing.assert_allclose(other.covariance, plain.covariance, atol=1e-7)
 
 
 @pytest.mark.parametrize("mode", ["per_weight", "rescaled", "full", "kept"])
@@ -153,17 +139,6 @@ def test_the_order_of_the_rollouts_does_not_matter(mode, rng):
     np.testing.assert_allclose(other.distribution.mean, plain.distribution.mean, atol=1e-8)
     np.testing.assert_allclose(other.distribution.covariance, plain.distribution.covariance, atol=1e-8)
     np.testing.assert_allclose(other.weights, plain.weights[order], atol=1e-8)
-
-
-def test_the_divergence_of_every_time_step_is_the_bound():
-    distribution, policies, costs = random_rollouts(np.random.default_rng(4), samples=38, steps=50)
-    found = update(distribution, policies, costs, DEFAULT)
-    ahead = cost_to_go(costs, DEFAULT.horizon)
-    relative = ahead - ahead.min(axis=0)
-    p = np.exp(-relative / np.ptp(relative, axis=0) / found.temperatures)
-    p /= p.sum(axis=0)
-    np.testing.assert_allclose(np.sum(p * np.log(38 * p), axis=0), 1.0, atol=1e-6)
-    assert np.all((found.effective_samples > 1) & (found.effective_samples < 38))
 
 
 @pytest.mark.parametrize("fault", [np.nan, np.inf, -np.inf])
@@ -187,14 +162,6 @@ def test_a_sum_beyond_the_largest_number_is_no_finite_cost():
     np.testing.assert_array_equal(np.flatnonzero(update(distribution, policies, costs, DEFAULT).failed), [3])
 
 
-@pytest.mark.parametrize("left", [0, 1])
-def test_an_update_needs_two_rollouts(left):
-    distribution, policies, costs = random_rollouts(np.random.default_rng(0))
-    costs[left:] = np.nan
-    with pytest.raises(InputError, match=f"^{left} of 12 rollouts have finite costs, an update needs 2$"):
-        update(distribution, policies, costs, DEFAULT)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -205,16 +172,23 @@ def test_an_update_needs_two_rollouts(left):
         (lambda d, p, c: (d, np.nan * p, c), "not finite"),
         (lambda d, p, c: (replace(d, covariance=np.eye(2)), p, c), r"not \(3,\) and \(2, 2\)"),
         (lambda d, p, c: (replace(d, covariance=-np.eye(3)), p, c), "not positive definite"),
+        (lambda d, p, c: (d, p, c, np.ones((3, 6))), r"must be \(T, D\), here \(6, 3\), not \(3, 6\)"),
+        *(
+            (
+                lambda d, p, c, left=left: (d, p, np.where(np.arange(12)[:, None] < left, c, np.nan)),
+                f"^{left} of 12 rollouts have finite costs, an update needs 2$",
+            )
+            for left in (0, 1)
+        ),
     ],
 )
 def test_arrays_that_do_not_fit_are_named(change, message):
+    def updated():
+        distribution, policies, costs, *activation = change(*random_rollouts(np.random.default_rng(0)))
+        update(distribution, policies, costs, DEFAULT, *activation)
+
     with pytest.raises(InputError, match=message):
-        update(*change(*random_rollouts(np.random.default_rng(0))), DEFAULT)
-
-
-def test_an_activation_of_another_shape_is_named():
-    with pytest.raises(InputError, match=r"must be \(T, D\), here \(6, 3\), not \(3, 6\)"):
-        update(*random_rollouts(np.random.default_rng(0)), DEFAULT, np.ones((3, 6)))
+        updated()
 
 
 def test_samples_have_the_moments_of_the_distribution():
@@ -224,15 +198,10 @@ def test_samples_have_the_moments_of_the_distribution():
     np.testing.assert_allclose(np.cov(policies.T), distribution.covariance, atol=0.02)
 
 
-def test_equal_seeds_give_equal_bytes_and_fewer_samples_are_the_first_of_more():
+def test_fewer_samples_are_the_first_of_more():
     distribution, *_ = random_rollouts(np.random.default_rng(0), dimensions=25)
-    first, again, fewer = (sample(distribution, count, np.random.default_rng(3)) for count in (38, 38, 10))
-    assert first.tobytes() == again.tobytes()
-    np.testing.assert_allclose(fewer, first[:10], rtol=1e-12)
-    costs = np.random.default_rng(1).random((38, 200))
-    one, other = (update(distribution, first, costs, DEFAULT) for _ in range(2))
-    assert one.distribution.mean.tobytes() == other.distribution.mean.tobytes()
-    assert one.distribution.covariance.tobytes() == other.distribution.covariance.tobytes()
+    more, fewer = (sample(distribution, count, np.random.default_rng(3)) for count in (38, 10))
+    np.testing.assert_allclose(fewer, more[:10], rtol=1e-12)
 
 
 def shifted_quadratic(dimensions, condition):
@@ -322,3 +291,214 @@ def learning_curves(start, costs, parameters, updates):
             distribution = update(distribution, policies, found, parameters, activation).distribution
             curves[-1].append(costs(distribution.mean[None]).sum())
     return curves
+
+
+FLOOR = 1e-3
+
+
+def divergence(weights):
+    """KL divergence of (K, T) weights from the uniform ones."""
+    logarithms = np.log(np.where(weights > 0, weights * len(weights), 1.0))
+    return np.sum(weights * logarithms, axis=0)
+
+
+def random_costs(rng, samples, steps):
+    """Normalised costs of many kinds: even, with outliers, with ties and near ties."""
+    costs = np.exp(rng.uniform(0.0, 4.0, steps) * rng.normal(size=(samples, steps)))
+    tied = rng.random(steps) < 0.3
+    costs[:, tied] = np.round(costs[:, tied]) * (1.0 + rng.choice([0.0, 1e-6]) * rng.random(samples)[:, None])
+    return normalised(costs)
+
+
+@given(rng=rngs, samples=st.integers(2, 40), scale=st.floats(1e-6, 1e6), shift=st.floats(-1e3, 1e3))
+def test_normalised_costs_span_0_to_1_and_do_not_depend_on_shift_and_scale(rng, samples, scale, shift):
+    costs = rng.normal(size=(samples, 7))
+    relative = normalised(costs)
+    assert np.all(relative.min(axis=0) == 0)
+    assert np.all(relative.max(axis=0) == 1)
+    np.testing.assert_allclose(normalised(scale * (costs + shift)), relative, atol=1e-9)
+
+
+def test_equal_costs_are_0_also_when_only_rounding_tells_them_apart():
+    costs = np.array([[0.0, 0.3, 1.0], [0.0, 0.1 + 0.2, 2.0]])
+    np.testing.assert_array_equal(normalised(costs), [[0, 0, 0], [0, 0, 1]])
+
+
+def test_costs_near_the_largest_number_do_not_overflow():
+    np.testing.assert_allclose(normalised(np.array([[-1.7e308], [0.0], [1.7e308]])), [[0], [0.5], [1]])
+
+
+def test_probabilities_of_two_samples_are_the_logistic_function():
+    weights = probabilities(np.array([[0.0, 0.0], [1.0, 1.0]]), np.array([0.5, 2.0]))
+    np.testing.assert_allclose(weights[0], 1 / (1 + np.exp([-2.0, -0.5])))
+    np.testing.assert_allclose(weights.sum(axis=0), 1.0)
+
+
+@given(rng=rngs, samples=st.integers(2, 60), kl_bound=st.floats(1e-3, 3.0))
+def test_the_bound_is_met_wherever_it_can_be(rng, samples, kl_bound):
+    costs = random_costs(rng, samples, 20)
+    temperatures = bounded_temperatures(costs, kl_bound, FLOOR)
+    reached = divergence(probabilities(costs, temperatures))
+    possible = divergence(probabilities(costs, np.full(20, FLOOR)))
+    attainable = possible > kl_bound
+    np.testing.assert_allclose(reached[attainable], kl_bound, atol=1e-6, rtol=0)
+    np.testing.assert_array_equal(temperatures[~attainable], FLOOR)
+    assert np.all(temperatures >= FLOOR)
+
+
+@given(rng=rngs)
+def test_temperatures_minimise_the_dual_of_relative_entropy_policy_search(rng):
+    costs = random_costs(rng, 38, 3)
+    for column, found in zip(costs.T, bounded_temperatures(costs, 1.0, FLOOR), strict=True):
+
+        def dual(temperature, column=column):
+            return temperature + temperature * np.log(np.mean(np.exp(-column / temperature)))
+
+        best = minimize_scalar(dual, bounds=(FLOOR, 10.0), method="bounded", options={"xatol": 1e-10}).x
+        assert dual(found) <= dual(best) + 1e-12
+        assert found == pytest.approx(best, abs=1e-5)
+
+
+@pytest.mark.parametrize("kl_bound", [1e-6, 0.01, 0.3, 0.69])
+def test_temperature_of_two_samples(kl_bound):
+    """KL = log 2 - entropy(p) = bound, solved for p; then p = 1 / (1 + exp(-1 / lambda))."""
+    p = brentq(
+        lambda p: np.log(2) + p * np.log(p) + (1 - p) * np.log(1 - p) - kl_bound, 0.5, 1 - 1e-12, xtol=1e-15
+    )
+    (found,) = bounded_temperatures(np.array([[0.0], [1.0]]), kl_bound, FLOOR)
+    assert found == pytest.approx(1 / np.log(p / (1 - p)), rel=1e-5)
+
+
+def test_the_floor_stands_where_the_bound_is_out_of_reach():
+    """Two samples reach log 2, 38 with 14 equally good ones log(38 / 14), equal costs 0: all below 1."""
+    ties = np.concatenate([np.zeros(14), np.linspace(0.5, 1.0, 24)])[:, None]
+    for costs in (np.array([[0.0], [1.0]]), ties, np.zeros((38, 1))):
+        np.testing.assert_array_equal(bounded_temperatures(costs, 1.0, FLOOR), FLOOR)
+    weights = probabilities(ties, np.array([FLOOR]))[:, 0]
+    np.testing.assert_allclose(weights[:14], 1 / 14)
+
+
+@pytest.mark.parametrize("gap", [1e-2, 3e-3, 2e-3])
+def test_a_plateau_between_two_scales_of_cost_is_crossed(gap):
+    """The divergence rests at log(38 / 2) until the two best are told apart near the floor."""
+    costs = np.concatenate([[0.0, gap], np.linspace(0.5, 1.0, 36)])[:, None]
+    temperatures = bounded_temperatures(costs, 3.0, FLOOR)
+    assert FLOOR < temperatures[0] < 2 * gap
+    assert divergence(probabilities(costs, temperatures)) == pytest.approx(3.0, abs=1e-6)
+
+
+MODES = ("per_weight", "rescaled", "full", "kept")
+NO_FLOOR = 1e-9
+
+
+def random_covariance(rng, dimensions):
+    root = rng.normal(size=(dimensions, dimensions))
+    return root @ root.T + 0.1 * np.eye(dimensions)
+
+
+def adaptation(mode, **changes):
+    return committed(CovarianceParameters, "refine.search.covariance", mode=mode, **changes)
+
+
+def random_weights(rng, samples, dimensions):
+    """Weights of the samples, the same for all parameters."""
+    return np.tile(rng.dirichlet(np.full(samples, 0.3))[:, None], dimensions)
+
+
+def estimate(deviations, weights):
+    """Sigma_ml of the module's first equation, sum by sum."""
+    pairs = zip(weights[:, 0], deviations, strict=True)
+    return sum(weight * np.outer(deviation, deviation) for weight, deviation in pairs)
+
+
+@given(rng=rngs)
+def test_full_is_the_weighted_covariance_of_the_text(rng):
+    old, deviations, weights = random_covariance(rng, 3), rng.normal(size=(20, 3)), random_weights(rng, 20, 3)
+    new = adapted_covariance(old, deviations, weights, adaptation("full", eigenvalue_floor=NO_FLOOR))
+    np.testing.assert_allclose(new, estimate(deviations, weights), rtol=1e-7, atol=1e-7)
+
+
+@given(rng=rngs, damping=st.floats(1.0, 4.0))
+def test_rescaled_is_the_old_one_by_a_damped_mean_ratio(rng, damping):
+    old, deviations, weights = random_covariance(rng, 5), rng.normal(size=(6, 5)), random_weights(rng, 6, 5)
+    parameters = adaptation("rescaled", damping=damping, eigenvalue_floor=NO_FLOOR)
+    ratio = np.trace(np.linalg.inv(old) @ estimate(deviations, weights)) / 5
+    new = adapted_covariance(old, deviations, weights, parameters)
+    np.testing.assert_allclose(new, ratio ** (1 / damping) * old, rtol=1e-8)
+
+
+@given(rng=rngs, damping=st.floats(1.0, 4.0))
+def test_each_variance_follows_the_samples_that_were_good_in_its_parameter(rng, damping):
+    """Correlations stay; undamped, the variances are those of the weighted samples."""
+    old, deviations = random_covariance(rng, 4), rng.normal(size=(7, 4))
+    weights = rng.dirichlet(np.ones(7), 4).T
+    parameters = adaptation("per_weight", damping=damping, eigenvalue_floor=NO_FLOOR)
+    new = adapted_covariance(old, deviations, weights, parameters)
+    for d in range(4):
+        variance = sum(w * x**2 for w, x in zip(weights[:, d], deviations[:, d], strict=True))
+        assert new[d, d] / old[d, d] == pytest.approx((variance / old[d, d]) ** (1 / damping))
+    scales = [np.sqrt(np.diag(one)) for one in (old, new)]
+    correlations = [one / np.outer(own, own) for one, own in zip((old, new), scales, strict=True)]
+    np.testing.assert_allclose(*correlations, rtol=1e-9)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_samples_that_are_as_wide_as_the_old_covariance_keep_it(mode):
+    old = random_covariance(np.random.default_rng(3), 4)
+    arms = 2.0 * covariance_factor(old).T  # rows: sqrt(D) times the factor's columns
+    new = adapted_covariance(old, np.concatenate([arms, -arms]), np.full((8, 4), 1 / 8), adaptation(mode))
+    np.testing.assert_allclose(new, old, rtol=1e-9)
+
+
+@pytest.mark.parametrize("mode", ["per_weight", "rescaled", "full"])
+def test_no_variance_shrinks_below_the_floor(mode):
+    """All weight on the old mean: nothing is left of the estimate."""
+    old = random_covariance(np.random.default_rng(1), 4)
+    new = adapted_covariance(
+        old, np.zeros((5, 4)), np.full((5, 4), 0.2), adaptation(mode, eigenvalue_floor=0.2)
+    )
+    np.testing.assert_allclose(new, 0.2 * old, rtol=1e-9)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@given(rng=rngs)
+def test_a_linear_change_of_the_parameters_changes_nothing(mode, rng):
+    """Of their units alone, where each parameter has a variance of its own."""
+    old, deviations, weights = random_covariance(rng, 4), rng.normal(size=(6, 4)), random_weights(rng, 6, 4)
+    change = rng.normal(size=(4, 4)) + 3.0 * np.eye(4)
+    if mode == "per_weight":
+        change = np.diag(rng.uniform(0.1, 10.0, 4))
+    parameters = adaptation(mode, eigenvalue_floor=0.3)
+    expected = change @ adapted_covariance(old, deviations, weights, parameters) @ change.T
+    found = adapted_covariance(change @ old @ change.T, deviations @ change.T, weights, parameters)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@given(rng=rngs, samples=st.integers(2, 40), dimensions=st.integers(1, 30), spread=st.floats(1e-6, 1e6))
+def test_covariances_stay_symmetric_and_positive_definite(mode, rng, samples, dimensions, spread):
+    """Over many updates, also with fewer samples than dimensions and weights on single samples."""
+    covariance = spread * random_covariance(rng, dimensions)
+    for _ in range(40):
+        deviations = rng.normal(size=(samples, dimensions)) @ covariance_factor(covariance).T
+        weights = random_weights(rng, samples, dimensions)
+        covariance = adapted_covariance(covariance, deviations, weights, adaptation(mode))
+        np.testing.assert_allclose(covariance, covariance.T, rtol=1e-12)
+        assert np.all(np.linalg.eigvalsh(covariance / np.trace(covariance)) > 0)
+
+
+def test_a_direction_may_become_very_narrow():
+    """The first axis is never hit, the others keep their width: 1e-60 beside 1 must still be factored."""
+    turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    covariance = np.eye(3)
+    arms = np.sqrt(2.0) * np.concatenate([np.eye(3)[1:], -np.eye(3)[1:]]) @ turn
+    for _ in range(200):
+        covariance = adapted_covariance(covariance, arms, np.full((4, 3), 1 / 4), adaptation("full"))
+    widths = np.linalg.eigvalsh(covariance)
+    assert 0 < widths[0] < 1e-10
+    np.testing.assert_allclose(widths[1:], 1.0, rtol=1e-6)
+
+
+def test_a_covariance_that_is_none_is_named():
+    with pytest.raises(InputError, match="not positive definite"):
+        covariance_factor(np.array([[1.0, 2.0], [2.0, 1.0]]))

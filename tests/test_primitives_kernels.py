@@ -3,10 +3,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import quick, rngs
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from structlearn.primitives.canonical import phase, time_constant
-from structlearn.primitives.kernels import KERNEL_COUNT, OVERLAP, centres_and_widths, features, unit_features
+from structlearn.primitives.canonical import ALPHA_U, phase, time_constant
+from structlearn.primitives.kernels import (
+    KERNEL_COUNT,
+    OVERLAP,
+    centres_and_widths,
+    features,
+    forcing_weights,
+    unit_features,
+)
 
 
 @pytest.mark.parametrize("count", [2, 10, 25, 60])
@@ -58,3 +66,91 @@ def test_shared_arrays_cannot_be_changed():
     for shared in (*centres_and_widths(25), unit_features(50)):
         with pytest.raises(ValueError, match="read-only"):
             shared[:] = 0.0
+
+
+@given(st.floats(0.05, 50.0))
+@quick
+def test_the_closed_form_solves_the_text_equations(duration):
+    tau = time_constant(duration)
+
+    def rates(_, state):
+        p, u = state
+        return [u / tau, ALPHA_U * (ALPHA_U / 4 * (0 - p) - u) / tau]  # eq. IV.4, IV.5
+
+    times = np.linspace(0.0, 2 * duration, 40)
+    solution = solve_ivp(rates, (0, times[-1]), [1.0, 0.0], "DOP853", times, rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(np.stack(phase(times, tau)), solution.y, atol=1e-9)
+
+
+def test_the_phase_is_spent_when_the_movement_ends():
+    p, u = phase(np.array([0.0, 3.0, 300.0]), time_constant(3.0))
+    assert (p[0], u[0]) == (1.0, 0.0)
+    assert p[1] == pytest.approx(0.0140, abs=5e-5)
+    assert u[1] == pytest.approx(-0.151, abs=5e-4)
+    assert p[2] == pytest.approx(0.0, abs=1e-100)
+    assert u[2] == pytest.approx(0.0, abs=1e-100)
+
+
+@given(st.floats(0.05, 50.0))
+@quick
+def test_only_the_fraction_of_the_movement_matters(duration):
+    fraction = np.linspace(0.0, 3.0, 30)
+    np.testing.assert_allclose(
+        phase(fraction * duration, time_constant(duration)), phase(fraction, time_constant(1.0)), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan")])
+def test_a_movement_needs_a_positive_duration(duration):
+    with pytest.raises(ValueError, match=f"^duration must be positive, is {duration}$"):
+        time_constant(duration)
+
+
+def feature_matrix(samples, count):
+    return features(*phase(np.linspace(0.0, 1.0, samples), time_constant(1.0)), count)
+
+
+def stacked(lengths, count):
+    return np.concatenate([feature_matrix(samples, count) for samples in lengths])
+
+
+@given(rngs)
+@quick
+def test_joint_weights_are_the_least_squares_of_the_stacked_demonstrations(rng):
+    lengths, count = (120, 300, 120), 12
+    targets = [rng.normal(size=(samples, 2)).cumsum(axis=0) for samples in lengths]
+    expected = np.linalg.lstsq(stacked(lengths, count), np.concatenate(targets), rcond=None)[0]
+    np.testing.assert_allclose(
+        forcing_weights(targets, count=count), expected, rtol=1e-4, atol=1e-3
+    )  # IV.5.4
+
+
+@given(rngs)
+@quick
+def test_scales_weight_each_demonstration_and_axis(rng):
+    lengths, count = (150, 150, 220), 12
+    scales = rng.uniform(-2.0, 2.0, size=(3, 2))
+    targets = [rng.normal(size=(samples, 2)).cumsum(axis=0) for samples in lengths]
+    found = forcing_weights(targets, scales, count=count)
+    for axis in range(2):
+        matrix = np.concatenate(
+            [scales[i, axis] * feature_matrix(samples, count) for i, samples in enumerate(lengths)]
+        )
+        expected = np.linalg.lstsq(matrix, np.concatenate(targets)[:, axis], rcond=None)[0]
+        np.testing.assert_allclose(found[:, axis], expected, rtol=1e-4, atol=1e-3)
+
+
+@given(rngs)
+@quick
+def test_local_weights_fit_each_kernel_alone(rng):
+    lengths, count = (90, 140), 10
+    targets = [rng.normal(size=(samples, 2)).cumsum(axis=0) for samples in lengths]
+    found = forcing_weights(targets, None, "local", count)
+    p = np.concatenate([phase(np.linspace(0, 1, n), time_constant(1.0))[0] for n in lengths])
+    u = np.concatenate([phase(np.linspace(0, 1, n), time_constant(1.0))[1] for n in lengths])
+    kernels = np.exp(-0.5 * centres_and_widths(count)[1] * (p[:, None] - centres_and_widths(count)[0]) ** 2)
+    kernels /= kernels.sum(axis=1, keepdims=True)
+    for i in range(count):  # weighted regression of f on u with weights psi_i
+        root = np.sqrt(kernels[:, i])[:, None]
+        expected = np.linalg.lstsq(root * u[:, None], root * np.concatenate(targets), rcond=None)[0][0]
+        np.testing.assert_allclose(found[i], expected, rtol=1e-9)

@@ -22,7 +22,7 @@ from structlearn.ground import quaternion
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.canonical import phase, time_constant
 from structlearn.primitives.kernels import features
-from structlearn.primitives.orientation import QuaternionPrimitive, fit_quaternion, goal_path, initial_goal
+from structlearn.primitives.orientation import QuaternionPrimitive, fit_quaternion, initial_goal
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA
 
 DT = 0.005
@@ -133,18 +133,6 @@ def test_a_turn_about_a_fixed_axis_is_exactly_the_vector_system(rng, dt):
     assert quaternion.angle_between(path.orientation, expected).max() < 1e-7
     np.testing.assert_allclose(path.angular_velocity, line.velocity * axis, atol=1e-11)
     np.testing.assert_allclose(path.angular_acceleration, line.acceleration * axis, atol=1e-10)
-
-
-@given(rngs)
-@quick
-def test_the_evolving_goal_follows_its_own_equation(rng):
-    goal, first = random_orientations(rng, 2)
-    tau, times = 3.0, np.linspace(0.0, 3.0, 3001)
-    path = goal_path(goal, first, times, tau)
-    assert quaternion.angle_between(path[0], first) < 1e-7
-    expected = ALPHA_G * quaternion.difference(goal, path) / tau  # eq. IV.11
-    found = quaternion.angular_velocity(path, times[1])
-    np.testing.assert_allclose(found[1:-1], expected[1:-1], atol=1e-3)
 
 
 @given(rngs)

@@ -7,7 +7,7 @@ from primitives_movements import normalised_error, quick, random_orientations, r
 
 from structlearn.ground import quaternion
 from structlearn.ground.frames import local_frame
-from structlearn.primitives.position import fit_position, in_local_frame
+from structlearn.primitives.position import fit_position
 
 DT = 0.005
 SIGNALS = ("position", "velocity", "acceleration")
@@ -74,16 +74,6 @@ def test_demonstrations_in_other_directions_are_one_primitive(rng):
     np.testing.assert_allclose(primitive.local.weights[1:], alone.local.weights[1:], atol=1e-3)
     path = primitive.unroll(DT, taught.position[0], taught.position[-1])
     assert np.linalg.norm(path.position - taught.position, axis=1).max() < 1e-3  # IV.6.1
-
-
-def test_the_local_frame_sees_the_reach_along_x():
-    taught = demonstration(np.random.default_rng(0), LEVEL)
-    local = in_local_frame(taught, "up")
-    distance = np.linalg.norm(taught.position[-1] - taught.position[0])
-    np.testing.assert_allclose(local.position[[0, -1]], [[0, 0, 0], [distance, 0, 0]], atol=1e-12)
-    np.testing.assert_allclose(
-        np.linalg.norm(local.velocity, axis=1), np.linalg.norm(taught.velocity, axis=1)
-    )
 
 
 def test_coupling_acts_in_the_local_frame_relative_to_the_start():

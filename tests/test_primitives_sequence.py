@@ -69,24 +69,6 @@ def test_no_signal_jumps_at_a_switch(turns, moved, rng):
             np.testing.assert_allclose(successor, predecessor, atol=1e-6 * scale)  # eq. IV.12-14
 
 
-@pytest.mark.parametrize("turns", TURNS.values(), ids=TURNS)
-@given(rng=rngs)
-@few
-def test_the_reported_derivatives_hold_across_the_switches(turns, rng):
-    path = sequence.unroll(learned(rng, turns), DT)
-    for signals in (path.position, path.orientation):
-        values, rates, accelerations = list(vars(signals).values())[1:]
-        if values.shape[1] == 3:
-            steps = np.diff(values, axis=0)
-        else:
-            steps = quaternion.difference(values[1:], values[:-1])
-        mean_rate = (rates[1:] + rates[:-1]) / 2
-        np.testing.assert_allclose(steps / DT, mean_rate, atol=5e-3 * np.abs(rates).max())
-        mean_acceleration = (accelerations[1:] + accelerations[:-1]) / 2
-        found = np.diff(rates, axis=0) / DT
-        np.testing.assert_allclose(found, mean_acceleration, atol=2e-2 * np.abs(accelerations).max())
-
-
 @given(rngs)
 @few
 def test_all_parts_share_one_clock(rng):

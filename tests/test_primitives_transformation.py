@@ -41,21 +41,6 @@ def test_the_constants_are_the_text_s_and_critically_damped():
 
 @given(rngs)
 @few
-def test_smooth_forcing_gives_the_text_s_path(rng):
-    tau, dt = rng.uniform(1.0, 5.0), 1 / 300
-    amplitude, rate, shift = rng.uniform(-100, 100, 2), rng.uniform(1, 8, 2), rng.uniform(0, 6, 2)
-
-    def forcing(t):
-        return amplitude * np.sin(rate * t + shift)
-
-    times = dt * np.arange(300)
-    situation = random_situation(rng)
-    path = unroll(forcing=np.stack([forcing(t) for t in times]), dt=dt, tau=tau, **situation)
-    assert_path(path, text_solution(times, forcing, tau, **situation), 2e-4, 2e-3)
-
-
-@given(rngs)
-@few
 def test_forcing_that_is_linear_between_samples_is_integrated_exactly(rng):
     tau, dt = rng.uniform(1.0, 5.0), 0.1
     times, samples = dt * np.arange(9), rng.uniform(-100, 100, size=(9, 2))

@@ -27,15 +27,6 @@ def test_product_is_the_composition_of_rotations(rng):
 
 @given(rngs)
 @quick
-def test_exp_and_log_are_inverse(rng):
-    q = random_orientations(rng, 50)
-    half_vector = random_vectors(rng, rng.uniform(0, np.pi - 1e-6, size=(50, 1)), 50)
-    np.testing.assert_allclose(quaternion.exp(quaternion.log(q)), q, atol=1e-14)  # eq. B.3, B.4
-    np.testing.assert_allclose(quaternion.log(quaternion.exp(half_vector)), half_vector, atol=1e-9)
-
-
-@given(rngs)
-@quick
 def test_rotation_vectors_agree_with_scipy_both_ways(rng):
     q, vector = random_orientations(rng, 50), random_vectors(rng, rng.uniform(0, np.pi, size=(50, 1)), 50)
     np.testing.assert_allclose(quaternion.rotation_vector(q), scipy_rotation(q).as_rotvec(), atol=1e-12)

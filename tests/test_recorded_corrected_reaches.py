@@ -110,12 +110,6 @@ def test_distances_are_those_of_the_unrolled_paths(nominal, learned):
     np.testing.assert_allclose(profile, by_split)
 
 
-def test_the_same_seed_gives_the_same_results(nominal, corrected, learned):
-    _, second = learn_corrections(corrected, nominal.local, PARAMETERS)
-    for name, table in vars(learned[1]).items():
-        assert table.equals(getattr(second, name)), name
-
-
 def test_some_are_learned_from_and_some_are_left_out_however_few_there_are(nominal):
     _, results = learn_corrections(higher([0.2, 0.21], nominal), nominal.local, PARAMETERS)
     assert set(results.distances["learned_from"]) == {1}

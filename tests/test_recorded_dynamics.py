@@ -5,14 +5,14 @@ import pytest
 import torch
 from committed import committed
 from recordings_bags import recorded_data
-from rigid_body_motions import COULOMB, rubbing_motion
+from rigid_body_motions import rubbing_motion
 from rigid_body_robots import pinocchio_torques, robot
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.joint_log import JointLog
 from structlearn.recordings.panda import JOINTS, read_trajectories
-from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
+from structlearn.rigid_body.arm_identification import URDF
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
 from structlearn.rigid_body.inertia_learner import MotionRegressor
@@ -56,18 +56,9 @@ def test_every_model_is_scored_on_every_joint_of_both_parts(identified):
     tested = tables["motions"]["tested_s"][0] * chosen.rate_hz
     assert len(tables["traces"]) == 7 * len(range(0, round(tested), stride))
     assert {"measured", URDF, "least_squares_coulomb", "cov_coulomb", "mlp"} <= set(tables["traces"])
-    assert tables["choice"]["chosen"].all()  # there is nothing to choose from
-
-
-def test_coulomb_friction_is_what_the_other_models_miss(identified):
-    _, tables, _ = identified
-    test = tables["errors"].query("part == 'test'").groupby(["model", "friction"])["nmse"].max()
-    for model in (LEAST_SQUARES, "tri", "cov"):
-        assert test[model, "coulomb"] < 0.2 * test[model, "viscous"]
-    found = tables["friction"].query("term == 'coulomb'").set_index(["model", "friction"])["value"]
-    np.testing.assert_allclose(found["cov", "coulomb"], COULOMB, rtol=0.1)
     possible = tables["links"].groupby("model")[["positive_mass", "positive_definite", "triangle"]].all()
     assert possible.loc[["tri", "cov"]].all(axis=None)
+    assert tables["choice"]["chosen"].all()  # there is nothing to choose from
 
 
 def slide(name: str, sign: float, mass: float, point: np.ndarray) -> Demonstration:

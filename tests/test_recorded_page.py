@@ -375,7 +375,7 @@ def published(tmp_path_factory):
     return folder, list(drawn)
 
 
-def test_the_pages_are_whole_short_and_always_the_same(published):
+def test_the_pages_are_whole_and_short(published):
     folder, shown = published
     pages = {path.stem: path.read_text() for path in folder.glob("*.html")}
     assert set(pages) == {"index", *assembly.PAGES}
@@ -385,9 +385,6 @@ def test_the_pages_are_whole_short_and_always_the_same(published):
     assert not any('src="http' in page for page in pages.values())
     others = json.loads((folder / "details.json").read_text())
     assert {"nominal_path_std_mm", "reach_fit_unscaled_end_max_mm", "touch_mds_nmse_slides"} <= set(others)
-    first, second = (report(made_up()).pages for _ in range(2))
-    panels = dict.fromkeys(shown, ())
-    assert all(render(first[name], panels) == render(second[name], panels) for name in pages)
     for part in assembly.PARTS:
         assert f'id="{anchor(part.heading)}"' in pages["index"]
         assert f'id="{anchor(part.heading)}"' in pages[part.page]

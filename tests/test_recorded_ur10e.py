@@ -11,7 +11,7 @@ import pybullet
 import pytest
 from committed import committed
 from recordings_bags import recorded_data
-from reporting_verdicts import AnyFigure, verdicts
+from reporting_verdicts import AnyFigure
 from viewer_files import contents, note
 
 from structlearn.ground.errors import MissingInputError
@@ -25,11 +25,9 @@ from structlearn.tasks import drives_and_load as protocol
 from structlearn.tasks.joint_motion import CARRIES, learn_motion, logs_that_are_there
 from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.files import SETS, UR10E
-from structlearn.testbeds.recorded.page import parts
 from structlearn.testbeds.recorded.page.assembly import recorded_report
 from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES
-from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_evidence, ur10e_metrics
+from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_metrics
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.recordings.ur10e_recording import CARRYING, write_carried
 
@@ -165,17 +163,6 @@ def page(results: Ur10eResults):
     tables = {f"ur10e_{name}": table for name, table in results.tables.items()}
     known = RecordedResults(tables, parameters={"recorded_ur10e": PARAMETERS})
     return recorded_report(known, Path("no such folder")).pages["ur10e"]
-
-
-def test_made_up_tables_are_those_of_the_files():
-    assert set(made_up().tables) == set(SETS[UR10E])
-
-
-@pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
-def test_every_claim_can_say_yes_and_no(good, word):
-    found = verdicts(parts.__name__, ur10e_evidence(made_up(good)), "ur10e_claims.yaml")
-    assert found.pop("possible_bodies") == ("holds by construction" if good else "no")
-    assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
 
 
 def test_errors_are_those_of_the_table_and_intervals_hold_them():

@@ -8,7 +8,7 @@ from recordings_bags import recorded_data
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings import clmc, read_demonstrations, synchronise, write_recordings
+from structlearn.recordings import clmc, eflesh, panda, slide, synchronise, ur10e
 
 ROWS = 6
 
@@ -113,9 +113,13 @@ def test_scraping_streams_of_different_length_are_refused(folder):
         (clmc.read_unscrewing, "quat_dmp_unscrewing: holds no logs"),
         (clmc.read_scraping_execution, "scraping: holds no execution"),
         (lambda folder: clmc.read_scraping_execution(folder, "other"), "scraping/other: holds no execution"),
+        (eflesh.read_all_runs, "holds no run"),
+        (panda.read_trajectories, "holds no motion"),
+        (slide.read_slides, "holds no trials"),
+        (ur10e.read_logs, "holds no logs"),
     ],
 )
-def test_missing_data(tmp_path, read, complaint):
+def test_a_public_set_that_is_not_there_is_missing(tmp_path, read, complaint):
     with pytest.raises(MissingInputError, match=complaint):
         read(tmp_path)
 
@@ -148,14 +152,7 @@ def test_recorded_unscrewing_turns_once():
         assert spin == pytest.approx(steps[:, 2].sum(), abs=0.1)
 
 
-def test_recorded_scraping_goes_through_files_unchanged(tmp_path):
-    recordings = clmc.read_scraping_execution(recorded_data("clmc"))
-    write_recordings(recordings, tmp_path)
-    demonstrations = read_demonstrations(tmp_path)
+def test_recorded_scraping():
+    demonstrations = [synchronise(one) for one in clmc.read_scraping_execution(recorded_data("clmc"))]
     assert [len(demonstration.time) for demonstration in demonstrations] == [777, 1122, 1087]
-    for recording, demonstration in zip(recordings, demonstrations, strict=True):
-        expected = synchronise(recording)
-        for signal in ("position", "orientation", "velocity", "joint_positions", "tactile"):
-            np.testing.assert_array_equal(getattr(demonstration, signal), getattr(expected, signal))
-        assert demonstration.tactile.shape[1] == 38
-        assert demonstration.provenance == recording.provenance
+    assert {demonstration.tactile.shape[1] for demonstration in demonstrations} == {38}

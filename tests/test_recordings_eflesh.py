@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings_bags import recorded_data
 
-from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings import eflesh
 from structlearn.recordings.touch_log import read_touch_table
 
@@ -68,11 +68,6 @@ def test_tables_hold_what_was_read(folder, tmp_path):
         assert (read.name, eflesh.CHANNELS) == (back.name, back.channels)
     with pytest.raises(InputError, match=r"presses\.parquet: has no column 9q"):
         read_touch_table(target / "presses.parquet", ["1x", "9q"])
-
-
-def test_a_set_without_runs_over_places_is_missing(tmp_path):
-    with pytest.raises(MissingInputError, match="holds no run"):
-        eflesh.read_all_runs(tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize(

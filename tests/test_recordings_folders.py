@@ -7,10 +7,8 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings import (
     read_demonstrations,
     read_recordings,
-    synchronise,
     write_recordings,
 )
-from structlearn.recordings.demonstration import SIGNALS
 
 STAMPS = [10**9 + row * 10**7 for row in range(5)]
 TOOL = topic_map(pose="/tool")
@@ -25,18 +23,6 @@ def ros2_bag(folder, files=1):
     for part in range(files):
         bag(folder / f"{folder.name}_{part}.mcap")
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
-
-
-def test_recordings_go_through_a_folder_unchanged(tmp_path):
-    recordings = [make_recording(name, seed=seed) for seed, name in enumerate(["a", "b"])]
-    write_recordings(recordings, tmp_path / "raw" / "set")
-    demonstrations = read_demonstrations(tmp_path / "raw" / "set")
-    for recording, demonstration in zip(recordings, demonstrations, strict=True):
-        expected = synchronise(recording)
-        assert demonstration.name == recording.name
-        assert demonstration.provenance == recording.provenance
-        for signal in SIGNALS:
-            np.testing.assert_array_equal(getattr(demonstration, signal), getattr(expected, signal))
 
 
 def test_numbers_as_names_are_padded_and_come_in_their_order(tmp_path):
@@ -80,11 +66,13 @@ def test_a_bag_in_several_files_is_one_demonstration(tmp_path):
 
 
 def test_missing_and_empty_sources(tmp_path):
-    with pytest.raises(InputError, match="nowhere: no such file or folder"):
-        read_demonstrations(tmp_path / "nowhere")
     (tmp_path / "notes.txt").write_text("not a bag")
-    with pytest.raises(InputError, match=r"holds no bag \(\.mcap, \.db3, \.bag\) and no table"):
-        read_demonstrations(tmp_path)
+    for source, complaint in (
+        ("nowhere", "nowhere: no such file"),
+        ("", r"no bag \(\.mcap, .* and no table"),
+    ):
+        with pytest.raises(InputError, match=complaint):
+            read_demonstrations(tmp_path / source)
 
 
 @pytest.mark.parametrize(
@@ -102,10 +90,3 @@ def test_missing_and_empty_sources(tmp_path):
 def test_names_must_be_file_names_of_their_own(tmp_path, names, complaint):
     with pytest.raises(InputError, match=complaint):
         write_recordings([make_recording(name, count=4) for name in names], tmp_path)
-
-
-def test_a_fault_names_the_file(tmp_path):
-    bag(tmp_path / "good.mcap")
-    write_bag(tmp_path / "bad.mcap", pose_messages([5, 5], pose_rows(2)))
-    with pytest.raises(InputError, match=r"bad\.mcap: topic '/tool': row 1 .* repeats the stamp"):
-        read_demonstrations(tmp_path, TOOL)

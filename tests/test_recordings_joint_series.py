@@ -59,8 +59,6 @@ def test_joints_of_two_clocks_stand_side_by_side_and_survive_our_own_file(tmp_pa
     assert back.joint_names == ("a", "b", "f")
     again = synchronise(back, max_gap_s=1.0)
     np.testing.assert_array_equal(again.joint_positions, demonstration.joint_positions)
-    write_recording(back, tmp_path / "again.mcap")
-    assert (tmp_path / "again.mcap").read_bytes() == (tmp_path / "own.mcap").read_bytes()
 
 
 @settings(max_examples=15, deadline=None)

@@ -30,11 +30,7 @@ PARAMETERS = committed(
     hidden=(8, 8),
     networks=committed(AdamParameters, "train_dynamics.learning.networks", rate=3e-3, batch=16),
     structures=committed(
-        AdamParameters,
-        "train_dynamics.learning.networks",
-        rate=0.03,
-        batch=32,
-        second_moment_decay=0.99,
+        AdamParameters, "train_dynamics.learning.networks", rate=0.03, batch=32, second_moment_decay=0.99
     ),
 )
 FRICTION = ("viscous", "coulomb")
@@ -231,15 +227,6 @@ def test_networks_of_several_motions_learn_as_each_alone():
         assert part.state.keys() == alone.state.keys()
         for name, values in part.state.items():
             np.testing.assert_allclose(values, alone.state[name], rtol=1e-2, atol=1e-4)
-
-
-def test_networks_learn():
-    motion = rubbing_motion(arm())
-    for kind in ("mlp_scaled", "delan"):
-        group = start(kind, motion, loss="normalised")
-        before = group.nmse().mean(axis=1)
-        learn_in_epochs(group, threshold=0.0, epochs=10)
-        assert (group.nmse().mean(axis=1) < 0.5 * before).all()
 
 
 def test_errors_of_a_network_on_some_samples_estimate_those_on_all(motion):

@@ -18,12 +18,10 @@ from structlearn.rigid_body.online_learning import (
     learn_once_through,
 )
 from structlearn.rigid_body.training_grid import (
-    LOSSES,
     OURS,
     TEXT,
     DynamicsTrainingParameters,
     EpochLimits,
-    Training,
     scores,
     train,
     trainings,
@@ -39,11 +37,6 @@ PARAMETERS = committed(
     learning=committed(LearningParameters, "train_dynamics.learning", hidden=(6, 6), threshold=1e-9),
 )
 ROBOTS = (11, 12)
-
-
-@pytest.fixture(autouse=True)
-def _one_process(monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "sequential")
 
 
 def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated():
@@ -73,13 +66,6 @@ def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated():
     )  # a robot's model has its seed
     last = errors[errors["epoch"] == errors["arm"].map({"iiwa": 2, "stand_in": 1})].groupby(keys)["nmse"]
     np.testing.assert_allclose(outcomes.set_index(keys)["nmse_max"].sort_index(), last.max().sort_index())
-
-
-def test_networks_and_structures_have_one_optimiser_in_our_form_and_the_text_has_its_own():
-    assert LOSSES == {TEXT: "raw", OURS: "normalised"}
-    assert PARAMETERS.of(TEXT) == PARAMETERS.learning
-    ours = PARAMETERS.of(OURS)
-    assert ours.networks == ours.structures == PARAMETERS.ours
 
 
 def test_what_may_be_tracked_with_met_the_criterion_of_its_arm():
@@ -124,12 +110,6 @@ def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough():
     ours = outcomes[(outcomes["form"] == OURS) & (outcomes["model"] == "mlp")]
     assert compared["epochs_mlp"] == ours["epochs"].fillna(4).mean()
     assert compared["worst_mlp"] == pytest.approx(np.exp(np.log(ours["nmse_max"]).mean()))
-
-
-def test_a_robot_is_named_by_its_seed():
-    training = Training("stand_in/11", "cov", "coulomb", TEXT, (11,))
-    assert (training.arm, training.model) == ("stand_in", "cov_coulomb")
-    assert training.file == "stand_in/11/text/cov_coulomb"
 
 
 def test_online_learning_sees_every_batch_once():

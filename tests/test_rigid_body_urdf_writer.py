@@ -7,7 +7,7 @@ import pybullet
 import pybullet_data
 import pytest
 import torch
-from rigid_body_robots import FINGERS, ODD, pinocchio_torques, states
+from rigid_body_robots import ODD, pinocchio_torques, states
 from rigid_body_robots import robot as known_robot
 
 from structlearn.ground.errors import InputError
@@ -78,16 +78,6 @@ def test_pybullet_has_the_same_torques_and_the_friction(name, tmp_path, engine):
         rows = [values[row].tolist() for values in (q, qd, qdd)]
         torques = pybullet.calculateInverseDynamics(body, *rows, physicsClientId=engine)
         np.testing.assert_allclose(torques, its, rtol=1e-5, atol=1e-4 * np.abs(expected).max())
-
-
-def test_the_same_file_every_time_without_meshes_and_locked_joints(tmp_path):
-    robot = known_robot("panda")
-    for name in ("a", "b"):
-        write_urdf(source("panda", tmp_path), tmp_path / name, robot.tree, robot.inertias)
-    text = (tmp_path / "a").read_text()
-    assert text == (tmp_path / "b").read_text()
-    assert "<mesh" not in text
-    assert not [name for name in FINGERS if f'name="{name}" type="prismatic"' in text]
 
 
 def test_another_robots_source_is_refused(tmp_path):

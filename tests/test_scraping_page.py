@@ -25,19 +25,17 @@ from reporting_feedback import (
     traces,
     with_board,
 )
-from reporting_refinement import COSTS, CURVES, forms, history, refinement_results, variants
+from reporting_refinement import COSTS, forms, history, refinement_results, variants
 from reporting_refinement import scores as refined_scores
 from reporting_scraping import demonstration, noise_table, segmentation_results, work_table
 from reporting_verdicts import AnyFigure
 
-from structlearn.ground.artefacts import write_metrics
 from structlearn.reporting.claims import (
     NO,
     NOT_TESTED,
     UNDECIDED,
     UNKNOWN,
     YES,
-    Evidence,
     claims_table,
     combined,
     read_claims,
@@ -48,13 +46,7 @@ from structlearn.testbeds.scraping.page import people_results as people_module
 from structlearn.testbeds.scraping.page import refinement_results as refinement_module
 from structlearn.testbeds.scraping.page import scraping_report as module
 from structlearn.testbeds.scraping.page.feedback_results import dominant_features, sharing_over_phase
-from structlearn.testbeds.scraping.page.people_results import (
-    People,
-    known,
-    share_left,
-    sweep_evidence,
-    weakest,
-)
+from structlearn.testbeds.scraping.page.people_results import People, known, share_left, sweep_evidence
 from structlearn.testbeds.scraping.page.scraping_report import scraping_report
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 
@@ -125,19 +117,6 @@ def verdicts(page, results):
     return {name: combined(list(words.values())) for name, words in judged(page, results).items()}
 
 
-def test_pages_link_each_other_are_short_and_the_same_every_time(made):
-    report = made()
-    assert set(report.pages) == {"index", "feedback", "refinement"}
-    for document in report.pages.values():
-        text = render(document, AnyFigure())
-        assert set(re.findall(r'href="(\w+)\.html"', text)) == set(report.pages)
-        assert set(re.findall(r'href="tables/(\w+)\.csv"', text)) <= {*report.tables, "claims"}
-        shown = re.sub(r"<(style|script)>.*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)
-        assert not re.search(r"\bnan\b", shown, re.IGNORECASE)
-        assert words_in_view(text) <= 1500
-        assert text == render(document, AnyFigure())
-
-
 def test_every_claim_holds_where_the_data_say_so(feedback, segmentation):
     assert set(verdicts("feedback", feedback).values()) == {YES, NO}
     refuted = {"level_board", "level_board_ours", "in_the_unroll", "level_board_text"}
@@ -168,13 +147,6 @@ def _even_at_one_level(table):
     swing = np.array([[1e-3], [-1e-3], [2e-4]])
     table.loc[at & (table["method"] == "zvc"), both] = wls + swing * np.sign(wls)
     return table
-
-
-def test_a_model_that_is_worse_refutes_its_claims(feedback):
-    table = comparison(NMSE | {"pmnn_100": 0.45, "ffnn_phase": 0.6})
-    found = verdicts("feedback", replace(feedback, comparison=table, orderings=orderings(table)))
-    for rule in ("", "_validated"):
-        assert {found[name + rule] for name in ("order_of_structures", "phase_helps")} == {NO}
 
 
 def test_each_rule_of_stopping_has_its_own_rows(feedback):
@@ -227,12 +199,6 @@ def test_work_that_does_not_fall_with_the_square_refutes_it(segmentation, power,
     assert verdicts("segmentation", swept)["downsampled_work"] == expected
     lone = work_table(power).query("factor == 1")  # of one factor g nothing is known
     assert set(sweep_evidence(replace(segmentation, downsampling_people=lone))) == {"least_cut_error"}
-
-
-def test_cuts_that_move_refute_only_the_method_whose_they_are(segmentation):
-    swept = replace(segmentation, downsampling_people=work_table(shift=0.5, text=1.5))
-    found = verdicts("segmentation", swept)
-    assert (found["downsampled_shift"], found["downsampled_shift_ours"]) == (NO, YES)
 
 
 def test_no_two_rows_rest_on_the_same_number(made, root):
@@ -385,11 +351,6 @@ def test_the_dissertation_s_claims_are_decided_by_its_own_form():
         assert claim.by == "ours" or claim.evidence.endswith("_text")
 
 
-def test_without_people_nothing_is_claimed(made, feedback):
-    report = made(feedback, refinement_results())
-    assert {one.verdict for one in report.pages["refinement"].judged} == {NOT_TESTED}
-
-
 def test_people_and_studies_of_parameters_are_quoted(made, feedback):
     results = refinement_results()
     values = results.metrics(NUMBER)
@@ -402,34 +363,6 @@ def test_people_and_studies_of_parameters_are_quoted(made, feedback):
     ratio = values["rl_cost_ratio_prim2"]
     assert report.metrics["rl_cost_ratio_prim2_mean"] == pytest.approx(ratio, rel=0.02)
     assert report.metrics["rl_cost_ratio_prim2_worst"] > report.metrics["rl_cost_ratio_prim2_mean"]
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"scores": refined_scores(runs=1), "history": history(runs=1)},
-        {"history": history(faults={0: "diverged at 1.5 s", 3: "diverged at 0.2 s"})},
-        {"search": pd.DataFrame()},
-        {"scores": refined_scores(settings=(0.0, 5.0)), "examples": {}},
-        {"scores": refined_scores(settings=(0.0,)), "examples": {}},
-        {"history": history({name: CURVES[name][:1] for name in ADAPTED})},
-    ],
-    ids=["one run", "faults", "no search", "not where refined", "only level", "nothing to do"],
-)
-def test_whatever_was_refined_gives_a_page_and_metrics(made, feedback, changes, tmp_path):
-    results = refinement_results(**changes)
-    report = made(feedback, results)
-    assert render(report.pages["refinement"], AnyFigure())
-    write_metrics(report.metrics, tmp_path / "metrics.json")  # raises on NaN
-
-
-def test_the_weakest_decides():
-    clear, open_ = Evidence(5.0, 4.0, 6.0, 3), Evidence(1.0, -3.0, 5.0, 3)
-    lost = Evidence(-1.0, -2.0, -0.5, 3)
-    assert weakest([clear, open_]) == open_
-    assert weakest([clear, open_, lost]) == lost
-    assert weakest([clear, UNKNOWN]) == UNKNOWN
-    assert weakest([]) == UNKNOWN
 
 
 def test_metrics_are_the_means_given(made, feedback, segmentation):

@@ -12,27 +12,13 @@ from viewer_files import colour_of, contents, demonstration, note, values, view_
 
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import quaternion
-from structlearn.ground.artefacts import write_table
-from structlearn.primitives.fitting import FitParameters, learn_primitive
-from structlearn.primitives.primitive_files import write_primitives
-from structlearn.primitives.trajectory import differentiated, differentiated_orientation
-from structlearn.recordings import synchronise
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.recording import Recording, Stream
-from structlearn.recordings.runs import write_runs as write_sets
-from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.tactile.electrodes import SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.names import CORRECTED, CUT_METHODS, ROLLOUTS, RUNS
-from structlearn.testbeds.scraping.protocol.execution_scores import (
-    AFTER,
-    BEFORE,
-    NOMINAL,
-    nominal_orientation,
-    orientation_cost,
-)
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.recordings.executions_recording import (
     write_executions,
     write_refinement,
@@ -54,7 +40,6 @@ PRIMITIVES = ("down", "turn", "scrape")
 SEGMENTS = np.array([[0.0, 0.3], [0.3, 0.9], [0.9, 1.2]])
 RATE_HZ = 200
 FELT = (("turn", 0.6), ("scrape", 0.3))
-CLOCK = committed(ClockParameters, "clock", rate_hz=RATE_HZ)
 LENGTH = 40  # samples of a rollout, at 100 Hz
 
 
@@ -276,13 +261,6 @@ def arm_transforms(path):
     return found
 
 
-@pytest.mark.parametrize("joints", [None, np.zeros((261, 6))])
-def test_a_robot_of_another_make_is_refused(tmp_path, joints):
-    other = Demonstration(**{**vars(board_run()), "joint_positions": joints})
-    with pytest.raises(ValueError, match="01: needs the positions of 7 joints"):
-        write_robot(tmp_path / "robot.rrd", Execution(RUNS[NOMINAL], other, 10.0, PRIMITIVES, traces()))
-
-
 def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonstration(tmp_path):
     path = tmp_path / "alignment.rrd"
     parameters = committed(SegmentParameters, "segment", primitives=MOVEMENTS)
@@ -310,103 +288,6 @@ def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonst
     assert contents(path)[0]["/down/guess/curve"] == 1
 
 
-def streams(run):
-    stamps = np.round(1e9 * run.time).astype(np.int64)
-    signals = {
-        "pose": np.hstack([run.position, run.orientation]),
-        "joint_positions": run.joint_positions,
-        "wrench": run.wrench,
-        "tool_to_board": run.tool_to_board,
-    }
-    return Recording(
-        run.name,
-        tuple(Stream(f"/{kind}", kind, stamps, values) for kind, values in signals.items()),
-        run.true_segments,
-        run.provenance,
-    )
-
-
-@pytest.fixture
-def files(tmp_path):
-    """Learned primitives alone."""
-    one = board_run(hand_deg=0.0)
-    paths = (
-        differentiated(one.position, one.dt, 5.0),
-        differentiated_orientation(one.orientation, one.dt, 5.0),
-    )
-    parameters = committed(FitParameters, "fit_primitives")
-    folder = tmp_path / "primitives/scraping"
-    folder.mkdir(parents=True)
-    learned = [learn_primitive(name, [paths, paths], parameters) for name in PRIMITIVES]
-    write_primitives(learned, folder / "primitives.safetensors")
-    return ScrapingFiles(tmp_path)
-
-
-def write_runs(files, place, setting, names=("01", "02"), **run):
-    runs = [synchronise(streams(board_run(name, **run)), **CLOCK.model_dump()) for name in names]
-    write_sets(runs, files.data / "runs/scraping" / place / f"{setting}.parquet")
-
-
-def write_traces(files, kind, models, settings):
-    """Of two runs; the coupling term says the model's."""
-    tables = [
-        traces(coupling).assign(model=model, setting_deg=setting, run=run)
-        for model, coupling in models.items()
-        for setting in settings
-        for run in ("01", "02")
-    ]
-    (files.data / "feedback/scraping" / kind).mkdir(parents=True)
-    write_table(pd.concat(tables), files.data / "feedback/scraping" / kind / "traces.parquet")
-
-
-def test_runs_with_feedback_are_found_where_the_stages_wrote_them(files):
-    for model in (NOMINAL, POINTWISE):
-        write_runs(files, f"closed_loop/{model}", "0")  # nothing to correct
-    for place in (f"closed_loop/{NOMINAL}", f"closed_loop/{POINTWISE}", "corrections"):
-        for setting in ("2.5", "10"):
-            write_runs(files, place, setting)
-    write_traces(files, "evaluation", {NOMINAL: 0.0, POINTWISE: 2.0}, (0.0, 2.5, 10.0))
-    datasets = files.data / "feedback/scraping/dataset"
-    datasets.mkdir()
-    for name, own in traces().groupby("primitive"):
-        columns = {"phase": 0.5, "phase_velocity": -1.0}
-        corrected = [
-            own.drop(columns=["coupling", "primitive"]).assign(
-                **columns, setting_deg=setting, demonstration=number, target=number + 3.0
-            )
-            for setting in (2.5, 10.0)
-            for number in (0, 1)
-        ]
-        write_table(pd.concat(corrected), datasets / f"{name}.parquet")
-
-    runs = read_feedback_runs(files)
-    assert list(runs) == [10.0, 2.5]
-    assert [one.look for one in runs[2.5]] == [RUNS[kind] for kind in (NOMINAL, CORRECTED, POINTWISE)]
-    assert [one.felt["coupling"].tolist() for one in runs[2.5]] == [[0.0] * 20, [3.0] * 20, [2.0] * 20]
-    assert runs[10.0][1].board_deg == 10.0
-    assert runs[10.0][1].cost is None
-    write_executions(files.data / "feedback.rrd", runs)
-
-
-def test_refined_runs_are_found_where_the_stages_wrote_them(files):
-    write_runs(files, "", "unrolls", names=("01",), hand_deg=0.0)
-    rolls = {NOMINAL: -9.0, BEFORE: -4.0, AFTER: -1.0}
-    for model, roll in rolls.items():
-        for setting in ("5", "10") if model != AFTER else ("10",):  # at 5 degrees not all were executed
-            write_runs(files, f"refined/{model}", setting, tool_on_board_deg=roll)
-    write_traces(files, "refined", rolls, (5.0, 10.0))
-
-    runs = read_refined_runs(files)
-    assert list(runs) == [10.0]
-    assert [one.look for one in runs[10.0]] == [RUNS[kind] for kind in rolls]
-    for one, roll in zip(runs[10.0], rolls.values(), strict=True):
-        assert set(one.felt["coupling"]) == {roll}
-        assert one.cost == pytest.approx(np.radians(-roll), abs=1e-6)  # the nominal tool is flat
-    after = runs[10.0][2]
-    nominal = nominal_orientation([board_run(hand_deg=0.0)])
-    assert after.cost == pytest.approx(orientation_cost(after.run, nominal), abs=1e-6)
-    write_refinement(files.data / "refinement.rrd", runs, *rollouts(("turn",)))
-
-
-def test_without_executions_nothing_is_shown(files):
+def test_without_executions_nothing_is_shown(tmp_path):
+    files = ScrapingFiles(tmp_path)
     assert read_feedback_runs(files) == read_refined_runs(files) == {}

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from reporting_scraping import PARAMETERS
 
 from structlearn.ground.errors import InputError
+from structlearn.ground.signals import standardise
 from structlearn.segmentation.alignment import (
     Alignment,
     Movement,
@@ -16,6 +17,8 @@ from structlearn.segmentation.alignment import (
     with_crossings,
 )
 from structlearn.segmentation.crossings import Crossing
+from structlearn.segmentation.dtw import correspondences, warping
+from structlearn.segmentation.motion_runs import moving_interval
 
 
 @given(st.floats(0.3, 3.0), st.floats(-500, 500), st.integers(0, 1000))
@@ -105,3 +108,101 @@ def test_motion_outside_of_what_surrounds_a_primitive_does_not_count(bound, outs
     assert bounded[0].alignments == bounded[1].alignments
     np.testing.assert_array_equal(bounded[0].pairs, bounded[1].pairs)
     assert found(path).alignments != found(other).alignments
+
+
+def bell(samples: int = 400, centre: float = 200, width: float = 40) -> np.ndarray:
+    return np.exp(-0.5 * ((np.arange(samples) - centre) / width) ** 2)
+
+
+def test_cut_lies_at_rest_below_the_threshold():
+    speed = bell()
+    s, e = moving_interval(speed, speed, threshold=0.2, bridge=0)
+    assert speed[s] <= 0.2 * 0.2
+    assert speed[e] <= 0.2 * 0.2
+    assert s < 200 < e
+    assert speed[s + 1] > 0.2 * 0.2  # no further than needed
+
+
+def test_descent_stops_at_a_local_minimum():
+    speed = bell(centre=200) + 0.8 * bell(centre=320, width=20)
+    valley = 200 + int(np.argmin(speed[200:320]))
+    _, e = moving_interval(speed, speed, threshold=speed[valley] + 0.05, bridge=0)
+    assert e == valley
+
+
+def test_hesitation_is_bridged_and_a_pause_is_not():
+    speed = bell(centre=120, width=20) + bell(centre=240, width=20) * 1.1
+    s, e = moving_interval(speed, speed, threshold=0.3, bridge=100)
+    assert s < 120
+    assert e > 240
+    s, e = moving_interval(speed, speed, threshold=0.3, bridge=10)
+    assert 120 < s < 240 < e  # the larger movement alone
+
+
+def test_smoothing_does_not_widen_the_cut():
+    sharp = ((np.arange(400) > 150) & (np.arange(400) < 250)).astype(float)
+    smooth = np.convolve(sharp, np.ones(61) / 61, mode="same")
+    assert moving_interval(smooth, sharp, threshold=0.1, bridge=0) == (150, 250)
+
+
+def test_nothing_is_looked_for_before_the_first_sample():
+    speed = 2 * bell(centre=80, width=15) + bell(centre=300, width=15)
+    s, _ = moving_interval(speed, speed, threshold=0.2, bridge=0, first=150)
+    assert s > 150
+
+
+def test_no_motion_is_told():
+    with pytest.raises(InputError, match=r"never exceeds 0\.5 m/s \(largest 0\.1 m/s\)"):
+        moving_interval(0.1 * bell(), 0.1 * bell(), threshold=0.5, bridge=0)
+
+
+def slow_correspondences(reference: np.ndarray, guess: np.ndarray) -> list[tuple[int, int]]:
+    """Algorithm IV.2, line by line, on whole tables."""
+    a, b = (standardise(signal.reshape(len(signal), -1)) for signal in (reference, guess))
+    memo = np.full((len(a) + 1, len(b) + 1), np.inf)
+    memo[0, 0] = 0.0
+    ancestry = np.zeros_like(memo, dtype=int)
+    for i in range(1, len(a) + 1):
+        for j in range(1, len(b) + 1):
+            ancestors = [memo[i - 1, j], memo[i - 1, j - 1], memo[i, j - 1]]
+            ancestry[i, j] = int(np.argmin(ancestors))
+            memo[i, j] = np.linalg.norm(a[i - 1] - b[j - 1]) + min(ancestors)
+    i, j, pairs = len(a), len(b), []
+    while i > 1 and j > 1:
+        if ancestry[i, j] == 0:
+            i -= 1
+        elif ancestry[i, j] == 1:
+            pairs.append((i - 1, j - 1))
+            i, j = i - 1, j - 1
+        else:
+            j -= 1
+    return pairs[::-1]
+
+
+@given(st.integers(2, 30), st.integers(2, 30), st.integers(1, 3), st.integers(0, 2**32 - 1), st.booleans())
+def test_equals_the_algorithm_of_the_text(n, m, axes, seed, ties):
+    rng = np.random.default_rng(seed)
+    reference, guess = rng.normal(size=(n, axes)).cumsum(0), rng.normal(size=(m, axes)).cumsum(0)
+    if ties:
+        reference, guess = np.round(reference), np.round(guess)
+    expected = slow_correspondences(reference, guess)
+    if ties and axes > 1:  # sums in another order break ties of vectors differently
+        assert len(correspondences(reference, guess)) <= min(n, m)
+    else:
+        assert correspondences(reference, guess).tolist() == [list(pair) for pair in expected]
+
+
+@given(st.integers(2, 30), st.integers(2, 30), st.integers(1, 3))
+def test_every_cell_is_computed_once(n, m, axes):
+    rng = np.random.default_rng(0)
+    pairs, cells = warping(rng.normal(size=(n, axes)), rng.normal(size=(m, axes)))
+    assert cells == n * m
+    assert len(pairs) <= min(n, m)
+
+
+def test_scale_and_offset_do_not_matter():
+    rng = np.random.default_rng(0)
+    reference, guess = rng.normal(size=200).cumsum(), rng.normal(size=150).cumsum()
+    np.testing.assert_array_equal(
+        correspondences(reference, guess), correspondences(3 * reference + 7, 0.1 * guess - 2)
+    )

@@ -199,26 +199,12 @@ def test_too_few_primitives_leave_motion_that_is_told_of(tmp_path):
     assert read_segmentation(tmp_path / "cuts").doubts.equals(segmentation.doubts)
 
 
-def test_too_many_primitives_are_refused():
-    with pytest.raises(
-        InputError, match=r"01: has 3 runs of motion .* cannot be move_1, move_2, move_3, move_4"
-    ):
-        segmentation_of(takes(1, 3), 4)
-
-
 def test_one_that_can_be_cut_does_not_speak_for_all():
     """Of the others each has a run less: the number is wrong, and nothing of it may be skipped."""
     others = dict.fromkeys(["02", "03", "04"], "carry")
     made = takes(1, 3, 4, without=others)
     with pytest.raises(InputError, match=r"^3 of 4 demonstrations cannot be cut .*skipped: 0\d: has 2 runs"):
         segmentation_of(made, 3, skip_failures=True)
-
-
-def test_a_named_reference_is_the_reference():
-    made = takes(4, 3, 4)
-    assert segmentation_of(made, 3, reference="03").reference == "03"
-    with pytest.raises(InputError, match="no demonstration named '07'"):
-        segmentation_of(made, 3, reference="07")
 
 
 def test_primitives_may_be_a_number_names_or_mappings():

@@ -11,7 +11,7 @@ from structlearn.ground.errors import InputError
 from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import cut_errors
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
+from structlearn.segmentation.segments import cut, execution_cuts, read_segmentation, write_segmentation
 
 PRIMITIVES = (
     {"name": "down", "axis": "z", "threshold_m_s": 0.01},
@@ -74,18 +74,11 @@ def test_reference_may_be_chosen(two_move_demonstrations):
     segmentation = cut(two_move_demonstrations, parameters(reference="03"))
     assert segmentation.reference == "03"
     assert "03" not in set(segmentation.pairs["demonstration"])
-    with pytest.raises(InputError, match="no demonstration named '99'"):
-        cut(two_move_demonstrations, parameters(reference="99"))
 
 
 def motionless(demonstrations):
     still = replace(demonstrations[1], position=demonstrations[1].position * [1, 0, 1])
     return [demonstrations[0], still, *demonstrations[2:]]
-
-
-def test_a_demonstration_without_the_movement_is_named(two_move_demonstrations):
-    with pytest.raises(InputError, match=r"02: primitive 'scrape': its speed never exceeds 0\.01 m/s"):
-        cut(motionless(two_move_demonstrations), parameters())
 
 
 def test_failures_are_left_out_when_that_is_allowed(two_move_demonstrations):
@@ -95,16 +88,26 @@ def test_failures_are_left_out_when_that_is_allowed(two_move_demonstrations):
     assert "02" not in set(segmentation.cuts["demonstration"])
 
 
-def test_a_bad_reference_is_never_skipped(two_move_demonstrations):
-    still = replace(two_move_demonstrations[0], position=two_move_demonstrations[0].position * 0)
-    with pytest.raises(InputError, match="01: primitive 'down'"):
-        cut([still, *two_move_demonstrations[1:]], parameters(skip_failures=True))
-
-
-def test_sampling_intervals_must_agree(two_move_demonstrations):
-    slower = replace(two_move_demonstrations[1], time=2 * two_move_demonstrations[1].time)
-    with pytest.raises(InputError, match=r"02: sampling interval 0\.02 s differs from 0\.01 s"):
-        cut([two_move_demonstrations[0], slower], parameters())
+@pytest.mark.parametrize(
+    ("change", "changes", "message"),
+    [
+        (list, {"reference": "99"}, "no demonstration named '99'"),
+        (motionless, {}, r"02: primitive 'scrape': its speed never exceeds 0\.01 m/s"),
+        (  # a bad reference is never skipped
+            lambda all: [replace(all[0], position=0 * all[0].position), *all[1:]],
+            {"skip_failures": True},
+            "01: primitive 'down'",
+        ),
+        (
+            lambda all: [all[0], replace(all[1], time=2 * all[1].time)],
+            {},
+            r"02: sampling interval 0\.02 s differs from 0\.01 s",
+        ),
+    ],
+)
+def test_what_cannot_be_cut_is_named(two_move_demonstrations, change, changes, message):
+    with pytest.raises(InputError, match=message):
+        cut(change(two_move_demonstrations), parameters(**changes))
 
 
 def test_round_trip(two_move_demonstrations, tmp_path):
@@ -139,3 +142,80 @@ def test_round_trip(two_move_demonstrations, tmp_path):
 def test_bad_primitives_are_refused(primitives, reason):
     with pytest.raises(ValidationError, match=reason):
         committed(SegmentParameters, "segment", primitives=primitives)
+
+
+NAMES = ("down", "turn", "forward")
+CUTTING = committed(
+    SegmentParameters,
+    "segment",
+    primitives=(
+        {"name": "down", "axis": "z", "threshold_m_s": 0.02},
+        {"name": "turn", "axis": "between", "threshold_m_s": None},
+        {"name": "forward", "axis": "y", "threshold_m_s": 0.01},
+    ),
+    guess_cutoff_hz=4.0,
+    cut_cutoff_hz=5.0,
+    align_cutoff_hz=5.0,
+    extension_s=0.3,
+    downsampling=2,
+)
+
+
+def unknown(runs):
+    """The same runs as a robot records them that does not say when its primitives switched."""
+    return [replace(run, true_segments=None) for run in runs]
+
+
+@pytest.mark.parametrize("parameters", [None, CUTTING])
+def test_commanded_segments_are_taken_as_they_are(two_move_demonstrations, parameters):
+    cuts = execution_cuts(two_move_demonstrations, NAMES, parameters)
+    assert list(cuts) == list(NAMES)
+    for place, name in enumerate(NAMES):
+        assert cuts[name].index.name == "demonstration"
+        for run in two_move_demonstrations:
+            found = cuts[name].loc[run.name, ["start_s", "end_s"]]
+            np.testing.assert_array_equal(found, run.true_segments[place])
+
+
+def test_runs_without_them_are_cut_as_demonstrations_are(two_move_demonstrations):
+    cuts = execution_cuts(unknown(two_move_demonstrations), NAMES, CUTTING)
+    assert list(cuts) == list(NAMES)
+    for place, name in enumerate(NAMES):
+        assert list(cuts[name].columns) == ["start_s", "end_s"]
+        for run in two_move_demonstrations:
+            np.testing.assert_allclose(cuts[name].loc[run.name], run.true_segments[place], atol=0.15)
+
+
+def test_one_run_without_them_and_all_are_cut_alike(two_move_demonstrations):
+    mixed = [*two_move_demonstrations[:-1], *unknown(two_move_demonstrations[-1:])]
+    cuts = execution_cuts(mixed, NAMES, CUTTING)
+    alike = execution_cuts(unknown(two_move_demonstrations), NAMES, CUTTING)
+    for name in NAMES:
+        np.testing.assert_array_equal(cuts[name], alike[name])
+
+
+def test_segments_of_another_task_are_not_taken(two_move_demonstrations):
+    """Two commanded primitives cannot be the three that are asked for."""
+    fewer = [replace(run, true_segments=run.true_segments[:2]) for run in two_move_demonstrations]
+    cuts = execution_cuts(fewer, NAMES, CUTTING)
+    assert cuts["forward"].loc["01", "end_s"] == pytest.approx(
+        two_move_demonstrations[0].true_segments[2, 1], abs=0.15
+    )
+
+
+@pytest.mark.parametrize("skip_failures", [False, True])
+def test_a_run_that_cannot_be_cut_is_named(two_move_demonstrations, skip_failures):
+    """Also where demonstrations may be left out: everything that is learned needs every run."""
+    first, second, *others = unknown(two_move_demonstrations)
+    runs = [first, replace(second, position=np.zeros_like(second.position)), *others]
+    parameters = CUTTING.model_copy(update={"skip_failures": skip_failures})
+    with pytest.raises(InputError, match="02: primitive 'down'"):
+        execution_cuts(runs, NAMES, parameters)
+
+
+def test_the_reference_of_the_demonstrations_need_not_be_among_the_runs(two_move_demonstrations):
+    runs = unknown(two_move_demonstrations)
+    elsewhere = CUTTING.model_copy(update={"reference": "taught_by_hand_3"})
+    expected = execution_cuts(runs, NAMES, CUTTING)
+    for name, table in execution_cuts(runs, NAMES, elsewhere).items():
+        np.testing.assert_array_equal(table, expected[name])

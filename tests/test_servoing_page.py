@@ -13,8 +13,7 @@ from tactile_toy import toy_dataset
 
 from structlearn.ground.params import Population
 from structlearn.reporting.claims import Evidence, claims_table
-from structlearn.reporting.document import environment, render, words_in_view
-from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.document import environment, render
 from structlearn.reporting.studies import Study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
@@ -25,7 +24,6 @@ from structlearn.testbeds.servoing.files import OtherSkinTables
 from structlearn.testbeds.servoing.names import DYNAMICS, OURS, TEXT
 from structlearn.testbeds.servoing.page import page, tables
 from structlearn.testbeds.servoing.page.evidence import TEXT_LL, evidence
-from structlearn.testbeds.servoing.page.figures import drawings
 from structlearn.testbeds.servoing.page.results import (
     AS_IT_STANDS,
     STUDIES,
@@ -251,21 +249,6 @@ def verdicts(results):
 def rendered(results):
     """The page without its figures being drawn."""
     return render(page.document(results, tables.tables(results)), reporting_verdicts.AnyFigure())
-
-
-def test_page_is_short_and_the_same_every_time(results):
-    html = rendered(results)
-    assert words_in_view(html) <= 1500
-    assert "nan" not in html.lower().split()
-    assert "over 2 people" not in html  # these are models of one person
-    assert html == rendered(results)
-
-
-def test_page_without_any_success_can_be_drawn(results, tmp_path):
-    none = replace(results, comparison=comparison())
-    shown, metrics = tables.tables(none), none.metrics()
-    drawn = drawings(none, np.zeros((10, 10, 3), np.uint8))
-    publish_report(tmp_path, {"index": page.document(none, shown)}, drawn, shown, metrics, ())
 
 
 def test_card_names_metrics(results):

@@ -11,23 +11,7 @@ from committed import committed
 from structlearn.ground.artefacts import read_table
 from structlearn.ground.params import Population
 from structlearn.reporting.studies import read_description
-from structlearn.tactile.geodesics import read_geodesics
-from structlearn.tactile.touch_dataset import chains, read_dataset
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant, variants
-
-
-def test_what_is_recorded_becomes_samples_with_distances(reduced_project):
-    """Of two places a turn, which touches twice, and a swipe, which touches four times, each twice."""
-    files = list((reduced_project / "data/raw/servoing").glob("*.mcap"))
-    assert len(files) == 8
-    dataset = read_dataset(reduced_project / "data/servoing/touch.safetensors")
-    assert dataset.contact.max() + 1 == 4 * 2 + 4 * 4
-    assert len(chains(dataset, 3)) > 1000
-    geodesics = read_geodesics(reduced_project / "data/servoing/geodesics.safetensors")
-    assert geodesics.distance.shape == (1, 300, 300)
-    assert np.isfinite(geodesics.distance).all()
-    truth = read_table(reduced_project / "data/servoing/true_contacts.parquet")
-    assert truth["trial"].nunique() == len(files)
 
 
 def test_all_controllers_meet_the_same_trials(reduced_project):
@@ -46,16 +30,6 @@ def test_all_controllers_meet_the_same_trials(reduced_project):
     shown = paths.groupby([*keys, "seed", "trial"]).size()
     assert len(shown) == 6 * 2
     assert paths.filter(like="electrode_").shape[1] == 19
-
-
-def test_another_skin_goes_the_same_way(reduced_project):
-    latent, directions, trials = (
-        read_table(reduced_project / f"data/servoing/{name}.parquet")
-        for name in ("other_skins/latent", "other_skins/directions", "servo/other_skins")
-    )
-    assert all(set(table["skin"]) == {"sphere"} for table in (latent, directions, trials))
-    assert set(trials["form"]) == {"published", "resting"}
-    assert np.isfinite(latent["reconstruction"]).all()
 
 
 def test_what_is_reported_is_of_the_first_of_the_test_set(root):

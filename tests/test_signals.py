@@ -62,13 +62,6 @@ def test_standardised_columns_have_no_mean_and_unit_variance():
     assert not found[:, 2].any()  # a constant column is zero, not NaN
 
 
-@pytest.mark.parametrize("count", [2, 7, 50, 199])
-def test_time_normalisation_keeps_a_line_and_its_ends(count):
-    line = np.stack([np.linspace(1.0, 3.0, 50), np.linspace(0.0, -7.0, 50)], axis=1)
-    expected = np.stack([np.linspace(1.0, 3.0, count), np.linspace(0.0, -7.0, count)], axis=1)
-    np.testing.assert_allclose(time_normalised(line, count), expected, atol=1e-14)
-
-
 @given(rngs)
 @quick
 def test_time_normalisation_is_linear_interpolation(rng):

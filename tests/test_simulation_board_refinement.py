@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from board_rollouts import small_board
 from committed import committed
@@ -14,7 +13,7 @@ from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters
-from structlearn.policy_search.refinement import FEEDBACK, Rollout, open_loop_weights
+from structlearn.policy_search.refinement import Rollout, open_loop_weights
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 
@@ -35,7 +34,6 @@ PARAMETERS = committed(
     added_runs=2,
     training=committed(TrainingParameters, "compare_models", steps=20, evaluate_every=10),
 )
-PER_ITERATION = 3 + 2 + 2
 ASKED = []
 """Name, setting, preceding networks and executed networks of every call of a board."""
 
@@ -66,21 +64,8 @@ def board():
     return MadeUpBoard(**{**vars(real), "setting_deg": PARAMETERS.setting_deg})
 
 
-@pytest.fixture(scope="module")
-def refined(board):
-    return refine_on_board(board, DATASETS, PARAMETERS)
-
-
 def same_network(one, other):
     return all(map(np.array_equal, one.arrays().values(), other.arrays().values()))
-
-
-def assert_same(one, other):
-    for name in NAMES[1:]:
-        assert same_network(one.before[name], other.before[name])
-        assert same_network(one.after[name], other.after[name])
-    for table in ("history", "samples", "policies"):
-        pd.testing.assert_frame_equal(getattr(one, table), getattr(other, table), check_exact=True)
 
 
 def test_a_primitive_is_refined_while_those_before_it_run_refined(board):
@@ -129,24 +114,6 @@ def test_in_the_text_s_form_only_what_was_tried_is_added(board):
     assert {setting for _, setting, _, _ in ASKED} == {PARAMETERS.setting_deg}
 
 
-def test_every_rollout_is_in_the_tables(refined):
-    for name in NAMES[1:]:
-        history, policies = (
-            table[table["primitive"] == name] for table in (refined.history, refined.policies)
-        )
-        assert len(history) == 2 + 2 * PER_ITERATION
-        keys = ["iteration", "kind", "number"]
-        searched = history[history["kind"] != FEEDBACK]
-        pd.testing.assert_frame_equal(
-            searched[keys].reset_index(drop=True), policies[keys].reset_index(drop=True)
-        )
-        kept = refined.samples[refined.samples["primitive"] == name].groupby(keys).ngroups
-        assert kept == len(history)
-    weights = refined.policies.filter(like="weight_")
-    assert weights.shape[1] == 25
-    assert np.isfinite(weights.to_numpy()).all()
-
-
 @pytest.mark.parametrize("explored", [{SCRAPE}, set()])
 def test_a_primitive_without_exploration_keeps_its_model(explored, board):
     parameters = PARAMETERS.model_copy(update={"exploration": dict.fromkeys(explored, 5.0)})
@@ -154,15 +121,6 @@ def test_a_primitive_without_exploration_keeps_its_model(explored, board):
     for name in {TURN, SCRAPE} - explored:
         assert same_network(refined.after[name], refined.before[name])
     assert set(refined.history.get("primitive", ())) == explored
-
-
-def test_every_iteration_is_told_and_the_same_seed_gives_the_same(board, refined):
-    told = []
-    again = refine_on_board(
-        board, DATASETS, PARAMETERS, lambda name, progress: told.append((name, progress.iteration))
-    )
-    assert_same(again, refined)
-    assert told == [(name, iteration) for name in NAMES[1:] for iteration in range(3)]
 
 
 def test_a_primitive_without_corrections_is_named(board):

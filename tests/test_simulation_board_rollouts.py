@@ -6,12 +6,22 @@ import numpy as np
 import pytest
 from board_rollouts import LIMITS, POLICY, RATE_HZ, SEED, TESTBED, same, small_board
 from committed import committed
+from feedback_toy import toy_dataset
 from parallel_work import Deadly
-from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network
+from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network, scraping_skill
 
+from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.models.pmnn import open_loop
+from structlearn.feedback.skill import largest_coupling
+from structlearn.ground.artefacts import write_table
+from structlearn.ground.errors import InputError
+from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
+from structlearn.recordings import synchronise
+from structlearn.recordings.runs import read_runs, write_runs
+from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import board_rollouts
-from structlearn.testbeds.scraping.protocol.board_rollouts import REFINED
+from structlearn.testbeds.scraping.protocol.board_rollouts import REFINED, read_board
+from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
     evaluation_runs,
@@ -19,14 +29,6 @@ from structlearn.testbeds.scraping.protocol.executions import (
     nominal_runs,
 )
 from structlearn.testbeds.scraping.world.execution import ControlParameters
-
-
-@pytest.fixture(scope="module", autouse=True)
-def in_this_process():
-    """Short runs are over before worker processes would have started; faults can be put in."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +74,6 @@ def test_samples_say_what_the_policy_did(runs):
     assert not np.array_equal(done.deviation, idle.deviation)  # what the policy does is felt
 
 
-def test_a_rollout_is_repeatable_and_its_seed_decides_it(board, runs):
-    again, other = board.rollouts([open_loop(POLICY)] * 2, [SEED, (1, 0, 3)])
-    assert same(again, runs[0])
-    assert not same(other, runs[0])
-
-
 @pytest.fixture
 def executing(monkeypatch):
     """Puts another function in the place of the one that executes runs."""
@@ -121,7 +117,9 @@ def test_seeds_meet_no_other_runs_and_tell_primitives_apart(board, asked):
         replace(board, name=name).rollouts([open_loop(POLICY)] * len(seeds), seeds)
     found = [run.seed for run, *_ in asked]
     assert len(set(found)) == len(found) == 2 * len(seeds)
-    others = [*nominal_runs(15), *corrected_runs([5.0], 15), *evaluation_runs([5.0], 15, False)]
+    settings = [0.0, 2.5, 5.0, 6.3, 10.0, -2.5]
+    others = [*nominal_runs(15), *corrected_runs(settings, 15), *evaluation_runs(settings, 8, False)]
+    assert len({run.seed for run in others}) == len(others) == 15 + 15 * 6 + 8 * 6
     assert REFINED not in {run.seed[0] for run in others}
 
 
@@ -193,3 +191,47 @@ def test_a_rollout_whose_process_dies_is_left_out_alone(board, runs, monkeypatch
     assert_failed(dead, "the process died")
     assert same(alive, runs[0])
     assert same(also_alive, runs[0])
+
+
+CLOCK = committed(ClockParameters, "clock", rate_hz=RATE_HZ)
+
+
+@pytest.fixture
+def data(board, tmp_path):
+    """What the stages before have written, with toy demonstrations of 0, 5 and 10 degrees."""
+    write_primitives(board.primitives, tmp_path / "primitives/scraping/primitives.safetensors")
+    for name, expected in board.expected.items():
+        write_vector_primitive(
+            expected, tmp_path / f"feedback/scraping/expected/{name}.safetensors", "traces"
+        )
+    runs = [execute_run(run, 0, scraping_skill(), board.testbed) for run in nominal_runs(1)]
+    clocked = [synchronise(run, **CLOCK.model_dump()) for run in runs]
+    write_runs(clocked, tmp_path / "runs/scraping/unrolls.parquet")
+    write_table(to_table(toy_dataset()), tmp_path / "feedback/scraping/dataset/turn.parquet")
+    return tmp_path
+
+
+def read(data, board, settings=(5.0, 10.0)):
+    return read_board(data, settings, 20.0, board.supervision, board.testbed, CLOCK)
+
+
+def test_the_board_is_read_with_the_demonstrations_of_the_settings_asked_for(data, board):
+    found, datasets = read(data, board)
+    assert (found.name, found.setting_deg, found.preceding) == ("turn", 20.0, {})
+    assert [one.name for one in found.primitives] == [one.name for one in board.primitives]
+    assert found.expected.keys() == board.expected.keys()
+    assert set(datasets["turn"].setting) == {5.0, 10.0}
+    unrolls = read_runs(data / "runs/scraping/unrolls.parquet")
+    np.testing.assert_array_equal(found.nominal, nominal_orientation(unrolls))
+
+
+def test_what_is_not_learned_from_does_not_bound_the_feedback(data, board):
+    """The largest coupling of the new setting is not known there."""
+    for settings in ((0.0,), (0.0, 5.0, 10.0)):
+        found, datasets = read(data, board, settings)
+        assert found.limits.largest_coupling == {"ry": largest_coupling([datasets["turn"].target])}
+
+
+def test_a_setting_without_corrections_is_named(data, board):
+    with pytest.raises(InputError, match=r"turn\.parquet: has no corrections in the settings 6\.3"):
+        read(data, board, (5.0, 6.3))

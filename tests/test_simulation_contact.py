@@ -113,12 +113,6 @@ def test_a_partly_loaded_edge_is_pushed_at_a_third_of_what_is_loaded(flat, roll_
     np.testing.assert_allclose(wrench[3:], [0.0, torque, 0.0], rtol=0.02, atol=1e-9)
 
 
-def test_the_row_of_points_has_the_length_and_inertia_of_the_edge():
-    assert len(POINTS) == EDGE_POINTS
-    assert POINTS.mean() == pytest.approx(0.0, abs=1e-18)
-    assert np.mean(POINTS**2) == pytest.approx(EDGE_WIDTH_M**2 / 12, rel=0.02)
-
-
 @pytest.mark.parametrize("direction", [[1, 0, 0], [0, 1, 0], [0.6, -0.8, 0]])
 def test_friction_pulls_back_and_saturates(flat, direction):
     """Stuck: a spring and a damper; sliding: friction times normal force, whatever the speed."""
@@ -129,10 +123,6 @@ def test_friction_pulls_back_and_saturates(flat, direction):
             force = pressed(flat, 0.5e-3, velocity=slip, steps=steps)[:3]
             drag = min(STICKING * speed * DT * steps + STICKING_DAMPING * speed, FRICTION * 1.0)
             np.testing.assert_allclose(force, np.array([0, 0, 1.0]) - drag * direction, atol=1e-6)
-
-
-def test_a_standing_edge_has_no_friction(flat):
-    np.testing.assert_array_equal(pressed(flat, 0.5e-3)[:2], 0.0)
 
 
 def test_damping_pushes_on_approach_and_never_pulls(flat):

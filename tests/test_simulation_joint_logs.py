@@ -5,7 +5,6 @@ from dynamics_motion import committed_motion
 from rigid_body_robots import carrying
 
 from structlearn.ground.metrics import nmse
-from structlearn.recordings.joint_log import read_joint_log, write_joint_log
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
@@ -18,7 +17,6 @@ from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
 
 MOTION = committed_motion(duration_s=4.0)
 SEED = 3
-FRAMES = "/joint_states"
 
 
 @pytest.fixture(scope="module")
@@ -45,15 +43,6 @@ def test_the_ideal_log_obeys_the_urdfs_dynamics(robot, log):
     assert len(log.stamps) == 1000
     assert (np.diff(log.stamps) == 4_000_000).all()
     assert log.provenance["origin"] == "simulated"
-
-
-def test_logs_come_back_from_their_files_and_are_repeatable(robot, log, tmp_path):
-    for name in ("a", "b"):
-        write_joint_log(ideal_log(robot, MOTION), tmp_path / f"{name}.mcap")
-    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
-    back = read_joint_log(tmp_path / "a.mcap")
-    np.testing.assert_array_equal(back.torques, log.torques)
-    assert back.provenance == log.provenance
 
 
 def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):

@@ -144,14 +144,10 @@ def test_the_estimated_contact_is_near_the_true_one(runs):
     assert np.median(np.concatenate(errors)) < 1.2e-3
 
 
-def test_recordings_are_valid_and_repeat(runs, person):
-    again = list(demonstrate(person, committed_finger()))
-    for first, second in zip(runs, again, strict=True):
-        one, two = recorded(first, person), recorded(second, person)
+def test_recordings_are_valid(runs, person):
+    for first in runs:
+        one = recorded(first, person)
         check_recording(one)
         assert one.provenance["motion"] == first.motion
         assert one.provenance["origin"] == "simulated"
-        for left, right in zip(one.streams, two.streams, strict=True):
-            np.testing.assert_array_equal(left.values, right.values)
-            np.testing.assert_array_equal(left.stamps, right.stamps)
         assert len(one.streams[0].stamps) == pytest.approx(3 * len(one.streams[1].stamps), abs=3)

@@ -15,26 +15,12 @@ from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.simulation.arm import ArmParameters, ideal
-from structlearn.testbeds.dynamics.protocol.tracking import (
-    Candidate,
-    Testbed,
-    known,
-    learned,
-    track,
-)
+from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, known, learned, track
 from structlearn.testbeds.dynamics.world.arm_motion import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 MOTION = committed_motion(duration_s=2.0)
 REACHING = committed(ReachingParameters, "track.reaching", goals=2)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def in_this_process():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -46,12 +32,6 @@ def robot():
 def testbed(robot):
     arm = SimulatedArm(robot, ideal(robot.inertias), 1.0 / MOTION.rate_hz)
     return Testbed("iiwa", (0, 1), 0, arm, MOTION, REACHING)
-
-
-@pytest.fixture(scope="module")
-def stand_in_testbed(testbed, robot):
-    mechanics = stand_in(robot.tree, robot.inertias, committed(StandInParameters, "stand_in"), 3)
-    return replace(testbed, name="stand_in", arm=replace(testbed.arm, mechanics=mechanics))
 
 
 @pytest.fixture(scope="module")
@@ -76,16 +56,6 @@ def test_a_model_that_fails_is_told_not_dropped(tables):
     assert broken.position_nmse.isna().all()
 
 
-def test_paths_show_arm_and_tool(tables, testbed, robot):
-    paths = tables[1].query("model == 'ground_truth' and task == 'reach'")
-    assert len(paths) == 2 * 4 * 25
-    q = paths[list(robot.tree.names)].to_numpy()
-    tool, _ = tool_motion(robot.tree, REACHING.tool_m, q, np.zeros_like(q))
-    np.testing.assert_allclose(paths[["tool_x", "tool_y", "tool_z"]], tool, atol=1e-9)
-    wanted = reaches(robot.tree, REACHING, MOTION.rate_hz, 0).x[::10]
-    np.testing.assert_allclose(paths[["wanted_x", "wanted_y", "wanted_z"]], wanted)
-
-
 def test_scores_are_those_of_the_definition(testbed, robot):
     heavy = replace(robot.inertias, mass=1.2 * robot.inertias.mass)
     wrong = bodies_model(inverse_dynamics(robot.tree, heavy))
@@ -95,14 +65,6 @@ def test_scores_are_those_of_the_definition(testbed, robot):
     tool, wanted = (path[[f"{name}_{axis}" for axis in "xyz"]].to_numpy() for name in ("tool", "wanted"))
     expected = ((tool - wanted) ** 2).mean(axis=0).sum() / wanted.var(axis=0).sum()
     assert reach.position_nmse == pytest.approx(expected, rel=0.05)  # the path is every tenth tick
-
-
-def test_the_stand_in_has_a_default_model_beside_the_truth(testbed, stand_in_testbed):
-    other = stand_in_testbed
-    assert [candidate.name for candidate in known(testbed)] == ["ground_truth"]
-    assert [candidate.name for candidate in known(other)] == ["ground_truth", "default"]
-    scores = track(other, known(other))[0].query("task == 'reach'").set_index("model").position_nmse
-    assert scores["ground_truth"].max() < scores["default"].min()
 
 
 def test_only_models_that_met_the_criterion_are_tracked_with(testbed):

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from committed import committed
-from scraping_motions import DURATIONS_S, NAMES, constant_network, roll_deg, scraping_skill
+from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skill
 
 from structlearn.ground import quaternion
 from structlearn.recordings import synchronise
 from structlearn.recordings.checks import check_recording
 from structlearn.testbeds.scraping.protocol.executions import (
-    Run,
     corrected_runs,
     evaluation_runs,
     executions,
@@ -24,14 +23,6 @@ from structlearn.testbeds.scraping.world.testbed import RecorderParameters, Test
 KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]
 KINDS += ["tactile", "tactile", "tool_to_board"]
 TESTBED = committed(TestbedParameters, "testbed")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def in_this_process():
-    """Short runs are over before worker processes would have started."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -95,20 +86,6 @@ def test_true_segments_are_the_commanded_primitives(recordings):
         assert segments[-1, 1] == pytest.approx(sum(DURATIONS_S))
 
 
-def test_a_run_alone_is_the_run_of_the_set(skill, runs, recordings):
-    for index, run in enumerate(runs):
-        (alone,) = executions(skill, [run], TESTBED)
-        start = recordings[index].streams[0].stamps[0] - alone.streams[0].stamps[0]
-        shifted = [replace(one, stamps=one.stamps + start) for one in alone.streams]
-        assert same(replace(alone, streams=tuple(shifted)), recordings[index])
-
-
-def test_seeds_of_different_uses_settings_and_numbers_never_meet():
-    settings = [0.0, 2.5, 5.0, 6.3, 7.5, 8.8, 10.0, -2.5]
-    runs = [*nominal_runs(15), *corrected_runs(settings, 15), *evaluation_runs(settings, 8, False)]
-    assert len({run.seed for run in runs}) == len(runs) == 15 + 15 * 8 + 8 * 8
-
-
 def test_runs_with_and_without_feedback_meet_equal_conditions():
     without, with_it = (evaluation_runs([0.0, 8.8], 3, feedback) for feedback in (False, True))
     assert [replace(run, feedback=True) for run in without] == with_it
@@ -123,30 +100,6 @@ def test_feedback_that_asks_for_nothing_is_the_nominal_run(recordings, runs):
     assert found.provenance["what"] == "execution, with feedback"
     for one, other in zip(found.streams, recordings[3].streams, strict=True):
         np.testing.assert_array_equal(one.values, other.values)
-
-
-def test_feedback_turns_the_tool(recordings, runs):
-    pushing = scraping_skill({name: constant_network(-20.0) for name in NAMES[1:]})
-    (found,) = executions(pushing, [replace(runs[3], feedback=True)], TESTBED)
-    turned = roll_deg(stream(found, "tool_to_board").values) - roll_deg(
-        stream(recordings[3], "tool_to_board").values
-    )
-    in_the_air = round(100 * DURATIONS_S[0])
-    assert np.abs(turned[:in_the_air]).max() < 0.01
-    assert np.abs(turned).max() > 1.0
-    assert abs(turned[-10:].mean()) < 0.3 * np.abs(turned).max()  # it fades with the phase
-
-
-def test_a_person_gets_the_tool_flatter_than_the_robot_alone(skill):
-    slow = scraping_skill(expected=False)
-    nominal = Run("01", 10.0, (9, 9), corrected=False)
-    runs = [nominal, replace(nominal, corrected=True)]
-    ends = [
-        np.abs(roll_deg(stream(recording, "tool_to_board").values[-20:])).mean()
-        for recording in executions(slow, runs, TESTBED)
-    ]
-    assert ends[0] > 8.0
-    assert ends[1] < 0.5 * ends[0]
 
 
 def test_motion_capture_has_its_own_noise(skill):

@@ -10,6 +10,7 @@ FILES = {
     "segment.py": "import numpy\nfrom structlearn.ground.signals import low_pass",
     "train.py": "def main():\n    from structlearn.feedback import train\n",
     "report.py": "from structlearn.page import figures",
+    "user.py": "from structlearn.tactile import Skin",
     "src/structlearn/__init__.py": "",
     "src/structlearn/ground/signals.py": (
         '"""Filters."""\ndef low_pass(x: int):\n    """Smooth."""\n    return x\n'
@@ -22,6 +23,12 @@ FILES = {
     ),
     "src/structlearn/feedback/models/__init__.py": "",
     "src/structlearn/feedback/models/pca.py": "from structlearn.ground import signals",
+    "src/structlearn/tactile/__init__.py": (
+        "import lazy_loader\n__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)\n"
+    ),
+    "src/structlearn/tactile/__init__.pyi": "from .skins import Skin as Skin\nfrom .maps import Map as Map",
+    "src/structlearn/tactile/skins.py": "class Skin:\n    pass",
+    "src/structlearn/tactile/maps.py": "class Map:\n    pass",
     "src/structlearn/page/figures.py": "KIT = 'structlearn.kit.drawing'",
     "src/structlearn/page/page.html.jinja": "<h1>Cuts</h1>",
     "src/structlearn/page/parts/cuts.jinja": "cuts",
@@ -53,6 +60,7 @@ def test_all_that_is_imported_or_named_is_listed(project):
         "segment": {"__init__.py", "signals.py"},
         "train": {"__init__.py", "train.py", "pca.py", "signals.py"},
         "report": {"__init__.py", "figures.py", "page.html.jinja", "cuts.jinja", "drawing.py"},
+        "user": {"__init__.py", "skins.py"},
     }
 
 
@@ -63,6 +71,9 @@ def test_all_that_is_imported_or_named_is_listed(project):
         ("ground/signals.py", "return x", "return x, None", {"segment", "train"}),
         ("feedback/models/pca.py", "from", "import structlearn.kit.drawing\nfrom", {"train"}),
         ("page/page.html.jinja", "Cuts", "Cut points", {"report"}),
+        ("tactile/skins.py", "pass", "size = 1", {"user"}),
+        ("tactile/__init__.pyi", "from .skins", "from .maps", {"user"}),
+        ("tactile/maps.py", "pass", "size = 1", set()),
         ("page/parts/cuts.jinja", "cuts", "cut points", {"report"}),
         ("ground/signals.py", '"""Smooth."""', '"""Zero-phase."""', set()),
         ("ground/signals.py", '"""Filters."""', "# Filters", set()),

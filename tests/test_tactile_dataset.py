@@ -2,11 +2,24 @@
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.ground import quaternion
 from structlearn.ground.artefacts import write_tensors
 from structlearn.ground.errors import InputError
-from structlearn.tactile.touch_dataset import TEST, TRAIN, TouchDataset, chains, read_dataset, write_dataset
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.tactile.electrodes import biotac
+from structlearn.tactile.touch_dataset import (
+    ROTATION,
+    TEST,
+    TRAIN,
+    VALIDATION,
+    TouchDataset,
+    chains,
+    read_dataset,
+    write_dataset,
+)
+from structlearn.tactile.touch_preparation import TouchDataParameters, prepare, splits
 
 RATE_HZ = 100.0
 
@@ -84,3 +97,72 @@ def test_files_give_back_the_dataset(tmp_path):
     write_tensors({"rows": np.zeros(3)}, tmp_path / "other.safetensors", "something else")
     with pytest.raises(InputError, match="holds no samples of touch"):
         read_dataset(tmp_path / "other.safetensors")
+
+
+PARAMETERS = committed(TouchDataParameters, "touch_dataset")
+OFFSET = np.linspace(-40, 40, 19)
+
+
+def pressed_twice(name: str = "one", **changes) -> Demonstration:
+    """Electrode 18 falls by 2000 counts from 2 to 6 s and from 8 to 12 s; the finger glides at 0.01 m/s."""
+    time = np.arange(1400) / RATE_HZ
+    counts = np.tile(OFFSET, (len(time), 1))
+    counts[:, 17] -= 2000.0 * (((time > 2) & (time < 6)) | ((time > 8) & (time < 12)))
+    turn = quaternion.from_rotation_vector(np.outer(0.2 * time, [1.0, 0.0, 0.0]))
+    fields = {
+        "name": name,
+        "time": time,
+        "position": np.outer(0.01 * time, [1.0, 0.0, 0.0]),
+        "orientation": turn,
+        "tactile": counts,
+        "provenance": {"motion": "rotation"},
+    }
+    return Demonstration(**fields | changes)
+
+
+def test_contacts_are_found_with_their_velocities_and_offsets():
+    dataset = prepare([pressed_twice(), pressed_twice("two")], biotac(), PARAMETERS)
+    assert dataset.contact.max() == 3
+    assert np.bincount(dataset.contact) == pytest.approx(400, abs=60)
+    middle = (dataset.time > 3.5) & (dataset.time < 4.5)
+    expected = np.zeros(19)
+    expected[17] = -2000.0
+    np.testing.assert_allclose(dataset.signals[middle], np.tile(expected, (middle.sum(), 1)), atol=25)
+    np.testing.assert_allclose(dataset.pressure, -dataset.signals.mean(axis=1), atol=1e-3)
+    np.testing.assert_allclose(
+        dataset.velocity[middle], np.tile([0.01, 0, 0, 0.2, 0, 0], (middle.sum(), 1)), atol=1e-4
+    )
+    np.testing.assert_allclose(dataset.contact_point[middle], [[-9.8e-3, 0, -7e-3]] * middle.sum(), atol=1e-4)
+    assert (dataset.motion == ROTATION).all()
+    assert set(dataset.split) == {TRAIN, VALIDATION, TEST}
+    assert not dataset.pressed.all()
+    assert (dataset.pressure[dataset.pressed] >= PARAMETERS.pressed_counts).all()
+    for contact in range(4):
+        assert len(np.unique(dataset.split[dataset.contact == contact])) == 1
+
+
+def test_splits_have_their_shares_and_spread_over_motions():
+    motions = np.repeat([0, 1], [42, 112])
+    split = splits(motions, PARAMETERS)
+    assert np.bincount(split).tolist() == [154 - 24, 12, 12]
+    for number in (VALIDATION, TEST):
+        assert 2 <= (motions[split == number] == 0).sum() <= 5
+    assert sorted(splits(np.zeros(3), PARAMETERS)) == [TRAIN, VALIDATION, TEST]
+    np.testing.assert_array_equal(split, splits(motions, PARAMETERS))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"tactile": None}, "one: has no tactile signal"),
+        ({"orientation": None}, "one: has no orientation"),
+        ({"tactile": np.zeros((1400, 18))}, "has 18 tactile channels, the skin 'biotac' 19"),
+        ({"tactile": np.zeros((1400, 19))}, "one: nothing touches for 1 s"),
+        ({"tactile": np.where(np.arange(19) == 2, np.nan, np.zeros((1400, 19)))}, "row 0, electrode 3"),
+        ({"time": np.arange(1400) / 300}, "300 samples per s, not 100"),
+        ({}, "need three contacts, the recordings have 2"),
+    ],
+)
+def test_recordings_that_cannot_be_used_are_named(changes, message):
+    with pytest.raises(InputError, match=message):
+        prepare([pressed_twice(**changes)], biotac(), PARAMETERS)

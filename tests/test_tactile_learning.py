@@ -1,6 +1,7 @@
 """Training, evaluation, files and runtime of latent spaces of touch, on a toy finger."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +14,8 @@ from structlearn.ground.artefacts import write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
-from structlearn.tactile.latent_comparison import learn
-from structlearn.tactile.latent_evaluation import ChainData, decoded_errors, direction_errors
+from structlearn.tactile.latent_comparison import learn, learn_spaces, own_units, seen_in
+from structlearn.tactile.latent_evaluation import ChainData, decoded_errors, direction_errors, latent_errors
 from structlearn.tactile.latent_models import LatentModels, read_models, write_models
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
@@ -22,6 +23,7 @@ from structlearn.tactile.latent_parameters import (
     NO_INVERSE,
     NONLINEAR,
     LatentParameters,
+    LatentSpaceParameters,
     LatentTrainingParameters,
     NetworkParameters,
 )
@@ -91,14 +93,6 @@ def test_units_make_training_samples_alike(touch):
     np.testing.assert_array_equal(touch_units(changed, taught, 0.01).signal_scale, units.signal_scale)
 
 
-def test_units_refuse_a_dead_electrode(touch):
-    dataset, _ = touch
-    signals = dataset.signals.copy()
-    signals[:, 4] = 7.0
-    with pytest.raises(InputError, match="electrode 5 has the same value in all samples"):
-        touch_units(dataclasses.replace(dataset, signals=signals), chains(dataset, 3, split=TRAIN), 0.01)
-
-
 @pytest.mark.parametrize(
     ("part", "message"),
     [
@@ -125,8 +119,14 @@ def test_pairs_share_bin_and_split(touch):
         assert distance == geodesics.distance[place, row, column]
 
 
-def test_pairs_need_samples_of_the_split_in_every_bin(touch):
+def test_what_cannot_be_learned_or_controlled_is_named(touch, comparison):
     dataset, geodesics = touch
+    signals = dataset.signals.copy()
+    signals[:, 4] = 7.0
+    with pytest.raises(InputError, match="electrode 5 has the same value in all samples"):
+        touch_units(dataclasses.replace(dataset, signals=signals), chains(dataset, 3, split=TRAIN), 0.01)
+    with pytest.raises(InputError, match="its horizon must be 1"):
+        TactileServo(comparison.models, comparison.units, True, ServoParameters(inverse="NG", horizon=2), 3.0)
     rows = np.flatnonzero(dataset.split == TRAIN)[:10][None]
     lacking = Geodesics(rows, geodesics.distance[:1, :10, :10])
     with pytest.raises(InputError, match="a bin has fewer than two samples of split 2"):
@@ -289,11 +289,6 @@ def test_with_actions_oftener_than_steps_the_step_before_still_lasts_a_step(comp
     np.testing.assert_allclose(found, once.act(now, target, mean)[0], rtol=1e-9)
 
 
-def test_gradient_has_no_horizon(comparison):
-    with pytest.raises(InputError, match="its horizon must be 1"):
-        TactileServo(comparison.models, comparison.units, True, ServoParameters(inverse="NG", horizon=2), 3.0)
-
-
 def test_predictions_are_held_against_the_touch_that_followed(comparison, lesson, touch):
     """Of the prediction that nothing moves, electrodes and pressure follow from the first touch alone."""
     dataset, _ = touch
@@ -325,3 +320,49 @@ def test_directions_count_by_the_size_of_the_true_action(comparison, lesson):
     found, expected = (direction_errors(comparison.models, one, 0.1) for one in (chain, alone))
     np.testing.assert_allclose(found.pop("distance"), expected.pop("distance"), rtol=1e-4, atol=1e-6)
     assert found.equals(expected)
+
+
+FEW = committed(
+    LatentSpaceParameters,
+    "recorded_latent_touch.spaces",
+    seeds=2,
+    training=committed(LatentTrainingParameters, "train_latent.training", steps=400, batch_size=32),
+    pair_pool=2000,
+    evaluation_pairs=500,
+)
+
+
+@pytest.fixture(scope="module")
+def touches():
+    samples = toy_dataset(contacts=10, samples=150)
+    samples = replace(samples, split=np.where(samples.contact % 5 == 4, TEST, TRAIN))
+    return samples, toy_geodesics(samples, bins=2, size=300)
+
+
+@pytest.fixture(scope="module")
+def learned(touches):
+    units = own_units(*touches)
+    return units, learn_spaces(*touches, units, FEW)
+
+
+def test_a_set_has_the_units_of_its_training_samples(touches):
+    samples, geodesics = touches
+    units = own_units(samples, geodesics)
+    rows = samples.split == TRAIN
+    seen = units.signals(samples.signals[rows].astype(float))
+    np.testing.assert_allclose(seen.mean(axis=0), 0.0, atol=1e-4)
+    np.testing.assert_allclose(seen.std(axis=0), 1.0, atol=1e-4)
+    distances = geodesics.distance.astype(float) / units.length
+    assert np.mean(distances**2) == pytest.approx(1.0)
+
+
+def test_counts_of_another_scale_look_the_same(touches, learned):
+    samples, geodesics = touches
+    units, models = learned
+    weaker = (0.2 * samples.signals).astype(np.float32)
+    other = replace(samples, signals=weaker, pressure=0.2 * samples.pressure)
+    seen = {"own": seen_in(units, samples, geodesics, TRAIN, 500)}
+    seen["other"] = seen_in(own_units(other, geodesics), other, geodesics, TRAIN, 500)
+    errors = latent_errors(models, seen).set_index(["split", "structure", "seed"])
+    names = ["reconstruction", "distances", "pressure"]
+    np.testing.assert_allclose(errors.loc["own", names], errors.loc["other", names], rtol=1e-3)

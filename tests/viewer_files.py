@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from conftest import minimum_jerk
 from rerun.chunk import RrdReader
 
 from structlearn.ground import quaternion
@@ -23,7 +24,7 @@ PRIMITIVES = [
 def demonstration(name, delay=0.0, angle=0.5, **signals):
     """Down along z, a pause, then along y."""
     time = DT * np.arange(700)
-    down, along = _minimum_jerk(time - delay, 0.6, 1.4), _minimum_jerk(time - delay, 1.9, 2.7)
+    down, along = (minimum_jerk((time - delay - begin) / 0.8) for begin in (0.6, 1.9))
     position = np.column_stack([0.3 + 0 * time, 0.06 * along, -0.08 * down])
     turn = quaternion.from_rotation_vector(angle * along[:, None] * np.array([0.0, 0.0, 1.0]))
     every = {
@@ -33,11 +34,6 @@ def demonstration(name, delay=0.0, angle=0.5, **signals):
         "provenance": {"origin": "simulated"},
     }
     return Demonstration(name, time, position, **{**every, **signals})
-
-
-def _minimum_jerk(times, start, end):
-    s = np.clip((times - start) / (end - start), 0.0, 1.0)
-    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
 def verify(path):

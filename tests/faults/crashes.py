@@ -31,13 +31,9 @@ Tree = Mapping[str, bytes | None]
 
 @dataclass(frozen=True)
 class Work:
-    """What a process writes in a folder.
+    """What a process writes in a folder, where `before` has written.
 
-    Attributes:
-        before: what it finds there was written by this.
-        write: the work; done again it leaves the same.
-        whole: paths that are at any time as they were before, as they are after, or, where they are folders,
-            not there: those of the former content until the work is done again.
+    Paths that are `whole` are at any time as before or as after or, where they are folders, not there.
     """
 
     before: Callable[[Path], None]
@@ -46,13 +42,7 @@ class Work:
 
 
 def outcomes(work: Work, root: Path, seed: int) -> Iterator[tuple[int, str | None]]:
-    """For each step of a work, what is wrong after it ended there and was done again; None: nothing.
-
-    Args:
-        work: the work.
-        root: an empty folder.
-        seed: of what is lost.
-    """
+    """For each step of a work, what is wrong after it ended there and was done again; None: nothing."""
     work.before(root)
     before = tree(root)
     work.write(root)

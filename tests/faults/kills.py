@@ -84,11 +84,7 @@ def crash_points(folder: Path, seed: int) -> tuple[pd.DataFrame, list[str]]:
 
 
 def build(project: Path) -> None:
-    """The reduced pipeline, stage by stage, each in a process of its own whose time is taken.
-
-    Args:
-        project: folder; what is done there is not done again.
-    """
+    """The reduced pipeline, stage by stage, each in a process of its own whose time is taken."""
     if not project.exists():
         project.mkdir(parents=True)
         clone(Path(__file__).parents[2], project)
@@ -113,12 +109,7 @@ def _entry(stage: Mapping) -> str:
 
 
 def kills(project: Path, count: int, seed: int) -> tuple[pd.DataFrame, list[str]]:
-    """Kill stages of a project that were done, one after the other; the project stays as it is.
-
-    Returns:
-        `stage`, `killed`, `outputs` (in place, or removed before), and how often each of `OUTCOMES` came;
-        lines about those that did not heal.
-    """
+    """Kill stages of a project that were done, one after the other; the project stays as it is."""
     rng = np.random.default_rng(seed)
     done = read_times(project / TIMES)
     stages = {name: stage for name, stage in pipeline(project).items() if _entry(stage) in done}
@@ -156,9 +147,6 @@ def healed(
         after_s: when it is killed at the latest, s after its start.
         due: whether to kill it now.
         alone: whether only its first process is killed.
-
-    Returns:
-        One of `OUTCOMES`, but for `DIFFERS`, and what was said.
     """
     shared = set(SHARED.iterdir())
     with started(project, command, subprocess.DEVNULL) as process:

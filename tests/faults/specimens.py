@@ -40,14 +40,7 @@ from structlearn.verify import changed
 
 @dataclass(frozen=True)
 class Specimen:
-    """One kind of file.
-
-    Attributes:
-        name: of the file, with the folders that it is in where it is one of several.
-        write: writes a sound one at a path, and those beside it.
-        read: reads it as stages do.
-        signed: whether it carries checksums, so that no damage may pass.
-    """
+    """One kind of file; one that is signed carries checksums, so that no damage may pass."""
 
     name: str
     write: Callable[[Path], object]

@@ -38,13 +38,7 @@ WAIT_S = 120.0
 
 
 def outcome(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, str]:
-    """What reading a file comes to, one of `OUTCOMES`, and what was said.
-
-    Args:
-        read: reads it.
-        path: the file.
-        sound: `fingerprint` of what it held before it was damaged.
-    """
+    """What reading a file comes to, one of `OUTCOMES`, and what was said."""
     reader, writer = os.pipe()
     child = os.fork()
     if not child:

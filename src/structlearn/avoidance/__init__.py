@@ -1,1 +1,8 @@
-"""Obstacle avoidance: reaches round spheres, cubes and cylinders, and feedback models learned from them."""
+"""Obstacle avoidance: reaches round spheres, cubes and cylinders, and feedback models learned from them.
+
+What users import stands in the stub beside this file, and is loaded when it is first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""From reaches past obstacles to supervised data: features in, coupling targets out (IV.8, eq. IV.23).
+"""Supervised data from reaches past obstacles: features and coupling targets (IV.8, eq. IV.23).
 
 All of it is in the local frame of the baseline: x along its reach, origin at its start. A demonstration has
 its own start and end there; they scatter by the hand's aim, which no obstacle explains, so its coupling term

@@ -1,4 +1,4 @@
-"""What is done to a network's coupling term before it acts (IV.8.2, eq. IV.33 ff.).
+"""Postprocessing of a network's coupling term (IV.8.2, eq. IV.33 ff.).
 
     x component      0: along the reach an avoiding movement is the baseline
     past obstacle    c exp(-k (x - x_last)^2)    where x > x_last

@@ -76,7 +76,7 @@ class SceneStates:
 
 
 def scene_states(paths: Sequence[Trajectory], baseline: VectorPrimitive, keep_every: int) -> SceneStates:
-    """States of reaches, and the coupling terms that they ask for (eq. IV.23).
+    """States of reaches, and their coupling targets (eq. IV.23).
 
     `paths` (T, 3) in their local frames, relative to the start, time in durations; that of scene b at b;
     `keep_every`: of the samples.

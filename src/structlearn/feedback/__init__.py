@@ -1,1 +1,8 @@
-"""Coupling terms from corrected demonstrations, models that learn them, and the runtime controller (IV.6)."""
+"""Coupling terms from corrected demonstrations, models that learn them, and the runtime controller (IV.6).
+
+What users import stands in the stub beside this file, and is loaded when it is first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""Axes of the feedback, and coupling terms that corrected demonstrations ask for (eq. IV.23, IV.24).
+"""Axes of the feedback, and coupling targets of corrected demonstrations (eq. IV.23, IV.24).
 
     c_target = tau_cd^2 xdd_cd - ALPHA (BETA (g - x_cd) - tau_cd xd_cd) - f(p, u)
 

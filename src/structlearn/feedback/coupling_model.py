@@ -1,4 +1,4 @@
-"""What a feedback network is: how it is trained, saved, and evaluated, by tick and by batch.
+"""Interface of feedback networks: training, files, and evaluation by tick and by batch.
 
 A network is one module of `feedback.models` with one subclass of `CouplingModel`, and is picked in
 `params.yaml` by the module's name. It is trained on a `CouplingDataset`, saved as its arrays, and evaluated
@@ -52,7 +52,7 @@ class TrainingParameters(Parameters):
 
 
 class UnrolledTrainingParameters(Parameters):
-    """Training inside the unroll. Fields: `params.yaml`, `train_feedback.unrolled`."""
+    """Training through the unroll. Fields: `params.yaml`, `train_feedback.unrolled`."""
 
     steps: int = Field(ge=1)
     learning_rate: float = Field(gt=0)
@@ -62,7 +62,7 @@ class UnrolledTrainingParameters(Parameters):
 
 
 class NetworkParameters(Parameters):
-    """Which feedback network is trained."""
+    """Choice of the feedback network."""
 
     network: Name
     hidden: tuple[int, ...]
@@ -123,7 +123,7 @@ class CouplingModel(ABC):
     def train_in_unroll(
         self, training: "CorrectedPaths", validation: "CorrectedPaths", parameters: UnrolledTrainingParameters
     ) -> "CouplingModel":
-        """This model, trained on in the unroll (`train_unrolled`); one that cannot be stays as it is."""
+        """This model, trained on in the unroll (`train_unrolled`); other models are returned unchanged."""
         return self
 
     @property
@@ -200,7 +200,7 @@ Model = TypeVar("Model", bound=CouplingModel, covariant=True)
 
 @dataclass(frozen=True)
 class Trained(Generic[Model]):
-    """What came of a job."""
+    """Result of a training job."""
 
     # by the part whose error chose the step: `validation`, which is honest, and where a demonstration is left
     # out `generalization`, which the dissertation reports and is optimistic

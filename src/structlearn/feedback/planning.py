@@ -1,4 +1,4 @@
-"""What a run of a skill needs that depends on time, start and goals only, worked out before it moves."""
+"""Run tables of a skill: everything that depends on time, start and goals only, computed in advance."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""The controller that goes to a robot: primitives with feedback, one call per tick, in compiled code.
+"""Runtime controller of a skill: primitives with feedback, one compiled call per tick.
 
     controller = Controller(read_skill("skill.safetensors"), rate_hz=1000)
     controller.start(position, orientation)
@@ -33,7 +33,7 @@ from structlearn.primitives.vector import sample_count
 
 
 class Status(IntFlag):
-    """What a tick has to report; 0 where all is well."""
+    """Status flags of a tick; 0 if there is nothing to report."""
 
     # the sample handed in has a value that is not finite, or the network overflowed on it
     REJECTED = stepping.REJECTED
@@ -46,7 +46,7 @@ class Status(IntFlag):
 
 
 class Controller:
-    """One run after the other of a skill.
+    """Controller of a skill, for any number of runs.
 
     Outputs, valid after `start` and after each tick; the arrays are the same objects for the controller's
     whole life, are overwritten by the next tick, and are read-only, since they are views of its state:

@@ -1,4 +1,4 @@
-"""What a robot is given: primitives, expected sensor traces, feedback models, and the bounds of all of it.
+"""Skill for a robot: primitives, expected sensor traces, feedback models, and their bounds.
 
 A coupling term of several dimensions is made by as many networks, each trained by itself, all
 of the same sensors (IV.6.2.3.2): `networks["scrape"]["ry"]` corrects about the base frame's y axis while
@@ -30,7 +30,7 @@ def _cautious() -> dict[Axis, float]:
 
 
 class FadingParameters(Parameters):
-    """How soon feedback fades, and when it has to. Fields: `params.yaml`, `write_skill`.
+    """Times in which feedback fades. Fields: `params.yaml`, `write_skill`.
 
     `fade_s` bounds |dc/dt| within a primitive. Where the next one begins c is 0 at once, and the evolving
     goal takes up what it was (eq. IV.14): acceleration, the robot's own measure, goes on as it was.
@@ -42,7 +42,7 @@ class FadingParameters(Parameters):
 
 
 class Limits(FadingParameters):
-    """Bounds on feedback, cautious ones where nothing else is said."""
+    """Bounds on feedback, with cautious defaults."""
 
     # by axis, bound of |c|, m or rad (see `axes`); held for long, c shifts or turns by c / (ALPHA BETA).
     # `largest_coupling` derives it from demonstrated coupling terms.

@@ -74,7 +74,7 @@ class StackedPhaseModulatedNetworks:
         self.dropout = Dropout(dropout, generator)
 
     def parameters(self) -> list[Tensor]:
-        """What is trained."""
+        """Trained parameters."""
         return [*self.layers.parameters(), self.output_weights]
 
     def forward(self, inputs: Tensor, modulation: Tensor, training: bool = False) -> Tensor:

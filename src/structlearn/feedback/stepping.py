@@ -25,7 +25,7 @@ _part_of_a_tick = numba.njit(cache=True, forceinline=True)
 
 
 class Plan(NamedTuple):
-    """What depends on time only; R rows, one per sample of each primitive, those at a switch twice."""
+    """Tables over time; R rows, one per sample of each primitive, those at a switch twice."""
 
     rows: np.ndarray  # (P + 1,) first row of each primitive
     matrix: np.ndarray  # (P, 3, 5) `transformation.step_matrix`
@@ -47,7 +47,7 @@ class Plan(NamedTuple):
 
 
 class State(NamedTuple):
-    """What a tick changes."""
+    """State of a run, changed by every tick."""
 
     clock: np.ndarray  # (5,) see `ROW`
     point: np.ndarray  # (3, 1, 3) x - G, tau xd, g - G at the row that is due

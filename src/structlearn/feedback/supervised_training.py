@@ -31,7 +31,7 @@ class Stack(Protocol):
     """M networks of any kind; all their parameters have a leading model axis."""
 
     def parameters(self) -> list[Tensor]:
-        """What is trained."""
+        """Trained parameters."""
 
     def forward(self, inputs: Tensor, modulation: Any, training: bool = False) -> Tensor:
         """Outputs (M, B) or (M, B, D) of inputs (M, B, D); `training` lets nodes drop out.

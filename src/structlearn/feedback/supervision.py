@@ -1,4 +1,4 @@
-"""From corrected demonstrations to supervised data: deviations in, coupling targets out (IV.6.2, IV.9.1.3).
+"""Supervised data from corrected demonstrations: sensor deviations and coupling targets (IV.6.2, IV.9.1.3).
 
 Poses come at 300 Hz, electrodes at 100 Hz with clocks of their own; reading a demonstration puts them on one
 clock (`recordings.clock`). Everything here is on that clock; the data are thinned to the sensor's rate, since
@@ -49,13 +49,13 @@ class ExpectedTracesParameters(Parameters):
 TACTILE, WRENCH = "tactile", "wrench"
 
 Sensor = Literal["tactile", "wrench"]
-"""What is felt: counts of all electrodes, or force in N and torque in N m."""
+"""Sensors: counts of all electrodes, or force in N and torque in N m."""
 
 WRENCH_CHANNELS = 6
 
 
 class CorrectionParameters(Parameters):
-    """How corrections become supervised data. Fields: `params.yaml`, `coupling_dataset`."""
+    """Parameters of the supervised data. Fields: `params.yaml`, `coupling_dataset`."""
 
     primitives: tuple[str, ...] = Field(min_length=1)
     axes: tuple[Axis, ...] = Field(min_length=1)
@@ -135,7 +135,7 @@ def corrected_primitive(
     expected: VectorPrimitive,
     parameters: CorrectionParameters,
 ) -> CorrectedPrimitive:
-    """What one corrected demonstration says about one primitive.
+    """Supervised data of one primitive in one corrected demonstration.
 
     `cut`: `start_s` and `end_s` of the primitive in it. Returns signals on the demonstration's clock, from
     the primitive's start to its end. Raises InputError: orientation or a sensor's stream is missing, or the
@@ -259,7 +259,7 @@ def coupling_dataset(
 def coupling_samples(
     corrected: CorrectedPrimitive, setting: float | str, number: int, parameters: CorrectionParameters
 ) -> dict[Axis, CouplingDataset]:
-    """What one corrected primitive adds to the supervised data of each axis.
+    """Supervised data of each axis from one corrected primitive.
 
     `setting`: in degrees, or its label. `parameters`: axes, and the samples per second that are kept.
     """
@@ -279,7 +279,7 @@ def level_dataset(
     parameters: CorrectionParameters,
     setting: float | str = 0.0,
 ) -> CouplingDataset:
-    """What executions in the default setting add to the data: nothing is to be corrected, c_target = 0.
+    """Supervised data of executions in the default setting, with c_target = 0.
 
     Args:
         runs: nominal executions in the default setting.

@@ -1,1 +1,1 @@
-"""What everything stands on: rotations, frames, signals, parameters, artefacts, processes, errors."""
+"""Common ground: rotations, frames, signals, parameters, artefacts, processes, errors."""

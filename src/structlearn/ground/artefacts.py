@@ -27,7 +27,7 @@ Metrics = dict[str, float | int | str | bool | None]  # flat key figures
 
 
 def filled(folder: str | Path, at_least: int = 1) -> Path:
-    """A folder that a stage before wrote, which is empty where its data are missing.
+    """A folder written by an earlier stage, which is empty where its data are missing.
 
     `at_least`: files that are needed. Returns the folder. Raises MissingInputError: it holds fewer. Raises
     InputError: it does not exist.

@@ -1,4 +1,4 @@
-"""Where numba keeps what it has compiled: one folder per state of the compiled sources.
+"""Cache folder of numba: one per state of the compiled sources.
 
 Numba looks for changes only in the file of the function that is called. A compiled function that calls one of
 another module would go on with the old code of that module, silently, after an edit. With a folder of its own

@@ -16,7 +16,7 @@ FrameKind = Literal["up", "side", "world"]
 
 
 def frame_kind(displacement: np.ndarray, shortest_reach: float) -> FrameKind:
-    """Which definition of the local frame suits a reach.
+    """Definition of the local frame for a reach.
 
     The choice is made once, from the mean displacement of the demonstrations, and kept with the primitive:
     deciding again at every unroll could turn the frame between two nearly equal reaches. `displacement` (3,)

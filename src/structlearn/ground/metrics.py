@@ -60,7 +60,7 @@ BETTER, WORSE, UNDECIDED = "better", "worse", "undecided"
 
 
 def verdict(low: np.ndarray | float, high: np.ndarray | float) -> np.ndarray:
-    """What confidence intervals of a gain say: better, worse, or undecided where zero is inside or unknown.
+    """Verdicts on gains by confidence intervals: better, worse, or undecided if zero is inside or unknown.
 
     `low` (...) lower ends; `high` (...) upper ends. Returns (...) texts `BETTER`, `WORSE` or `UNDECIDED`.
     """

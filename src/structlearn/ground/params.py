@@ -68,7 +68,7 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
 
 
 def value_at(path: str | Path, key: str) -> Any:
-    """What stands at one key of a YAML file, not checked yet; nobody may change it.
+    """Value at one key of a YAML file, not yet checked; read-only.
 
     Raises:
         InputError: as `read_values`, or the key is absent.
@@ -82,7 +82,7 @@ def value_at(path: str | Path, key: str) -> Any:
 
 
 def read_values(path: str | Path) -> Any:
-    """All that a YAML file holds, not checked yet; nobody may change it.
+    """Contents of a YAML file, not yet checked; read-only.
 
     Raises:
         InputError: the file is missing or no YAML, or a key stands twice.
@@ -126,7 +126,7 @@ def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
 
 @lru_cache(maxsize=4)
 def _tree(path: Path, modified_ns: int, size: int) -> Any:
-    """What one version of the file holds; nobody may change it."""
+    """Contents of one version of the file; read-only."""
     text = path.read_bytes().decode()
     brackets = np.cumsum([1 if bracket in "[{" else -1 for bracket in re.findall(r"[\[\]{}]", text)])
     levels = (len(line) - len(re.sub(r"^[\s?-]*", "", line)) for line in text.splitlines())

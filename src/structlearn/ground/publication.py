@@ -55,7 +55,7 @@ OF_THE_DISK = {
     getattr(errno, name)
     for name in ("ENOSPC", "EDQUOT", "EFBIG", "EROFS", "EACCES", "EPERM", "ENAMETOOLONG", "ENOTDIR")
 }
-"""Faults of writing that are nobody's but the machine's."""
+"""Write errors caused by the machine."""
 
 
 @contextmanager

@@ -23,12 +23,14 @@ class SourceTree:
     def __init__(self, root: Path) -> None:
         self.root = root
         self._read: dict[Path, tuple[str, set[Path]]] = {}
+        self._faces: dict[Path, dict[str, str]] = {}
 
     def closure(self, script: Path) -> dict[Path, str]:
         """Digest by path, relative to the root, of all that a script imports, directly or not.
 
         A module counts as imported where a string is its name, all of a package where a string is its name
-        and a dot, or where `package.__name__` is asked for. Data files beside a module come with it.
+        and a dot, or where `package.__name__` is asked for. Data files beside a module come with it. A name
+        from the face of a package (`lazy_loader`, the stub beside `__init__.py`) is its module's.
 
         Raises:
             SyntaxError: a file is no Python, or imports relatively.
@@ -60,15 +62,32 @@ class SourceTree:
     def _modules(self, name: str) -> set[Path]:
         """Files that importing a dotted name, of a module or in one, runs: with the packages above it."""
         parts = name.rstrip(".").split(".")
+        place = self.root.joinpath(*parts[:-1])
+        if (place / "__init__.pyi").exists() and (module := self._face(place).get(parts[-1])):
+            parts[-1] = module
         places = [self.root.joinpath(*parts[:depth]) for depth in range(1, len(parts) + 1)]
         files = {file for place in places for file in (place / "__init__.py", place.with_suffix(".py"))}
         if name.endswith("."):
             files |= set(places[-1].glob("*.py"))
         return {file for file in files if file.is_file()}
 
+    def _face(self, package: Path) -> dict[str, str]:
+        """Module within a package by the name that the package's stub lists."""
+        if package not in self._faces:
+            stub = ast.parse((package / "__init__.pyi").read_text(encoding="utf-8"))
+            imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+            self._faces[package] = {alias.name: str(one.module) for one in imports for alias in one.names}
+        return self._faces[package]
+
+
+def _attaches_face(node: ast.AST) -> bool:
+    """Whether a statement makes the face of a package, which is followed by name and computes nothing."""
+    return "lazy_loader" in {getattr(one, "id", getattr(one, "name", "")) for one in ast.walk(node)}
+
 
 def _without_wording(tree: ast.Module) -> ast.Module:
-    """Docstrings and other bare strings, and annotations of functions, taken out in place."""
+    """Docstrings and other bare strings, annotations of functions and faces, taken out in place."""
+    tree.body = [node for node in tree.body if not _attaches_face(node)]
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             node.returns = None

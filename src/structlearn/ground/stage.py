@@ -1,4 +1,4 @@
-"""What every stage script needs: its checked parameters, errors told in one line, and its time taken.
+"""Frame of stage scripts: checked parameters, one-line errors, and timing.
 
 A stage is a script that DVC runs from the project's root; it can be run by hand from there too.
 """

@@ -1,4 +1,4 @@
-"""How long each stage took when DVC ran it last: `python -m structlearn.ground.wall_clock` lists it.
+"""Wall time of each stage in its last run by DVC: `python -m structlearn.ground.wall_clock` lists it.
 
 Times differ from run to run and from machine to machine: they are in no artefact, no stage depends on them,
 and git does not keep them.
@@ -18,7 +18,7 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.publication import publish
 
 TIMES = Path("reports/times.json")
-"""Relative to the working directory, so an experiment in a directory of its own has times of its own."""
+"""Relative to the working directory, so an experiment in a separate directory has separate times."""
 
 RUN_BY_DVC = "DVC_STAGE"
 """Environment variable that DVC sets while a stage runs."""

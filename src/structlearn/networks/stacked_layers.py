@@ -122,7 +122,7 @@ class StackedLayers:
         return len(self.weights[0])
 
     def parameters(self) -> list[Tensor]:
-        """What is trained."""
+        """Trained parameters."""
         return [*self.weights, *self.biases, *self.scales]
 
     def forward(self, inputs: Tensor, training: bool = False, dropout: Dropout | None = None) -> Tensor:

@@ -1,4 +1,4 @@
-"""What all trainings with torch share: precision, seeds, threads, optimisers."""
+"""Settings shared by all training with torch: precision, seeds, threads, optimisers."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""Quaternion primitive, the text's form: errors by the logarithm of the short way (eq. IV.2, IV.9, IV.11).
+"""Quaternion primitive, as published: errors by the logarithm of the short way (eq. IV.2, IV.9, IV.11).
 
     tau^2 wd = ALPHA (BETA 2 log(Q_g o Q*) - tau w) + f + c        Q(t + dt) = exp(w dt / 2) o Q(t)
     tau w_g = ALPHA_G 2 log(Q_G o Q_g*)

@@ -60,7 +60,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Document:
-    """What a page is made of."""
+    """Contents of a page."""
 
     template: str  # its file in `package`
     package: str  # of the testbed's page, e.g. `structlearn.testbeds.obstacles.page`
@@ -80,7 +80,7 @@ class Document:
 
 
 class Scribe:
-    """What a template may call, for one page.
+    """Functions that a template may call, for one page.
 
     `section` and `fold` take their content as a call block; a caption may be one too. Headings, figures and
     tables get anchors; what is asked for and does not exist is an error.

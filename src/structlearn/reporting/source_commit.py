@@ -39,7 +39,7 @@ def _digest(path: Path) -> str:
 
 
 def _git(root: Path, *arguments: str) -> str | None:
-    """What git prints; None where it cannot say."""
+    """Output of git; None if it fails."""
     try:
         done = subprocess.run(["git", "-C", root, *arguments], capture_output=True, text=True, check=False)
     except OSError:

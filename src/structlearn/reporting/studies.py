@@ -53,7 +53,7 @@ class PartOfCell(Parameters):
 
 
 class Description(Parameters):
-    """What a study varies."""
+    """Variants of a study."""
 
     question: str
     target: str  # stage that is brought up to date in each experiment
@@ -96,7 +96,7 @@ class Made(Parameters):
 
 @dataclass(frozen=True)
 class Study:
-    """What a study found."""
+    """Results of a study."""
 
     table: pd.DataFrame  # `variant`, `repeat`, then a column per number
     made: Made | None = None  # how; None in tests
@@ -203,7 +203,7 @@ def stored_study(folder: Path) -> Study:
 
 
 def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("params.yaml")) -> Study | None:
-    """What a study found; None where it was not run, or with parameters of other values than in this file."""
+    """Results of a study; None where it was not run, or with parameters of other values than in this file."""
     made = Path(folder, name)
     if not (made / "study.json").exists():
         return None

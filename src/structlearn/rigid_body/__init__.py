@@ -1,1 +1,8 @@
-"""Rigid-body dynamics of arms from their URDFs: Newton-Euler, its parameters, and models that learn them."""
+"""Rigid-body dynamics of arms from their URDFs: Newton-Euler, its parameters, and models that learn them.
+
+What users import stands in the stub beside this file, and is loaded when it is first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -43,7 +43,7 @@ ModelKey = tuple[str, str]
 """A kind, `URDF` or `LEAST_SQUARES`, and a key of `FRICTIONS`."""
 
 WRITTEN: ModelKey = ("cov", "coulomb")
-"""The model that becomes a URDF: bodies that can exist, and friction that a URDF knows."""
+"""The model that becomes a URDF: physically consistent inertias, and friction that a URDF knows."""
 
 
 @dataclass(frozen=True)

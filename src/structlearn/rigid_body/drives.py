@@ -1,4 +1,4 @@
-"""What is known of an arm's drives before its dynamics: gains of the motors, and how late currents come.
+"""Identification of an arm's drives: gains of the motors, and delays of the currents.
 
     tau = k i(t + d)        k: gain in N m/A, d: delay of the measured current in s
 

@@ -1,4 +1,4 @@
-"""Five ways to write a link's inertia with free parameters (chapter III.3).
+"""Five parameterisations of a link's inertia (chapter III.3).
 
     nostr  m, h = m c, nine entries of I                                        (eq. III.3)
     symm   m = s^2 + b, h, six entries of a symmetric I                         (eq. III.4)

@@ -61,7 +61,7 @@ class StackedPerceptrons:
         return replace(self, **scales)
 
     def parameters(self) -> list[Tensor]:
-        """What is trained."""
+        """Trained parameters."""
         return self.network.parameters()
 
     def torques(self, q: Tensor, qd: Tensor, qdd: Tensor) -> Tensor:
@@ -128,7 +128,7 @@ class StackedLagrangianNetworks:
         return self.row.shape[1]
 
     def parameters(self) -> list[Tensor]:
-        """What is trained."""
+        """Trained parameters."""
         return self.inertia.parameters() + self.potential.parameters()
 
     def to_arrays(self) -> dict[str, Tensor]:

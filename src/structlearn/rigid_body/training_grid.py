@@ -1,6 +1,6 @@
 """The models of chapter III on motions of arms: every kind in two forms, several seeds or robots of each.
 
-The text's form is what the dissertation describes: the raw loss of eq. III.2, and Adam as public code has
+The published form is what the dissertation describes: the raw loss of eq. III.2, and Adam as public code has
 it, since no optimiser is named. Ours normalises the loss by each joint's torque, and has one optimiser for
 all kinds, that with which networks did best on a motion that is not scored.
 """

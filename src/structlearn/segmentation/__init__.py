@@ -1,1 +1,8 @@
-"""Demonstrations cut into primitives: zero-velocity crossing, time warping, weighted least squares (IV.5)."""
+"""Demonstrations cut into primitives: zero-velocity crossing, time warping, weighted least squares (IV.5).
+
+What users import stands in the stub beside this file, and is loaded when it is first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

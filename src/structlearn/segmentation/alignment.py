@@ -198,7 +198,7 @@ longer."""
 def doubts(
     demonstration: str, refined: Mapping[str, Refined], reference: bool
 ) -> list[tuple[str, str, str, float]]:
-    """What speaks against the cuts of one demonstration.
+    """Cut warnings of one demonstration.
 
     `refined`: by primitive, those that have an axis, in order of time. `reference`: whether it is the
     reference, which has nothing to be compared with. Returns rows of `DOUBT_COLUMNS`;

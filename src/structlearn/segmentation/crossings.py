@@ -1,4 +1,4 @@
-"""Where every primitive of every demonstration starts and ends by zero-velocity crossing: what is refined.
+"""Start and end of every primitive by zero-velocity crossing, before refinement.
 
 There are two ways. Where each primitive has an axis of its own and a threshold, it is the largest movement
 along its axis after the one before, demonstration by demonstration, and the first demonstration is the

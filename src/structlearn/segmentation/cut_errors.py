@@ -1,4 +1,4 @@
-"""How good cuts are, by true cut points and by the spread of aligned segments, and which method is better."""
+"""Cut errors, spread of aligned segments, and paired comparison of methods."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

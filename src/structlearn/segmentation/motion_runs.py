@@ -50,7 +50,7 @@ def moving_interval(
 def cut_points(
     speed: np.ndarray, run: tuple[int, int], threshold: float, rest: float, limits: tuple[int, int]
 ) -> tuple[int, int]:
-    """Where a movement starts and ends, from a run of its heavily smoothed speed above the threshold.
+    """Start and end of a movement, from a run of its heavily smoothed speed above the threshold.
 
     `speed`: (T,) lightly smoothed speed. `threshold`: above which it moves, in the unit of the speed. `rest`:
     below which it counts as resting. Returns s, e: first and last sample of the movement.
@@ -213,7 +213,7 @@ def runs_of_motion(
 
 @dataclass(frozen=True)
 class Search:
-    """How candidates are looked for."""
+    """Parameters of the search for candidates."""
 
     thresholds: Sequence[float]  # of the speed, the lowest first
     dt: float  # s

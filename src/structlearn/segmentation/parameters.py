@@ -1,4 +1,4 @@
-"""What a user says about the primitives in the demonstrations, and how they are to be cut."""
+"""Description of the primitives in the demonstrations, and parameters of the cuts."""
 
 from itertools import pairwise
 from typing import Annotated, Any, Final, Literal
@@ -39,7 +39,7 @@ class BoundParameters(Parameters):
 
 
 class PrimitiveParameters(Parameters):
-    """How one primitive is found."""
+    """Description of one primitive."""
 
     name: Name
     axis: Literal[Axis, "between"] = "xyz"  # what shows it, or `between`: what lies between its neighbours

@@ -1,1 +1,8 @@
-"""Touch on a skin with electrodes: samples, contact points, geodesics, latent space and its dynamics."""
+"""Touch on a skin with electrodes: samples, contact points, geodesics, latent space and its dynamics.
+
+What users import stands in the stub beside this file, and is loaded when it is first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

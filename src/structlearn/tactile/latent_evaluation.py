@@ -1,4 +1,4 @@
-"""How good latent spaces and their dynamics are (II.4.2 to II.4.5, figures II.4 and II.5).
+"""Evaluation of latent spaces and their dynamics (II.4.2 to II.4.5, figures II.4 and II.5).
 
 Every error is normalised, so that latent spaces of different scales compare. Tables are long, one row per
 model and quantity; `structure` and `seed` name the latent space.

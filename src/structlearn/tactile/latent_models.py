@@ -67,7 +67,7 @@ class StackedAutoencoders:
         )
 
     def parameters(self) -> list[Tensor]:
-        """What is trained."""
+        """Trained parameters."""
         return self.encoder.parameters() + self.decoder.parameters()
 
 

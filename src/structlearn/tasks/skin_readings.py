@@ -25,7 +25,7 @@ STRUCTURED, PLAIN, COMPONENTS, PROCESS = (
 MODELS = (STRUCTURED, PLAIN, COMPONENTS, PROCESS)
 
 NEW_BLOCKS, NEW_RUN = "new blocks", "new run"
-"""What is new in the presses that are asked about."""
+"""What is new in the presses that are tested on."""
 
 DIMENSIONS = 3
 """Of the latent spaces; as many principal components has the rival."""

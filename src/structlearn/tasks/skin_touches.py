@@ -1,7 +1,7 @@
 """A skin that is touched at known places: latent spaces are learned, and judged on touches left out (II.3.3).
 
 Blocks of places are held out, since each place is touched several times: touches left out at random would
-have their like among those learned from. Of recordings apart, what one taught is asked about the others.
+have their like among those learned from. With separate recordings, models of one are tested on the others.
 """
 
 from collections.abc import Mapping, Sequence

@@ -64,7 +64,7 @@ class StackedAutoencoders:
         self.used = as_tensor(used[:, None])  # (M, 1, C)
 
     def parameters(self) -> "list[Tensor]":
-        """What is trained."""
+        """Trained parameters."""
         return self.encoder.parameters() + self.decoder.parameters()
 
     def encode(self, inputs: "Tensor") -> "Tensor":

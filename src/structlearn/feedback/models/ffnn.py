@@ -85,7 +85,7 @@ class StackedFeedForwardNetworks:
         self.dropout = Dropout(dropout, generator)
 
     def parameters(self) -> "list[Tensor]":
-        """What is trained."""
+        """Trained parameters."""
         return self.layers.parameters()
 
     def forward(self, inputs: "Tensor", modulation: None = None, training: bool = False) -> "Tensor":

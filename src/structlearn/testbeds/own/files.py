@@ -1,4 +1,4 @@
-"""Where the files of one task of your own lie, and what they hold, for all who read them."""
+"""Paths of the files of one task of your own, and typed readers."""
 
 import os
 import re
@@ -36,7 +36,7 @@ def is_name(name: str) -> bool:
 
 @dataclass(frozen=True)
 class TaskFiles:
-    """What the stages of one task write.
+    """Outputs of the stages of one task.
 
     Attributes:
         name: of the task.
@@ -99,7 +99,7 @@ class TaskFiles:
         return self.folder / "segments"
 
     def segmentation(self) -> Segmentation:
-        """How the demonstrations were cut."""
+        """Cuts of the demonstrations."""
         return read_segmentation(self.segments)
 
     def primitives(self) -> list[PosePrimitive]:

@@ -93,7 +93,7 @@ def report(found: Findings) -> str:
 
 
 def as_yaml(proposal: Proposal) -> str:
-    """An entry below `tasks:`, indented so that it can be appended, each value with its doubts above it."""
+    """An entry below `tasks:`, indented so that it can be appended, each value with its warnings above it."""
     lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.doubts, "", " " * 4)]
     return "\n".join(map(printable, lines)) + "\n"  # a doubt that broke its line would become an entry
 

@@ -1,4 +1,4 @@
-"""Where the files of the recorded data lie, and what they hold, for all who read them."""
+"""Paths of the files of the recorded data, and typed readers."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -100,7 +100,7 @@ def shown_map(maps: pd.DataFrame, tuned_on: Collection[str]) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class RecordedFiles:
-    """What the stages wrote, read.
+    """Outputs of the stages, read.
 
     Attributes:
         data: folder of all data.

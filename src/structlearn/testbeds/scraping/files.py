@@ -1,4 +1,4 @@
-"""Where the files of the scraping testbed lie, and what they hold, for all who read them."""
+"""Paths of the files of the scraping testbed, and typed readers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ CLOSED_LOOP, REFINED, CORRECTIONS = "closed_loop", "refined", "corrections"
 
 @dataclass(frozen=True)
 class ScrapingFiles:
-    """What the stages wrote below a folder of all data."""
+    """Outputs of the stages below a folder of all data."""
 
     data: Path = Path("data")
 

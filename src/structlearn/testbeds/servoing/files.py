@@ -49,7 +49,7 @@ def true_contacts() -> pd.DataFrame:
 
 
 def model_scores() -> ModelScores:
-    """What is known of the trained models."""
+    """Scores of the trained models."""
     return ModelScores(**_tables("models", ModelScores))
 
 

@@ -1,7 +1,7 @@
-"""What was found for the claims on learned dynamics.
+"""Evidence for the claims on learned dynamics.
 
 Differences and ratios are taken in pairs: in simulation seed by seed, on robots robot by robot. The
-dissertation's claims are decided by the text's form; what our form makes of them has claims of its own. Of a
+dissertation's claims are decided by the published form; results of our form have separate claims. Of a
 model that did not meet the criterion nothing follows (`UNMET`): the text trained until it was met.
 """
 
@@ -21,7 +21,7 @@ from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 
 NETWORKS = ("mlp", "delan")
-"""The text's models that are no inertias."""
+"""The published models without inertias."""
 
 RIVALS = {TEXT: (*NETWORKS, "nostr", "symm"), OURS: ("mlp", "mlp_scaled", "delan", "nostr", "symm")}
 """All that are less constrained than SPD, Tri and Cov, by form."""
@@ -168,7 +168,7 @@ def published() -> Mapping[str, Any]:
 def metrics(results: DynamicsResults) -> Metrics:
     """The flat metrics of the testbed.
 
-    `..._plain` is the text's form, without it ours. `epochs_<model>` is the mean over seeds of the epochs to
+    `..._plain` is as published, without it ours. `epochs_<model>` is the mean over seeds of the epochs to
     the threshold on every joint in simulation; where it was not reached, `epochs_limit` counts.
     `ee_velocity_nmse_<model>` is the mean over seeds of the NMSE of the tool's velocity in reaches; a run
     that had to be stopped counts at least 1, and is one of `unstable_<model>` runs, sines and reaches; a

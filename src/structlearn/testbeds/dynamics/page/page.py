@@ -65,7 +65,7 @@ def publish_dynamics(
 
 
 def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, object]:
-    """What the page's sentences and claims name, beside the metrics."""
+    """Values for the page's sentences and claims besides the metrics."""
     rows = {name: table.frame.to_dict("records") for name, table in shown.items()}
     after = results.payload[results.payload["time_s"] > results.pick_up_s]
     return metrics(results) | {

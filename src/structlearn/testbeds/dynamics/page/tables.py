@@ -34,7 +34,7 @@ SCORE_HEADINGS = {
 }
 
 CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
-"""On a body that can exist, columns of `inertia_tables.link_table`."""
+"""On a physically consistent body, columns of `inertia_tables.link_table`."""
 
 DIFFERENCES = ("recursion_n_m", "regressor_n_m", "compiled_n_m")
 """From Pinocchio, of three ways to the same torques."""
@@ -230,7 +230,7 @@ def _structures(results: DynamicsResults) -> list[str]:
 
 
 def _of(table: pd.DataFrame, model: str) -> pd.DataFrame:
-    """What a model learned in the text's form."""
+    """Results of a model trained as published."""
     return table[(table["model"] == model) & (table["form"] == TEXT)]
 
 

@@ -1,4 +1,4 @@
-"""What the stages of the dynamics testbed wrote, and how it is scored: what counts, by model and seed."""
+"""Outputs of the stages of the dynamics testbed, and how it is scored: what counts, by model and seed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ SETTLED_SHARE = 0.1
 
 @dataclass(frozen=True)
 class DynamicsResults:
-    """What the stages of the testbed wrote, and what follows from it.
+    """Outputs of the stages of the testbed, and what follows from it.
 
     Of robots a seed is that of the robot; in simulation it is that of a model's start and of its goals.
 

@@ -37,7 +37,7 @@ LEARNED, EMPTY = colour("cov"), colour(GROUND_TRUTH)
 
 
 class DynamicsViewParameters(Parameters):
-    """What the recordings show."""
+    """Contents of the recordings."""
 
     models: tuple[str, ...] = Field(min_length=1)
     robot_models: tuple[str, ...] = Field(min_length=1)

@@ -1,4 +1,4 @@
-"""What was found for the claims of `claims.yaml`.
+"""Evidence for the claims of `claims.yaml`.
 
 The dissertation's statements are held against its own form: single networks, with its rules alone. What this
 project makes of it, ensembles with limits at the goal, is evidence for this project's claims. All is over

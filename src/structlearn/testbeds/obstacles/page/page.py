@@ -121,7 +121,7 @@ def facts(
 
 
 def worst_hits(study: str) -> str:
-    """What a study found, in words: by variant the most unseen spheres that anyone hits; whose code."""
+    """Results of a study, in words: by variant the most unseen spheres that anyone hits; whose code."""
     found = read_study(study)
     if found is None:
         return ""

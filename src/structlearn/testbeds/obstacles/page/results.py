@@ -40,7 +40,7 @@ FEW_HITS = 1  # of the unseen spheres, that a person's model may hit to be good
 
 @dataclass(frozen=True)
 class ObstacleResults:
-    """What the stages of the testbed wrote, and what follows from it."""
+    """Outputs of the stages of the testbed, and what follows from it."""
 
     found: Evaluation  # scores and paths of the unrolls, scores of the demonstrations
     errors: pd.DataFrame  # how well the models fit, see `avoidance_fits.learn`
@@ -196,7 +196,7 @@ def metrics(results: ObstacleResults) -> Metrics:
     `hits_unseen_<source>_worst_person` is the largest number of unseen spheres that anyone's model hits, and
     `..._share_of_people_within_1` the share of those who hit at most one: of this project's ensembles with
     limits at the goal, by the shape of the obstacles that they learned from, or `all`. `..._single_...` are
-    those of the text's form. `hits_<protocol>_baseline`, `_all` are sums over people without avoidance and
+    those of the published form. `hits_<protocol>_baseline`, `_all` are sums over people without avoidance and
     with the ensemble of all shapes. `nmse_test_<source>` is the text's network's error on held-out
     demonstrations along the worse of y and z, the mean over people, `nmse_test_ensemble_<source>` likewise.
     Goal distances are the largest of all unrolls with limits at the goal, of every model in every situation,

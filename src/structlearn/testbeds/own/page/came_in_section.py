@@ -1,4 +1,4 @@
-"""What came in: sets of recordings with their files, rates and gaps."""
+"""Imported data: sets of recordings with their files, rates and gaps."""
 
 from structlearn.reporting.document import Table
 from structlearn.testbeds.own.files import TaskFiles

@@ -1,4 +1,4 @@
-"""Feedback: what people corrected, and how well a network foretells it where it has not learned."""
+"""Feedback: what people corrected, and how well a network predicts it where it has not learned."""
 
 import numpy as np
 from matplotlib.figure import Figure

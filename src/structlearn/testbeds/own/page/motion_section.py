@@ -1,4 +1,4 @@
-"""The arm of a task: models asked about motion that they did not learn from, and whether to trust them."""
+"""The arm of a task: models tested on held-out motion, and whether to trust them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -112,7 +112,7 @@ ENDS = {"": "nmse", "_low": "low", "_high": "high"}
 
 
 def motion_tables(tables: dict[str, pd.DataFrame]) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     errors, gravity, base = tables["errors"], tables["gravity"], tables["base"]
     gravity = gravity.drop(columns="joint").rename(columns={"name": "joint"})
     text = [f"{rounded(row.nmse, '.2g')} {interval(row.low, row.high, '.2g')}" for row in errors.itertuples()]

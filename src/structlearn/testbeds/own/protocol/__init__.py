@@ -1,1 +1,1 @@
-"""What is run and scored on recordings of your own."""
+"""Experiments and scores on your own recordings."""

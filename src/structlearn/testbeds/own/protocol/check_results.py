@@ -24,7 +24,7 @@ SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}
 
 @dataclass(frozen=True)
 class SkillCheck:
-    """What was found.
+    """Results.
 
     Attributes:
         margins: a row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`,
@@ -75,7 +75,7 @@ class SkillCheck:
 
 
 def verdict(margin: float) -> str:
-    """What a margin says."""
+    """Verdict on a margin."""
     return NO if margin < 0.0 else DOUBTFUL if margin < THIN else YES
 
 

@@ -1,4 +1,4 @@
-"""How the hand moves in recordings that nobody has described yet, and which source of poses is the hand's."""
+"""How the hand moves in recordings without an entry, and which source of poses is the hand's."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

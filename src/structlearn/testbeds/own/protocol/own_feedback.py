@@ -1,4 +1,4 @@
-"""Feedback from your own corrections, and how well it foretells those that it was not learned from (IV.6)."""
+"""Feedback from your own corrections, and how well it predicts those that it was not learned from (IV.6)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -107,7 +107,7 @@ def _learned(
 
 
 def _groups(dataset: CouplingDataset, parameters: OwnFeedbackParameters) -> np.ndarray:
-    """Labels (S,) of what is left out in turn: settings, or parts of the demonstrations of a lone one."""
+    """Labels (S,) of what is left out in turn: settings, or parts of the demonstrations of a single one."""
     if len(parameters.settings) > 1:
         return dataset.setting.astype(str)
     parts = dataset.demonstration % parameters.parts

@@ -1,4 +1,4 @@
-"""An entry of `stages/own/params.yaml` for recordings that nobody has described yet, with its doubts.
+"""An entry of `stages/own/params.yaml` for recordings without an entry, with its warnings.
 
 It holds what the files tell and the defaults do not. What was chosen among several, and what may go wrong, is
 said beside the key that it is about.

@@ -263,7 +263,7 @@ def _bow(way: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _captured(take: Take) -> Stream:
-    """What motion capture saw."""
+    """Measurements of motion capture."""
     rng = np.random.default_rng(take.capture)
     seen = slice(None, None, POSE_EVERY)
     position, orientation = take.position[seen], take.orientation[seen]

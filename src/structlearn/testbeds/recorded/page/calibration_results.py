@@ -1,4 +1,4 @@
-"""What the page of simulated beside recorded touch shows: its tables, metrics, claims and document."""
+"""Contents of the page of simulated beside recorded touch: its tables, metrics, claims and document."""
 
 from collections.abc import Mapping
 from pathlib import Path

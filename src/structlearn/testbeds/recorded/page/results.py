@@ -49,7 +49,7 @@ class RecordedResults:
 
 
 def read_results(stored: files.RecordedFiles, parameters: Mapping[str, Any]) -> RecordedResults:
-    """What the stages wrote; parameters by their key in `params.yaml`."""
+    """Outputs of the stages; parameters by their key in `params.yaml`."""
     reaches = _movements(stored, files.REACHES, parameters["recorded_reaches"].fit)
     turns = _movements(stored, files.UNSCREWING, parameters["recorded_unscrewing"])
     execution = stored.runs(files.SCRAPING) if stored.learned(files.SCRAPING) else ()

@@ -1,4 +1,4 @@
-"""Higher reaches as corrections of the nominal ones: the coupling term they ask for, and phase alone for it.
+"""Higher reaches as corrections of the nominal ones: their coupling targets, learned from the phase alone.
 
 The reaches of the second set have the start and goal of the nominal ones and a higher arc. Their coupling
 targets against the nominal primitive (eq. IV.23) are learned as a function of phase, without any sensor:

@@ -2,7 +2,7 @@
 
 Three sets: slides of a BioTac over materials, logs of unscrewing with another one, and simulated touches of
 a handle; a recorded set may be missing. The same code learns from each; whole trials are left out. Then what
-was learned from one set is asked about another, each standardised by itself, with principal components as the
+was learned from one set is tested on another, each standardised by itself, with principal components as the
 simple rival.
 """
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 LEARNED, NEW_TRIALS, NEW_MATERIAL, NEW_SET = "learned from", "new trials", "new material", "new set"
 OWN_UNITS = "new material, standardised by itself"
-"""What is new in the samples that are asked about; a new set is always standardised by itself."""
+"""What is new in the samples that are tested on; a new set is always standardised by itself."""
 
 STRUCTURED, PLAIN, COMPONENTS = "structured", "reconstruction only", "3 principal components"
 MODELS = (STRUCTURED, PLAIN, COMPONENTS)

@@ -29,7 +29,7 @@ MAGNITUDES = "simulated, magnitudes"
 """Simulated touches of which only the magnitudes of the changes are kept, as of the slides."""
 
 PARTNERS = {SLIDES: MAGNITUDES, MAGNITUDES: SLIDES, UNSCREWING: SIMULATED, SIMULATED: UNSCREWING}
-"""Per set, the one that is asked about after it was learned from."""
+"""Per set, the one that is tested on after it was learned from."""
 
 
 class LatentTouchParameters(Parameters):

@@ -1,4 +1,4 @@
-"""What was found for the claims of the pages on segmentation and feedback: in the sweep, and over people.
+"""Evidence for the claims of the pages on segmentation and feedback: in the sweep, and over people.
 
 One number per person: of each, the whole branch was run anew, demonstrations, sensor, corrections, models and
 executions. So people are independent, which folds and executions of one person are not. The numbers are

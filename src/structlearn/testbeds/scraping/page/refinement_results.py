@@ -354,7 +354,7 @@ def population_metrics(studies: Studies, numbers: Sequence[int]) -> Metrics:
     """`rl_cost_ratio_prim<number>_mean` and `_worst` over people, `seen_cost_ratio_mean`.
 
     Means are geometric; `seen_cost_ratio_mean` is that of `seen_cost_ratio_after_over_before_max`. Numbers of
-    the text's form end with `_text`. Nothing where no people were studied.
+    the published form end with `_text`. Nothing where no people were studied.
 
     `studies`: by name.
     """

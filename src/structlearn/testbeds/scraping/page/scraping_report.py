@@ -244,7 +244,7 @@ def refinement_drawings(results: RefinementResults, primitives: list[str]) -> Dr
 def read_results(
     found: files.ScrapingFiles, parameters: Mapping[str, Any]
 ) -> tuple[SegmentationResults, FeedbackResults, RefinementResults]:
-    """What the stages wrote."""
+    """Outputs of the stages."""
     primitives = found.primitives()
     segmentation = SegmentationResults(
         demonstrations=found.runs("nominal"),

@@ -30,7 +30,7 @@ LEFT_OUT_METRICS = ("mean_mm", "mean_deg")
 
 @dataclass(frozen=True)
 class SegmentationResults:
-    """What the stages wrote, and what follows from it."""
+    """Outputs of the stages, and what follows from it."""
 
     demonstrations: Sequence[Demonstration]  # the complete ones, those that could not be cut among them
     segmentation: Segmentation  # their cuts

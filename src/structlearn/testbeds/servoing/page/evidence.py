@@ -1,4 +1,4 @@
-"""What was found for each of the claims, by the names that `claims.yaml` uses.
+"""Evidence for each of the claims, by the names that `claims.yaml` uses.
 
 All of it is over people: of each, the whole branch was run anew, demonstrations, sensor, models and trials.
 So people are independent, which seeds of one person's models are not. The numbers are those of `metrics.json`
@@ -142,7 +142,7 @@ def _geometry(results: ServoingResults) -> dict[str, Found]:
 
 
 def _if_serves(results: ServoingResults, variant: Variant, found: Found) -> Found:
-    """What was found of a controller that works as it was taught, over people; else unknown.
+    """Evidence over people on a controller that works in its own training setting; else unknown.
 
     Where it does not, its failing elsewhere, or without the inverse model's loss, says nothing of either.
     """

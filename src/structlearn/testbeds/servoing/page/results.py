@@ -1,4 +1,4 @@
-"""What the stages of the servoing testbed found, and its metrics."""
+"""Outputs of the stages of the servoing testbed, and its metrics."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -54,7 +54,7 @@ HEADLINES = (
 
 @dataclass(frozen=True)
 class ServoingResults:
-    """What the stages of the testbed wrote."""
+    """Outputs of the stages of the testbed."""
 
     dataset: TouchDataset  # samples of touch
     truth: pd.DataFrame  # true contacts of the demonstrations

@@ -30,7 +30,7 @@ SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
 
 @dataclass(frozen=True)
 class ModelScores:
-    """What is known of the trained models; arrays are over S seeds."""
+    """Scores of the trained models; arrays are over S seeds."""
 
     latent: pd.DataFrame  # see `tactile.latent_evaluation.latent_errors`
     forward: pd.DataFrame  # see `tactile.latent_evaluation.forward_errors`

@@ -1,4 +1,4 @@
-"""How well fingers were servoed: success, time, path, contact on the skin (II.4.6, figure II.6)."""
+"""Scores of servoing: success, time, path, contact on the skin (II.4.6, figure II.6)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

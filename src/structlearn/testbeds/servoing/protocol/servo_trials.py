@@ -47,7 +47,7 @@ MOTIONS = ("rotation", "translation", "mixed")
 
 @dataclass(frozen=True)
 class Taught:
-    """What the demonstrations taught."""
+    """Models learned from the demonstrations."""
 
     models: LatentModels  # latent spaces and dynamics of S seeds
     units: TouchUnits  # that they see touch in

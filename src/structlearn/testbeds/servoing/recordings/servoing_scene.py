@@ -240,7 +240,7 @@ def tab(
 
 
 class ServoingViewParameters(Parameters):
-    """What recordings of the servoing testbed show."""
+    """Contents of the recordings of the servoing testbed."""
 
     demonstrations: tuple[str, ...]
     map_points: int = Field(ge=1)

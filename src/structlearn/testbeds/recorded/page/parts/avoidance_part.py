@@ -73,7 +73,7 @@ def evidence(results: RecordedResults) -> dict[str, Found]:
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say."""
+    """Values for its sentences."""
     scores, gains = (
         by_axis(results[f"avoidance_{table}"], column)
         for table, column in (("scores", "nmse"), ("phase", "gain"))
@@ -100,7 +100,7 @@ def listed(values: np.ndarray) -> str:
 
 
 def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     held_out, train = (by_axis(results["avoidance_scores"], column) for column in ("nmse", "train"))
     wide = held_out.join(train.add_suffix(", learned from"))
     gains, halves = (by_axis(results["avoidance_phase"], column) for column in ("gain", "half_width"))
@@ -126,7 +126,7 @@ def _named(wide: pd.DataFrame) -> pd.DataFrame:
 
 
 def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
+    """Figures keyed by name."""
     return {
         "avoidance": [representations_panel(results, AXES), phase_panel(results)],
         "avoidance_axes": [representations_panel(results, [axis]) for axis in AXES],

@@ -59,7 +59,7 @@ class BoxesFound(SceneWays):
 
 
 def boxes_metrics(found: BoxesFound) -> Metrics:
-    """By name."""
+    """Metrics keyed by name."""
     shares = {
         "boxes_hits": found.share("hit"),
         "boxes_hits_blocked": found.share("hit", blocked=True),
@@ -142,12 +142,12 @@ KEY = "recorded_boxes"
 
 
 def found_of(results: RecordedResults) -> BoxesFound:
-    """What the stage wrote."""
+    """Output of the stage."""
     return BoxesFound(results.of_set("boxes_"))
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say, under one name."""
+    """Values for its sentences, under one name."""
     found = found_of(results)
     return {
         "boxes": {
@@ -159,7 +159,7 @@ def facts(results: RecordedResults) -> dict[str, object]:
 
 
 def boxes_tables(found: BoxesFound) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     strong = frozenset({found.ways.index(OURS)})
     formats = {"path_mm": ".1f", "goal_max_mm": ".0f", "nearest_mm": ".0f"}
     models = [way for way in found.ways if way in found.nmse.index]

@@ -62,7 +62,7 @@ def evidence(results: RecordedResults) -> dict[str, Found]:
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say."""
+    """Values for its sentences."""
     targets = results["coupling_scores"].groupby("axis")
     ends = results["coupling_completeness"]
     return {
@@ -75,7 +75,7 @@ def facts(results: RecordedResults) -> dict[str, object]:
 
 
 def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     return {
         "coupling_paths": shown(_paths(results)),
         "coupling_axes": shown(_axes(results), largest_m=".1f", spread_m=".1f"),
@@ -109,7 +109,7 @@ def _axes(results: RecordedResults) -> pd.DataFrame:
 
 
 def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
+    """Figures keyed by name."""
     return {
         "higher_reaches": reaches_panel(results),
         "coupling": [distance_panel(results), target_panel(results, "z")],
@@ -149,7 +149,7 @@ def distance_panel(results: RecordedResults) -> Figure:
 
 @styled
 def target_panel(results: RecordedResults, axis: str) -> Figure:
-    """Coupling that the higher reaches ask for along one local axis over phase, and what was learned."""
+    """Coupling targets of the higher reaches along one local axis over phase, and what was learned."""
     title = f"Coupling along local {axis}{' (up)' if axis == 'z' else ''}"
     figure, axes = panel(title, xlabel="phase p", ylabel="coupling term (m)", xlim=(1.0, 0.0))
     colour, targets = AXIS_COLOURS[AXES.index(axis)], results["coupling_targets"]

@@ -20,7 +20,7 @@ TEXT_STRUCTURES = ("symm", *STRICT)
 """Structures that table III.2 has."""
 
 CONSISTENT = ("tri", "cov")
-"""Structures of bodies that can exist."""
+"""Structures of physically consistent inertias."""
 
 TRACED_JOINTS = (5, 7, 1, 6)
 
@@ -97,7 +97,7 @@ def evidence(results: RecordedResults) -> dict[str, Found]:
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say."""
+    """Values for its sentences."""
     test, train = (panda_errors(results, part).mean(axis=1) for part in ("test", "train"))
     by_joint = panda_errors(results)
     keys = (
@@ -120,7 +120,7 @@ def facts(results: RecordedResults) -> dict[str, object]:
 
 
 def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     test = panda_errors(results)
     numbers = test.add_prefix("joint_").assign(mean=test.mean(axis=1))
     models = [names.DYNAMICS_MODELS[model] for model, _ in test.index]
@@ -142,7 +142,7 @@ def _of_cov(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
+    """Figures keyed by name."""
     traces, words = results["panda_traces"], "Robot: joint {} of a Franka Panda"
     torques = [
         torque_panel(traces, joint, words.format(joint), "time of the test part (s)")

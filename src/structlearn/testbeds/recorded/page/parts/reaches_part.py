@@ -95,14 +95,14 @@ def cut_gains(results: RecordedResults, first: str, second: str) -> dict[str, Ev
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say."""
+    """Values for its sentences."""
     best = by_level(results).pivot_table(index="noise_mm", columns="method", values="mean_ms").idxmin(axis=1)
     winners = listing(f"“{METHOD_NAMES[method]}” at {level:g} mm" for level, method in best.items())
     return {"reach_count": len(results.reach_segments), "winners": winners}
 
 
 def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     wide = by_level(results).pivot_table(index="noise_mm", columns="method", values="mean_ms")
     headings = {method: f"{name} (ms)" for method, name in METHOD_NAMES.items()}
     formats = dict.fromkeys(METHODS, ".1f")
@@ -115,7 +115,7 @@ def tables(results: RecordedResults) -> dict[str, Table]:
 
 
 def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
+    """Figures keyed by name."""
     by_seed = errors_by_seed(results["cut_errors"])
     return {
         "reach_paths": [paths_panel(results, *view) for view in (("x", "z"), ("x", "y"))],

@@ -60,7 +60,7 @@ def evidence(results: RecordedResults) -> dict[str, Found]:
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say."""
+    """Values for its sentences."""
     return {
         "parts_of_execution": list(results["sequence_errors"]["primitive"]),
         "electrode_count": results["electrode_scores"]["electrode"].nunique(),
@@ -69,7 +69,7 @@ def facts(results: RecordedResults) -> dict[str, object]:
 
 
 def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     return {
         "electrodes": Table(results["electrode_scores"]),
         "execution": shown(results["sequence_errors"]),
@@ -78,7 +78,7 @@ def tables(results: RecordedResults) -> dict[str, Table]:
 
 
 def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
+    """Figures keyed by name."""
     return {
         "execution": execution_panel(results),
         "electrodes": [electrode_errors_panel(results), *electrode_panels(results)],

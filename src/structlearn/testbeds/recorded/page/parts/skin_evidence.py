@@ -1,4 +1,4 @@
-"""What was found on the magnetic skin, by the names that `skin_claims.yaml` uses."""
+"""Evidence on the magnetic skin, by the names that `skin_claims.yaml` uses."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ class SkinRuns:
         return of_mean(self.by_block(names.SKIN_NEW_RUN, error, model))
 
     def by_pair(self, found: pd.Series) -> Found:
-        """Means by what was learned from and asked about."""
+        """Means by training and test set."""
         if not len(found):
             return MISSING
         groups = found.groupby(level=[0, 1])

@@ -106,7 +106,7 @@ def skin_tables(runs: SkinRuns) -> dict[str, Table]:
 
 
 def skin_facts(runs: SkinRuns, parameters: TouchParameters) -> dict[str, object]:
-    """What the sentences name beside the metrics."""
+    """Values for the sentences besides the metrics."""
     errors = runs["errors"]
     presses = errors[(errors["new"] == names.SKIN_NEW_BLOCKS) & (errors["model"] == STRUCTURED)]
     presses = presses[presses["seed"] == 0].groupby("learned_from")["presses"].sum()
@@ -133,12 +133,12 @@ KEY = "recorded_skin"
 
 
 def found(results: RecordedResults) -> SkinRuns:
-    """What the stage wrote, and the runs that it was tuned on."""
+    """Output of the stage, and the runs that it was tuned on."""
     return SkinRuns(results.of_set("skin_"), results.parameters[KEY].tuned_on)
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say, under one name."""
+    """Values for its sentences, under one name."""
     return {"skin": skin_facts(found(results), results.parameters[KEY])}
 
 

@@ -1,4 +1,4 @@
-"""Slides of a finger over materials: what expected traces foretell, what deviations from them tell."""
+"""Slides of a finger over materials: what expected traces predict, what deviations from them tell."""
 
 import numpy as np
 import pandas as pd
@@ -119,7 +119,7 @@ def group_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say."""
+    """Values for its sentences."""
     deviations, left_out = results["slide_deviations"], results["slide_left_one_out"]
     torques, payloads = results["slide_torques"], results["slide_payloads"].set_index("sign")
     left = torques[torques["payload"]].groupby("sign")["left_n_m"].max()
@@ -151,7 +151,7 @@ def facts(results: RecordedResults) -> dict[str, object]:
 
 
 def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     clock = results["clock_errors"]
     return {
         "slide_channels": shown(by_channels(results)),
@@ -163,7 +163,7 @@ def tables(results: RecordedResults) -> dict[str, Table]:
 
 
 def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
+    """Figures keyed by name."""
     slides = [slide_panel(results, place) for place in range(3)]
     return {"slides": [slides[0], trials_panel(results)], "slides_more": slides[1:]}
 

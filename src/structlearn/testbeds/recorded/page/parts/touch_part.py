@@ -98,7 +98,7 @@ def evidence(results: RecordedResults) -> dict[str, Found]:
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say."""
+    """Values for its sentences."""
     scores, sets = touch_scores(results)["reconstruction"], results["touch_sets"].set_index("set")
     new_sets = scores.xs("new set", level="new")
     origin, target, model = new_sets.idxmin()
@@ -140,7 +140,7 @@ def facts(results: RecordedResults) -> dict[str, object]:
 
 
 def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     return {
         "touch_scores": Table(_scores_in_words(results)),
         "latent_touch_sets": shown(results["touch_sets"]),
@@ -170,7 +170,7 @@ def _spread(found: pd.Series, error: str) -> str:
 
 
 def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
+    """Figures keyed by name."""
     return {
         "touch": [touch_panel(results, carried) for carried in (False, True)],
         "touch_electrodes": correlation_panels(results),

@@ -45,7 +45,7 @@ def evidence(results: RecordedResults) -> dict[str, Found]:
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say."""
+    """Values for its sentences."""
     turns = results["unscrewing_errors"].query("learned_from != 'all'")
     return {
         "logs": list(turns["learned_from"]),
@@ -55,12 +55,12 @@ def facts(results: RecordedResults) -> dict[str, object]:
 
 
 def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     return {"unscrewing": shown(results["unscrewing_errors"])}
 
 
 def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
+    """Figures keyed by name."""
     return {"turning": turn_panel(results)}
 
 

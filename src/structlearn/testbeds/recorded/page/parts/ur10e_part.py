@@ -1,4 +1,4 @@
-"""A UR10e and its load: gains of its drives, models asked about another motion, a mass that is known."""
+"""A UR10e and its load: gains of its drives, models tested on another motion, a known mass."""
 
 import numpy as np
 import pandas as pd
@@ -32,12 +32,12 @@ NUMBERS = {"mass_kg": ".2f", "viscous": ".1f", "coulomb": ".1f"}
 
 
 def found(results: RecordedResults) -> Ur10eResults:
-    """What the stage wrote, with its parameters."""
+    """Output of the stage, with its parameters."""
     return Ur10eResults(results.of_set("ur10e_"), results.parameters[KEY])
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
-    """What its sentences say, under one name."""
+    """Values for its sentences, under one name."""
     return {"ur10e": ur10e_facts(found(results))}
 
 
@@ -83,7 +83,7 @@ def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
 
 
 def ur10e_tables(results: Ur10eResults) -> dict[str, Table]:
-    """By name."""
+    """Tables keyed by name."""
     return {
         "ur10e_nmse": _errors(results, results.tested),
         "ur10e_nmse_further": _further(results),

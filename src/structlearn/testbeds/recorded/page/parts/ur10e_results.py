@@ -1,4 +1,4 @@
-"""What the page of the UR10e shows: numbers with intervals from the stage's tables, metrics, evidence."""
+"""Contents of the page of the UR10e: numbers with intervals from the stage's tables, metrics, evidence."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -94,7 +94,7 @@ class Ur10eResults:
 
     @property
     def further(self) -> list[str]:
-        """Logs that were asked about beside the test."""
+        """Test logs besides the main one."""
         known = ("train", self.tested)
         return [part for part in self["blocks"]["part"].unique() if part not in known]
 

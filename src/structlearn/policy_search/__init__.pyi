@@ -1,0 +1,17 @@
+from .pi2 import (
+    PI2Parameters as PI2Parameters,
+    SearchDistribution as SearchDistribution,
+    cost_to_go as cost_to_go,
+    sample as sample,
+    update as update,
+)
+from .refinement import (
+    Environment as Environment,
+    RefinementParameters as RefinementParameters,
+    Rollout as Rollout,
+)
+from .sample_efficiency import (
+    EvolutionStrategy as EvolutionStrategy,
+    PathIntegralSearch as PathIntegralSearch,
+)
+from .temperature import probabilities as probabilities

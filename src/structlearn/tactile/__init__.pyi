@@ -1,0 +1,24 @@
+from .electrodes import (
+    Skin as Skin,
+    biotac as biotac,
+    flat_pad as flat_pad,
+    skin_distance as skin_distance,
+    sphere as sphere,
+)
+from .latent_models import (
+    LatentModels as LatentModels,
+    StackedAutoencoders as StackedAutoencoders,
+    latent_losses as latent_losses,
+    read_models as read_models,
+    write_models as write_models,
+)
+from .latent_training import train as train
+from .resting_servo import RestingServo as RestingServo
+from .servo_controller import (
+    ServoParameters as ServoParameters,
+    TactileServo as TactileServo,
+)
+from .touch_dataset import (
+    TouchDataset as TouchDataset,
+    read_dataset as read_dataset,
+)
