@@ -2,6 +2,7 @@
 
 import ast
 import re
+import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ NUMBER = re.compile(
     r"(?P<number>(?:IV|V|I{1,3})\.\d+(?:\.\d+)*)\b"
 )
 FOLLOWS = re.compile(r"^(?:,? and|,| to|,? or|-|\u2013)\s*$")
+RANGE = re.compile(r"^( to|-|\u2013)\s*$")
 
 
 @dataclass(frozen=True, order=True)
@@ -33,7 +35,7 @@ class Citation:
 
 
 def citations(source: Path = SOURCE) -> list[Citation]:
-    """All citations in docstrings, by kind and number."""
+    """All citations in docstrings and comments, by kind and number."""
     found: set[Citation] = set()
     for path in sorted(source.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -50,12 +52,19 @@ def citations(source: Path = SOURCE) -> list[Citation]:
             )
             for kind, number in cited(text):
                 found.add(Citation(kind, number, str(path.relative_to(source.parent)), line, name, summary))
+        with path.open("rb") as file:
+            comments = [token for token in tokenize.tokenize(file.readline) if token.type == tokenize.COMMENT]
+        for token in comments:
+            summary = token.string.removeprefix("#").strip()
+            for kind, number in cited(summary):
+                place_of = str(path.relative_to(source.parent))
+                found.add(Citation(kind, number, place_of, token.start[0], path.stem, summary))
     return sorted(found, key=lambda one: (list(KINDS).index(one.kind), place(one.number), one.path, one.line))
 
 
 def cited(text: str) -> Iterator[tuple[str, str]]:
     """Kind and number of what a text cites; a list has the kind of its first number."""
-    end, last = -1, ""
+    end, last, before = -1, "", ("", "0")
     for match in NUMBER.finditer(text):
         number, word = match["number"], (match["kind"] or "").lower()
         if word:
@@ -67,6 +76,14 @@ def cited(text: str) -> Iterator[tuple[str, str]]:
             kind = "eq" if not rest and int(first) > SECTIONS[chapter] else "section"
         if kind == "eq" and number.count(".") > 1:
             kind = "section"
+        chapter, *rest = number.split(".")
+        if (
+            RANGE.match(text[end : match.start()] if end >= 0 else "")
+            and before[0] == chapter
+            and len(rest) == 1
+        ):
+            yield from ((kind, f"{chapter}.{one}") for one in range(int(before[1]) + 1, int(rest[0])))
+        before = chapter, rest[0]
         end, last = match.end(), kind
         yield kind, number
 
@@ -82,7 +99,7 @@ def dissertation_page() -> str:
     lines = [
         "# Index of the dissertation\n",
         "Where equations, figures, tables and sections of the dissertation are implemented or shown. The "
-        "index is made from the citations in docstrings.\n",
+        "index is made from the citations in docstrings and comments.\n",
     ]
     found = citations()
     for kind, title in KINDS.items():

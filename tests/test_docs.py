@@ -46,6 +46,7 @@ def test_the_readme_is_short():
         ("figures IV.19 and IV.20", [("figure", "IV.19"), ("figure", "IV.20")]),
         ("by section IV.9.1.3 (IV.12)", [("section", "IV.9.1.3"), ("eq", "IV.12")]),
         ("in IV.5", [("section", "IV.5")]),
+        ("(eq. IV.27-IV.29)", [("eq", "IV.27"), ("eq", "IV.28"), ("eq", "IV.29")]),
         ("version IX.1 of IV", []),
     ],
 )
@@ -70,7 +71,8 @@ def test_the_index_finds_what_is_numbered(hooks):
             "IV.19",
             "IV.20",
         ],
-        "eq": ["II.15", "II.23", "III.9", "IV.1", "IV.4", "IV.12", "IV.24", "IV.34"],
+        "eq": [*(f"II.{one}" for one in (2, 3, 4, 5, 13, 15, 23)), *(f"III.{one}" for one in range(3, 17))]
+        + [f"IV.{one}" for one in (1, 3, 4, 12, *range(16, 32), 33, 34)],
         "section": ["II.4.1.3", "III.4.1.2", "IV.5", "IV.7", "IV.9.1.3", "V.2"],
     }
     missing = [
@@ -82,7 +84,7 @@ def test_the_index_finds_what_is_numbered(hooks):
 def test_places_in_the_index_are_lines_of_the_source(hooks):
     for one in hooks.citations():
         line = (ROOT / one.path).read_text().splitlines()[one.line - 1]
-        assert one.line == 1 or one.name in line or line.startswith("@") or "def" in line
+        assert one.line == 1 or one.name in line or line.startswith("@") or "def" in line or "#" in line
 
 
 def test_make_alone_lists_every_target():

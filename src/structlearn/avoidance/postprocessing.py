@@ -1,4 +1,4 @@
-"""Postprocessing of a network's coupling term (IV.8.2, eq. IV.33 ff.).
+"""Postprocessing of a network's coupling term (IV.8.2, eq. IV.26, IV.33 and IV.34).
 
     x component      0: along the reach an avoiding movement is the baseline
     past obstacle    c exp(-k (x - x_last)^2)    where x > x_last

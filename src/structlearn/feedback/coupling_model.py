@@ -5,7 +5,7 @@ A network is one module of `feedback.models` with one subclass of `CouplingModel
 by one compiled kernel, which the controller calls in its tick, simulators in their loops, and `coupling` for
 batches:
 
-    c = kernel(sizes, values, row, deviations, memory)
+    c = kernel(sizes, values, row, deviations, memory)                              (eq. IV.25)
 
 What depends on time alone, and so is known before a robot moves, stands in `row`, one row of `table(p, u)`.
 """

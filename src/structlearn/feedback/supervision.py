@@ -1,4 +1,4 @@
-"""Supervised data from corrected demonstrations: sensor deviations and coupling targets (IV.6.2, IV.9.1.3).
+"""Supervised data of corrected demonstrations: sensor deviations, coupling targets (IV.9.1.3, eq. IV.22).
 
 Poses come at 300 Hz, electrodes at 100 Hz with clocks of their own; reading a demonstration puts them on one
 clock (`recordings.clock`). Everything here is on that clock; the data are thinned to the sensor's rate, since

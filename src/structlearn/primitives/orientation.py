@@ -136,7 +136,7 @@ def unroll(
     acceleration: np.ndarray | float = 0.0,
     coupling: Coupling | None = None,
 ) -> OrientationTrajectory:
-    """Integrate the orientation system, for one movement or a batch of forcing terms (..., T, 3).
+    """Integrate the orientation system (eq. IV.3), for one movement or a batch of forcing terms (..., T, 3).
 
     As `transformation.unroll`, from `start` to `goal` (4,); `velocity`, `acceleration`: (3,) rad/s, rad/s^2.
     Returns (..., T, 4) orientations.

@@ -3,11 +3,11 @@
     nostr  m, h = m c, nine entries of I                                        (eq. III.3)
     symm   m = s^2 + b, h, six entries of a symmetric I                         (eq. III.4)
     spd    m = s^2 + b, h, I = L L^T + b 1                                      (eq. III.6)
-    tri    m = s^2 + b, h, I = R J R^T, J from the sides of a triangle          (eq. III.12)
-    cov    m = s^2 + b, h, I = tr(Sigma) 1 - Sigma, Sigma = L L^T + b 1         (eq. III.16)
+    tri    m = s^2 + b, h, I = R J R^T, J from the sides of a triangle          (eq. III.7, III.8, III.12)
+    cov    m = s^2 + b, h, I = tr(Sigma) 1 - Sigma, Sigma = L L^T + b 1         (eq. III.13 to III.16)
 
 I is the rotational inertia about the centre of mass. Free parameters are real numbers without bounds, so
-gradient descent needs no constraint. Every value of tri and cov is a body that can exist: positive mass,
+gradient descent needs no constraint. Every value of tri and cov is physically consistent: positive mass,
 positive definite inertia, no principal moment above the sum of the other two.
 """
 

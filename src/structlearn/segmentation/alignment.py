@@ -56,7 +56,7 @@ def velocity_weights(
 
 
 def least_squares(pairs: np.ndarray, weights: np.ndarray | None = None) -> Alignment:
-    """Time scale and delay that fit the pairs best (eq. IV.17, with weights IV.18).
+    """Time scale and delay that fit the pairs best (eq. IV.16 and IV.17; IV.18 with weights).
 
     `pairs`: (K, 2) corresponding times in samples: reference, guess. `weights`: (K,) weights; None: ordinary
     least squares. Raises InputError: fewer than two different reference times have weight, or time would run

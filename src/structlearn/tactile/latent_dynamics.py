@@ -2,7 +2,7 @@
 
 Forward (II.3.4):
 
-    z_t+1 = z_t + zd(z_t, a_t) dt                                  (eq. II.7)
+    z_t+1 = z_t + zd(z_t, a_t) dt                                  (eq. II.6, II.7)
     locally linear:  zd = A(z) z + B(z) a + c(z),  A, B, c by a network of z      (eq. II.8, II.9)
     non-linear:      zd = network of [z, a]                                       (eq. II.10)
 
@@ -170,7 +170,7 @@ def affine_dynamics(dynamics: ForwardDynamics, step: LatentStep) -> AffineDynami
 def optimal_action(
     dynamics: AffineDynamics, latent: Tensor, target: Tensor, time_step: Tensor, penalty: float
 ) -> Tensor:
-    """Appendix A: a = B^T (B B^T + penalty / dt^2 1)^-1 ((z_T - z) / dt - A z - c) (eq. II.13, II.20).
+    """Appendix A: a = B^T (B B^T + penalty / dt^2 1)^-1 ((z_T - z) / dt - A z - c) (eq. II.13, II.19, II.20).
 
     `latent` (M, 3, B) z; `target` (M, 3, B) z_T; `time_step` (B,) or (M, 1, B) s; `penalty`: beta > 0, of the
     squared action beside the squared distance to the target. Returns (M, K, B) actions.
@@ -183,12 +183,12 @@ def optimal_action(
 
 
 def linearised(dynamics: NonLinearDynamics, step: LatentStep) -> AffineDynamics:
-    """The non-linear model linearised about the previous step, with the rate that was seen there (eq. II.16).
+    """The non-linear model linearised about the previous step, with the rate that was seen there.
 
-        zd = (z_t - z_t-1) / dt + J_z (z - z_t-1) + J_a (a - a_t-1)
+        zd = (z_t - z_t-1) / dt + J_z (z - z_t-1) + J_a (a - a_t-1)                (eq. II.16)
 
-    At z = z_t this is eq. II.18, whose A = 1 / dt + J_z also holds the first term. Written so, it holds at
-    later states too, as a longer horizon needs.
+    At z = z_t this is eq. II.17 and II.18, whose A = 1 / dt + J_z also holds the first term. Written so, it
+    holds at later states too, as a longer horizon needs.
     """
     by_latent, by_action = dynamics.jacobians(step.previous_latent, step.previous_action)
     rate = (step.latent - step.previous_latent) / step.time_step

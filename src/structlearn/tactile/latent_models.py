@@ -98,7 +98,7 @@ def latent_losses(
 
 
 def map_distance(first: Tensor, second: Tensor) -> Tensor:
-    """Distance (M, B) in the flat map between latent states (M, 3, B)."""
+    """Distance (M, B) in the flat map between latent states (M, 3, B) (eq. II.2)."""
     squared = (first[:, :MAP] - second[:, :MAP]).square().sum(dim=1)
     return (squared + SQUARED_DISTANCE_FLOOR).sqrt()
 

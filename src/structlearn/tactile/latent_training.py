@@ -172,7 +172,7 @@ def _autoencoder_losses(
 def dynamics_loss(
     models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
-    """Loss of the dynamics (eq. II.24), summed over models: their gradients do not mix.
+    """Loss of the dynamics (eq. II.11, II.24), summed over models: their gradients do not mix.
 
     `models`: the stack; nothing flows back into its encoders; `drawn` (S, B) numbers of chains, per seed.
     """
