@@ -104,7 +104,7 @@ def several(tmp_path_factory):
     return identified(folder, logs), folder
 
 
-def test_what_moves_is_found_and_foretells_the_last_log(several):
+def test_what_moves_is_found_and_predicts_the_last_log(several):
     results, _ = several
     errors = results.errors.query("part == 'test'").set_index(["model", "friction", "joint"]).sort_index()
     assert set(results.errors["joint"]) == {1, 2, 3}

@@ -175,7 +175,7 @@ def test_slides_deviate_more_on_another_material(tables):
     assert alone.size().to_dict() == {"mat15": 12, "mat9": 11}
     learned = tables["slide_deviations"].query("group == 'learned'").set_index("demonstration")["rms"]
     left_out = tables["slide_left_one_out"].set_index("demonstration")["rms"]
-    assert (left_out[learned.index] > learned).all()  # what is learned from is always foretold better
+    assert (left_out[learned.index] > learned).all()  # training data are always predicted better
     assert set(tables["slide_statistics"]["electrode"]) == set(range(1, 20))
     clock = tables["clock_errors"].set_index("kind")
     assert clock.loc["pose", "rms_error"] < 2e-4  # m, with every second sample held out

@@ -1,4 +1,4 @@
-"""Every model of an arm behind logs: learned from one part of its motion, its torques foretold for others."""
+"""Every model of an arm from logs: trained on one part of its motion, torques predicted for the others."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

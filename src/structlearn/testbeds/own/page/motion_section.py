@@ -21,7 +21,7 @@ from structlearn.testbeds.own.page.section import Section
 BEST = ("cov", "coulomb")
 """The model that becomes a URDF."""
 
-MODELS = {"urdf": "URDF", "least_squares": "least squares", "cov": "bodies that can exist"}
+MODELS = {"urdf": "URDF", "least_squares": "least squares", "cov": "physically consistent"}
 FRICTIONS = {
     "none": "none",
     "viscous": "viscous",

@@ -126,7 +126,7 @@ def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.ra
 
 
 def nobody() -> Corrector:
-    """Stands where nobody corrects; it has no ticks and is never asked."""
+    """Null corrector: it has no ticks and never corrects."""
     none = np.zeros(0)
     own = [0.0, 0.0, 0, *[0.0] * 11]
     return Corrector._make([*own, none, none, none, np.zeros((0, 3)), np.zeros(3, dtype=np.int64), none])

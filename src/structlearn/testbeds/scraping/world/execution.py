@@ -35,7 +35,7 @@ Advance = Callable[[np.ndarray], None]
 Engine = Callable[[World], AbstractContextManager[Advance]]
 """Integrates the robot's motion in a world instead of the compiled loop."""
 
-NO_PLAN, NOBODY = stepping.no_plan(), nobody()  # Where no controller leads, and where nobody corrects
+NO_PLAN, NOBODY = stepping.no_plan(), nobody()  # Null plan and null corrector
 FINGER_TICKS = 3  # Control ticks per reading of the fingers: 100 Hz at 300 Hz
 
 

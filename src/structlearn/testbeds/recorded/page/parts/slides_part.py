@@ -131,7 +131,7 @@ def facts(results: RecordedResults) -> dict[str, object]:
         "slide_count": len(deviations),
         "slide_material": material,
         "slide_groups": by_group(results).set_index("group").to_dict("index"),
-        "foretold": listing(
+        "predicted": listing(
             f"{(its < 1).sum()} of {len(its)} over {name}"
             for name, its in list(left_out.groupby("material", sort=False)["nmse"])[:FEW]
         )
