@@ -18,7 +18,7 @@ help:
 
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
 	$(IN_ENVIRONMENT) dvc repro
-	@$(BIN)/python -m structlearn.ground.wall_clock
+	@$(BIN)/python -m structlearn.core.wall_clock
 	@echo "reports/index.html is up to date"
 
 test: lint  ## lint, run all tests
@@ -37,13 +37,13 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 	mkdir -p $(QUOTED)
 	cd reports/recorded && cp tables/claims.csv metrics.json details.json $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
-	@$(BIN)/python -m structlearn.ground.wall_clock
+	@$(BIN)/python -m structlearn.core.wall_clock
 	@echo "reports/recorded/index.html is up to date"
 
 # Tasks of your own, as stages/own/params.yaml lists them, from bags to a checked skill: all, or `make own TASK=pick`.
 EXAMPLE := data/example/pick
 OWN := stages/own/dvc.yaml
-ENTRY_IS_GOOD = $(if $(TASK),$(BIN)/python -m structlearn.testbeds.own.task "$$TASK")
+ENTRY_IS_GOOD = $(if $(TASK),$(BIN)/python -m structlearn.tasks.task_entry "$$TASK")
 own: $(INSTALLED) $(if $(filter-out pick,$(TASK)),,$(EXAMPLE))  ## learn skills from your recordings, as stages/own/params.yaml lists them: make own TASK=pour
 	$(ENTRY_IS_GOOD)
 	$(IN_ENVIRONMENT) dvc repro --keep-going $(if $(TASK),"$(OWN):report@$$TASK" "$(OWN):view@$$TASK",$(OWN))
@@ -116,11 +116,11 @@ check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make 
 	$(if $(TASK),,$(error which task? make check TASK=pick))
 	$(ENTRY_IS_GOOD)
 	$(IN_ENVIRONMENT) dvc repro "$(OWN):check@$$TASK"
-	$(BIN)/python -m structlearn.testbeds.own.check_verdict "$$TASK"
+	$(BIN)/python -m structlearn.tasks.own.check_verdict "$$TASK"
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping
-view: export FOLDER = $(if $(TASK),reports/own/$(TASK)/recordings,reports/recordings/$(TESTBED))
+view: export FOLDER = $(if $(TASK),reports/own/$(TASK)/recordings,reports/rerun/$(TESTBED))
 view: export MADE_BY = $(if $(TASK),make own TASK=$(TASK),dvc repro, or dvc checkout where it was run)
 view: $(INSTALLED)  ## open 3-D recordings: make view TESTBED=obstacles, or TASK=pour; WEB=1 for a browser
 	@ls "$$FOLDER"/*.rrd > /dev/null 2>&1 || { echo "error: $$FOLDER: no recordings; make them first: $$MADE_BY" >&2; exit 1; }

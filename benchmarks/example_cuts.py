@@ -12,12 +12,12 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.parallel import parallel_map
-from structlearn.recordings import synchronise
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
+from structlearn.readers import synchronise
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.own.task import read_task
-from structlearn.testbeds.own.world.pick_and_place import as_recording, takes
+from structlearn.tasks.own.world.pick_and_place import as_recording, takes
+from structlearn.tasks.task_entry import read_task
 
 KINDS = {
     "plain": {},

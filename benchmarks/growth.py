@@ -29,7 +29,7 @@ from matplotlib.figure import Figure
 from primitive_inputs import AXES, DT, SAMPLES, SEED, demonstrations
 from timing import machine
 
-from structlearn.ground.artefacts import publish, write_csv
+from structlearn.core.artefacts import publish, write_csv
 from structlearn.palette import CATEGORICAL_COLOURS
 from structlearn.policy_search.pi2 import SearchDistribution, sample, update
 from structlearn.primitives.kernels import KERNEL_COUNT

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.ground.artefacts import publish, write_csv
+from structlearn.core.artefacts import publish, write_csv
 from structlearn.reporting.other_processor import (
     FLIPPED,
     OUTCOMES,

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from timing import Case, Contender
 
-from structlearn.ground.params import read_parameters
+from structlearn.core.params import read_parameters
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, Update, sample, update
 
 SEED = 4

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from structlearn.ground import quaternion, signals
+from structlearn.core import quaternion, signals
 from structlearn.primitives import kernels
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 

@@ -23,8 +23,8 @@ import pandas as pd
 import yaml
 from tqdm import tqdm
 
-from structlearn.ground.artefacts import publish
-from structlearn.ground.errors import InputError
+from structlearn.core.artefacts import publish
+from structlearn.core.errors import InputError
 from structlearn.reporting.source_commit import code_digests, source_commit
 from structlearn.reporting.studies import (
     CODE,

@@ -18,7 +18,7 @@ from functools import cache, partial
 import numpy as np
 from timing import Case, Contender, measure
 
-from structlearn.ground.signals import standardise
+from structlearn.core.signals import standardise
 from structlearn.segmentation.dtw import correspondences
 
 SEED = 4

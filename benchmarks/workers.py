@@ -18,10 +18,10 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 import pandas as pd
 from timing import machine
 
-from structlearn.ground.artefacts import write_csv
-from structlearn.ground.parallel import BACKEND, PROCESSES
-from structlearn.ground.params import read_parameters
-from structlearn.recordings.recording import Recording
+from structlearn.core.artefacts import write_csv
+from structlearn.core.parallel import BACKEND, PROCESSES
+from structlearn.core.params import read_parameters
+from structlearn.readers.recording import Recording
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

@@ -9,9 +9,9 @@ import sys
 import numpy as np
 
 from structlearn.primitives import cross_validation, learn_sequence, sequence
-from structlearn.recordings import read_demonstrations
+from structlearn.readers import read_demonstrations
 from structlearn.segmentation import cut
-from structlearn.testbeds.own.task import read_task
+from structlearn.tasks.task_entry import read_task
 
 SHIFT_M = np.array([0.03, -0.02, 0.0])
 RATE_HZ = 1000.0

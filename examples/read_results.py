@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.ground.artefacts import read_metrics, read_table
+from structlearn.core.artefacts import read_metrics, read_table
 
 REPORTS, TASKS = Path("reports"), Path("data/own")
 

@@ -3,18 +3,18 @@
 import numpy as np
 import pandas as pd
 
+from structlearn.core.artefacts import write_csv
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.ground.artefacts import write_csv
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings.joint_log import JointLog
-from structlearn.recordings.recording import Recording
+from structlearn.readers.joint_log import JointLog
+from structlearn.readers.recording import Recording
 from structlearn.simulation.arm import ArmParameters
 from structlearn.simulation.bullet_arm import differences
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, payload_log
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
+from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters
 from structlearn.testbeds.scraping.protocol.executions import (
     CorrectedRunsParameters,
     corrected_runs,

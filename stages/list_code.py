@@ -4,9 +4,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from structlearn.ground.publication import publish
-from structlearn.ground.source_closure import SourceTree
-from structlearn.ground.stage import run
+from structlearn.core.publication import publish
+from structlearn.core.source_closure import SourceTree
+from structlearn.core.stage import run
 
 SCRIPTS = Path(__file__).parent
 NO_STAGES = ("list_code.py", "make_example.py")

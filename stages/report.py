@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run
 from structlearn.reporting.claims import QUOTED
 from structlearn.reporting.front import read_report, render_front
 

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import yaml
 
-from structlearn.ground.params import Parameters, merged
-from structlearn.recordings.topics import TopicMap
+from structlearn.core.params import Parameters, merged
+from structlearn.readers.topics import TopicMap
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
 

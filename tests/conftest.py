@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import recordings_bags
+import readers_bags
 from hypothesis import settings
 from reduced_pipeline import by_hand, clone
 
+from structlearn.core import quaternion
+from structlearn.core.parallel import BACKEND
 from structlearn.feedback import models
-from structlearn.ground import quaternion
-from structlearn.ground.parallel import BACKEND
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("repeatable")
@@ -68,7 +68,7 @@ def example_networks(root) -> str:
 @pytest.fixture(scope="session")
 def recorded_data() -> Path:
     """Folder of the public recordings; tests that need it are skipped where it is not."""
-    return recordings_bags.recorded_data("clmc").parent
+    return readers_bags.recorded_data("clmc").parent
 
 
 def minimum_jerk(fraction: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
+from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters
 
 SEEDS, JOINTS = (11, 12, 13), 7
 """Of models in simulation, and of robots."""

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from structlearn.ground import quaternion
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core import quaternion
+from structlearn.readers.demonstration import Demonstration
 
 RATE_HZ = 100.0
 SEGMENTS = np.array([[0.0, 0.5], [0.5, 2.5], [2.5, 5.0]])

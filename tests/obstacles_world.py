@@ -10,8 +10,8 @@ from obstacles_unrolls import baseline
 
 from structlearn.avoidance.learned_models import AvoidanceModels
 from structlearn.avoidance.shapes import SHAPES, obstacle
-from structlearn.ground.params import Population
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core.params import Population
+from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.files import Evaluation
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios

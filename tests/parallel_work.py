@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from structlearn.ground.parallel import parallel_map
+from structlearn.core.parallel import parallel_map
 
 
 def noisy_mean(seed):

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory

@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 from committed import merged
 
-from structlearn.ground.parallel import BACKEND
+from structlearn.core.parallel import BACKEND
 
 REDUCED = {
     "simulate": {"count": 4},

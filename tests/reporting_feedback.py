@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 from reporting_scraping import DT, ease
 
+from structlearn.core import quaternion
 from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_targets import learn_expected
 from structlearn.feedback.feedback_models import REPRESENTATIONS, STOPPINGS, paired_orderings
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.supervision import learn_expected
-from structlearn.ground import quaternion
 from structlearn.primitives import canonical
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.studies import Study
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 from committed import committed
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters

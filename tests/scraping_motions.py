@@ -3,9 +3,9 @@
 import numpy as np
 from committed import committed
 
+from structlearn.core import quaternion
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import ReactiveSkill, on_axis
-from structlearn.ground import quaternion
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.sequence import PosePrimitive

@@ -11,32 +11,31 @@ from pathlib import Path
 import pytest
 import yaml
 
-from structlearn.ground.source_closure import SourceTree
+from structlearn.core.source_closure import SourceTree
 from structlearn.reporting.claims import QUOTED
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "structlearn"
 FLOORS = (
-    ("ground",),
-    ("networks", "recordings"),
+    ("core",),
+    ("networks", "readers"),
     ("primitives", "rigid_body", "tactile"),
     ("segmentation", "feedback"),
     ("policy_search", "avoidance"),
     ("simulation",),
-    ("tasks",),
     ("reporting", "viewer"),
-    ("testbeds",),
+    ("testbeds", "tasks"),
 )
 PROGRAMS = {path.stem for path in PACKAGE.glob("*.py") if "__main__" in path.read_text()}
 """That a user calls, e.g. `python -m structlearn.verify`."""
 
 ROOMS = {
-    "rerun": ("viewer", "recordings"),
+    "rerun": ("viewer", "views"),
     "matplotlib": ("reporting", "page"),
     "pybullet": ("simulation", "world"),
-    "pinocchio": ("simulation", "world", "rigid_body", "recordings"),
+    "pinocchio": ("simulation", "world", "rigid_body", "readers"),
     "torch": ("networks", "feedback", "rigid_body", "tactile"),
-    "mcap": ("recordings",),
+    "mcap": ("readers",),
 }
 SLOW = (
     *("torch", "pybullet", "pinocchio", "sklearn", "cma", "matplotlib", "rerun", "distributed"),

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from structlearn.ground import artefacts
-from structlearn.ground.errors import InputError
+from structlearn.core import artefacts
+from structlearn.core.errors import InputError
 
 TABLE = pd.DataFrame(
     {"name": ["a", "b", "c"] * 2000, "value": np.linspace(0, 1, 6000) ** 0.5, "count": np.arange(6000)}
@@ -221,7 +221,7 @@ def test_a_killed_process_does_not_hold_what_its_children_outlive(tmp_path):
     target = tmp_path / "logs"
     program = f"""
 import os, signal, sys, time
-from structlearn.ground.artefacts import publish
+from structlearn.core.artefacts import publish
 with publish({str(target)!r}) as path:
     path.mkdir()
     if not os.fork():

@@ -9,14 +9,14 @@ import pytest
 import yaml
 from committed import own_tasks, parameter_tree
 from feedback_toy import toy_dataset
-from recordings_bags import pose_messages, pose_rows, write_bag
+from readers_bags import pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, scraping_skill, simulated
 
+from structlearn.core.artefacts import write_table
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.ground.artefacts import write_table
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
-from structlearn.recordings import synchronise
-from structlearn.recordings.runs import write_runs
+from structlearn.readers import synchronise
+from structlearn.readers.runs import write_runs
 
 TOPIC = "/tool"
 
@@ -93,7 +93,7 @@ def test_bags_that_cannot_be_recorded(root, project, capsys, write, words):
         assert word in message
 
 
-def test_recordings_that_cannot_be_cut(root, project, capsys):
+def test_readers_that_cannot_be_cut(root, project, capsys):
     write_bag(BAG, pose_messages(clock(), np.tile(pose_rows(1), (400, 1)), TOPIC))
     runpy.run_path(str(root / "stages/own/import_task.py"), run_name="__main__")
     message = complaint(root, "own/segment.py", capsys)

@@ -35,9 +35,9 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
+from structlearn.tasks.public.page import assembly, calibration_results
 from structlearn.testbeds.dynamics.page.evidence import evidence as dynamics_evidence
 from structlearn.testbeds.obstacles.page.evidence import evidence as obstacles_evidence
-from structlearn.testbeds.recorded.page import assembly, calibration_results
 from structlearn.testbeds.scraping.page.people_results import (
     People,
     feedback_evidence,
@@ -149,7 +149,7 @@ FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangl
 """Columns of the recorded tables that are no measurements, but follow from how Cov writes a link."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
-RECORDED = "structlearn.testbeds.recorded.page"
+RECORDED = "structlearn.tasks.public.page"
 PAGES = {
     "dynamics": Page(
         "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_evidence

@@ -1,6 +1,6 @@
 import os
 
-from structlearn.ground import compilation
+from structlearn.core import compilation
 
 
 def write(folder, name, text):

@@ -26,7 +26,7 @@ from structlearn.testbeds.dynamics.protocol.scored_results import (
     known_errors,
     residual_torques,
 )
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters, stand_in
 
 
 @pytest.fixture(scope="module")

@@ -9,21 +9,21 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from recordings_bags import make_recording
+from readers_bags import make_recording
 
-from structlearn.ground import compilation
-from structlearn.recordings import write_recordings
+from structlearn.core import compilation
+from structlearn.readers import write_recordings
 
 STAGE = """
 from pathlib import Path
 
 import pandas as pd
-from structlearn.ground.artefacts import write_metrics, write_table
-from structlearn.ground.publication import publish
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations, write_recordings
-from structlearn.recordings.bag_recording import read_recordings
-from structlearn.recordings.source import ClockParameters
+from structlearn.core.artefacts import write_metrics, write_table
+from structlearn.core.publication import publish
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers import read_demonstrations, write_recordings
+from structlearn.readers.bag_recording import read_recordings
+from structlearn.readers.source import ClockParameters
 
 
 def main():

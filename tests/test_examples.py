@@ -12,15 +12,15 @@ from feedback_toy import toy_dataset
 from own_skills import pick_skill, slower
 from scraping_motions import CHANNELS, CONTACT_M, NAMES, scraping_skill
 
+from structlearn.core.artefacts import write_table
 from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import demonstrated_workspace
 from structlearn.feedback.skill_file import read_skill, write_skill
-from structlearn.ground.artefacts import write_table
 from structlearn.primitives.sequence import sequence_table, unroll
-from structlearn.recordings.source import ClockParameters
-from structlearn.testbeds.own.world.pick_and_place import takes, write_takes
+from structlearn.readers.source import ClockParameters
+from structlearn.tasks.own.world.pick_and_place import takes, write_takes
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
 from structlearn.testbeds.scraping.protocol.executions import executed_set
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

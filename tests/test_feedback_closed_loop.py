@@ -4,7 +4,7 @@ from committed import committed
 from feedback_runs import Y, cuts, execution
 from feedback_skills import random_network
 
-from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     NOMINAL,
     ExecutedSet,

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, quick, reach, rngs, wobbly_turn
 
+from structlearn.core import quaternion
+from structlearn.core.frames import local_frame
 from structlearn.feedback.corrected_paths import coupling_response
 from structlearn.feedback.coupling import orientation_target, position_target, reach_target
-from structlearn.ground import quaternion
-from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position

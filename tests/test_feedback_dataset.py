@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from feedback_toy import toy_dataset
 
+from structlearn.core import artefacts
+from structlearn.core.errors import InputError
 from structlearn.feedback import coupling_dataset
 from structlearn.feedback.coupling_dataset import leave_one_out, without_generalization
-from structlearn.ground import artefacts
-from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 
 

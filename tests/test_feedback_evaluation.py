@@ -7,10 +7,10 @@ from feedback_skills import random_network
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.feedback.supervision import SupervisionParameters, executed_primitive
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
-from structlearn.ground.metrics import mean_interval
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.core.metrics import mean_interval
+from structlearn.feedback.coupling_targets import SupervisionParameters, executed_primitive
 from structlearn.primitives import canonical
 from structlearn.primitives.vector import fit_expected_traces
 from structlearn.testbeds.scraping.protocol.execution_scores import (

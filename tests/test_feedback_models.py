@@ -6,12 +6,12 @@ import pytest
 from committed import committed
 from feedback_toy import toy_dataset
 
+from structlearn.core.errors import InputError
 from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, split, unrolled_error
 from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
 from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.ground.errors import InputError
 from structlearn.testbeds.scraping.page.feedback_results import dominant_features
 
 FEW = FeedbackParameters(

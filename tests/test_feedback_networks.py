@@ -8,6 +8,7 @@ from committed import committed
 from feedback_skills import random_skill
 from feedback_toy import toy_dataset
 
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import FRACTIONS, leave_one_out
 from structlearn.feedback.coupling_model import (
     Compiled,
@@ -22,7 +23,6 @@ from structlearn.feedback.coupling_model import (
 from structlearn.feedback.feedback_models import NETWORKS
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import Limits
-from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 
 QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every=20, batch_size=16)

@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, quick, random_orientations, random_vectors, rngs
 
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling import AXES, direction
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller, Status, tick_latency
@@ -21,8 +23,6 @@ from structlearn.feedback.skill import (
     largest_coupling,
     on_axis,
 )
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels, sequence
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import PositionPrimitive
@@ -587,14 +587,14 @@ def test_ticks_write_into_the_same_arrays_and_keep_no_memory():
 
 
 def test_no_tick_compiles_anything():
-    from structlearn.feedback import stepping
+    from structlearn.feedback import controller_tick
 
     rng = np.random.default_rng(17)
     controller = started(Controller(with_feedback(rng), RATE))
-    compiled = len(stepping.tick.signatures)
+    compiled = len(controller_tick.tick.signatures)
     run(controller, touching(rng))
     run(started(Controller(random_skill(rng, channels=3), RATE)), lambda k: np.zeros(3))
-    assert len(stepping.tick.signatures) == compiled  # other sizes, the same code
+    assert len(controller_tick.tick.signatures) == compiled  # other sizes, the same code
 
 
 def test_the_controller_runs_without_torch():

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis.extra.numpy import arrays
 from primitives_movements import quick, wobbly_turn
 
+from structlearn.core.errors import InputError
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import Limits, ReactiveSkill, Workspace, demonstrated_workspace, on_axis
-from structlearn.ground.errors import InputError
 from structlearn.primitives.twist_swing import fit_twist_swing
 
 

@@ -8,12 +8,12 @@ import pytest
 from feedback_skills import random_network, random_skill
 
 from structlearn import __version__
+from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.errors import InputError
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import Limits, demonstrated_workspace
 from structlearn.feedback.skill_file import provenance, read_provenance, read_skill, write_skill
-from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
-from structlearn.ground.errors import InputError
 from structlearn.verify import SKILL
 
 PROVENANCE = {"bags": {"one.mcap": "ab"}, "parameters": "cd", "version": "0"}

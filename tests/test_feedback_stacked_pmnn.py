@@ -6,11 +6,11 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from structlearn.core import artefacts
+from structlearn.core.errors import InputError
 from structlearn.feedback import coupling_model
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, kernel_scale
-from structlearn.ground import artefacts
-from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 
 MODELS, CHANNELS, BATCH, KERNELS = 3, 4, 50, 25

@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
 from feedback_toy import toy_dataset
-from recordings_bags import make_recording
+from readers_bags import make_recording
 
+from structlearn.core.artefacts import write_table
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.ground.artefacts import write_table
-from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.primitives.vector import fit_expected_traces
-from structlearn.recordings import synchronise
-from structlearn.recordings.runs import write_runs
+from structlearn.readers import synchronise
+from structlearn.readers.runs import write_runs
 from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_settings
 
 

@@ -7,6 +7,8 @@ from committed import committed
 from feedback_toy import toy_dataset
 from pydantic import ValidationError
 
+from structlearn.core.errors import InputError
+from structlearn.core.metrics import nmse
 from structlearn.feedback.coupling_dataset import FRACTIONS, leave_one_out
 from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
@@ -23,8 +25,6 @@ from structlearn.feedback.supervised_training import (
     target_scale,
     train,
 )
-from structlearn.ground.errors import InputError
-from structlearn.ground.metrics import nmse
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
 
 QUICK = committed(TrainingParameters, "compare_models", steps=60, evaluate_every=20, batch_size=16)

@@ -6,14 +6,14 @@ import torch
 from committed import committed
 from primitives_movements import ramp, wobbly_turn
 
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
 from structlearn.feedback.corrected_paths import corrected_paths, split, unrolled_error
 from structlearn.feedback.coupling import orientation_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, train_unrolled
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.trajectory import OrientationTrajectory

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import assume, given
 from primitives_movements import quick, random_orientations, rngs
 
-from structlearn.ground import quaternion
-from structlearn.ground.frames import SIDE, UP, frame_kind, local_frame
+from structlearn.core import quaternion
+from structlearn.core.frames import SIDE, UP, frame_kind, local_frame
 
 KINDS = ["up", "side"]
 

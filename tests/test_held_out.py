@@ -44,6 +44,8 @@ from structlearn.avoidance import scene_folds
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
 from structlearn.avoidance.scene_people import learn_past_obstacles
+from structlearn.core.artefacts import write_table
+from structlearn.core.parallel import BACKEND
 from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import (
@@ -63,14 +65,12 @@ from structlearn.feedback.feedback_models import (
     compare_representations,
     train_models,
 )
-from structlearn.ground.artefacts import write_table
-from structlearn.ground.parallel import BACKEND
 from structlearn.primitives import fitting
 from structlearn.primitives.fitting import FitParameters, cross_validation
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.joint_log import DriveLog
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.joint_log import DriveLog
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
@@ -80,24 +80,24 @@ from structlearn.tactile import latent_comparison
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tactile.touch_dataset import TRAIN
-from structlearn.tasks import skin_readings, skin_touches
-from structlearn.tasks.joint_motion import learn_motion
-from structlearn.tasks.motion_parameters import MotionParameters
-from structlearn.tasks.touch_parameters import TouchParameters
-from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
-from structlearn.testbeds.own.protocol import own_feedback
-from structlearn.testbeds.own.task import OwnFeedbackParameters
-from structlearn.testbeds.recorded.protocol import (
+from structlearn.tasks.motion.joint_motion import learn_motion
+from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.own.protocol import own_feedback
+from structlearn.tasks.public.protocol import (
     avoidance_representations,
     latent_touch,
     movement,
     slides,
     touch_sets,
 )
-from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.corrections import _split, corrected_reaches, learn_corrections
+from structlearn.tasks.public.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.tasks.public.protocol.corrections import _split, corrected_reaches, learn_corrections
+from structlearn.tasks.task_entry import OwnFeedbackParameters
+from structlearn.tasks.touch import skin_readings, skin_touches
+from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from primitives_movements import quick, rngs
 from scipy.stats import binomtest
 
-from structlearn.ground.metrics import (
+from structlearn.core.metrics import (
     BETTER,
     UNDECIDED,
     WORSE,

@@ -1,6 +1,6 @@
 import numpy as np
 
-from structlearn.ground import minimum_jerk
+from structlearn.core import minimum_jerk
 
 
 def test_it_goes_from_rest_to_rest_without_acceleration_at_the_ends():

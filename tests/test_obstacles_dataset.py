@@ -14,9 +14,9 @@ from structlearn.avoidance.avoidance_dataset import (
     to_local,
     to_table,
 )
-from structlearn.ground.artefacts import read_table, write_table
-from structlearn.ground.errors import InputError
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core.artefacts import read_table, write_table
+from structlearn.core.errors import InputError
+from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, reaches
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 

@@ -5,7 +5,7 @@ from primitives_movements import quick, rngs
 
 from structlearn.avoidance import features as module
 from structlearn.avoidance.features import NAMES, displaced, features
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 
 RECORDED = "clmc/obs_avoid/pmnn_unroll_test_dataset/subsampled_test_unroll_prim_1_X_raw_obs_avoid.txt"
 

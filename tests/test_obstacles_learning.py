@@ -5,8 +5,8 @@ from test_obstacles_models import toy_dataset
 
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
 from structlearn.avoidance.shapes import obstacle
+from structlearn.core.metrics import nmse
 from structlearn.feedback.coupling_model import TrainingParameters
-from structlearn.ground.metrics import nmse
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 

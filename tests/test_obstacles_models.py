@@ -12,8 +12,8 @@ from structlearn.avoidance.learned_models import (
     write_phase_modulated,
 )
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_model import TrainingParameters, write_networks
-from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 
 QUICK = {"iterations": 6}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from structlearn.avoidance import avoidance_network
-from structlearn.ground import artefacts
-from structlearn.ground.errors import InputError
+from structlearn.core import artefacts
+from structlearn.core.errors import InputError
 
 SIZES = (4, 3)
 

@@ -13,7 +13,7 @@ from obstacles_world import PEOPLE, PLACES, POPULATION, PRIMITIVE, TESTED, evalu
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.ground.artefacts import write_metrics
+from structlearn.core.artefacts import write_metrics
 from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render
 from structlearn.testbeds.obstacles.page.evidence import evidence

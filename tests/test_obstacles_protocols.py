@@ -7,11 +7,11 @@ from committed import committed
 from obstacles_unrolls import DT, GOAL, START, baseline, beside_the_reach, random_network, spheres, unroll
 
 from structlearn.avoidance.avoiding_unroll import no_coupling
-from structlearn.avoidance.human_inspired import HumanInspiredModels
 from structlearn.avoidance.learned_models import AvoidanceModels
+from structlearn.avoidance.rai_2014 import HumanInspiredModels
 from structlearn.avoidance.shapes import SHAPES, constant_velocity, obstacle
-from structlearn.ground.errors import InputError
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core.errors import InputError
+from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_scores import (

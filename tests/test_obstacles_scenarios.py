@@ -4,7 +4,7 @@ from committed import committed
 from pydantic import ValidationError
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.testbeds.obstacles.world.scenarios import (
     END_CLEARANCE_M,
     FAR_CLEARANCE_M,

@@ -13,7 +13,7 @@ from structlearn.avoidance.shapes import (
     ringed_sphere,
     virtual_radius,
 )
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 
 CENTRE = np.array([0.3, -0.2, 0.1])
 

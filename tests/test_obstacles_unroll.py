@@ -19,7 +19,7 @@ from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling, stron
 from structlearn.avoidance.features import SCALED_VELOCITY, TO_CENTRE, features
 from structlearn.avoidance.postprocessing import TEXT_ONLY
 from structlearn.avoidance.shapes import constant_velocity
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.primitives import canonical
 
 PRIMITIVE = baseline()

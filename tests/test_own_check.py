@@ -9,19 +9,19 @@ import yaml
 from own_skills import HERE, PANDA, pick_skill, slower
 from rigid_body_arms import planar_arm
 
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
 from structlearn.simulation.arm import urdf_path
-from structlearn.testbeds.own import check_verdict
-from structlearn.testbeds.own.files import TaskFiles
-from structlearn.testbeds.own.page import check_section
-from structlearn.testbeds.own.protocol import check_results, skill_check
-from structlearn.testbeds.own.protocol.arm_parameters import Placement, RobotParameters
-from structlearn.testbeds.own.protocol.skill_check import Unroll, unrolls
+from structlearn.tasks.own import check_verdict
+from structlearn.tasks.own.page import check_section
+from structlearn.tasks.own.protocol import check_results, skill_check
+from structlearn.tasks.own.protocol.arm_parameters import Placement, RobotParameters
+from structlearn.tasks.own.protocol.skill_check import Unroll, unrolls
+from structlearn.tasks.task_files import TaskFiles
 
 RATE_HZ = skill_check.RATE_HZ
 
@@ -222,7 +222,7 @@ def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
     assert len(section.tables["check_runs"].frame) == check.metrics()["check_runs"]
     page = Document(
         section.template,
-        "structlearn.testbeds.own.page",
+        "structlearn.tasks.own.page",
         facts={"check": section.facts},
         tables=section.tables,
         sources={"check": Source("data/own/pick/check", "stages/own/dvc.yaml:check@pick")},

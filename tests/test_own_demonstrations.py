@@ -13,20 +13,20 @@ import pytest
 import yaml
 from committed import merged, own_tasks
 from conftest import minimum_jerk
-from recordings_bags import as_recorded, pose_messages, write_bag
+from readers_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import environment
 
+from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.feedback.skill_file import read_provenance, read_skill
-from structlearn.ground.errors import InputError
 from structlearn.primitives.fitting import learn_sequence
-from structlearn.recordings import read_recordings, synchronise, write_recordings
+from structlearn.readers import read_recordings, synchronise, write_recordings
 from structlearn.reporting.document import words_in_view
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.own.files import NAME_RULE, TaskFiles
-from structlearn.testbeds.own.protocol.skill_check import check_skill
-from structlearn.testbeds.own.task import OF_DEMONSTRATIONS, PARTS, read_checked, read_task
-from structlearn.testbeds.own.world.pick_and_place import as_recording, takes, write_takes
+from structlearn.tasks.own.protocol.skill_check import check_skill
+from structlearn.tasks.own.world.pick_and_place import as_recording, takes, write_takes
+from structlearn.tasks.task_entry import OF_DEMONSTRATIONS, PARTS, read_checked, read_task
+from structlearn.tasks.task_files import NAME_RULE, TaskFiles
 
 STAGES = (
     "import_task",
@@ -153,7 +153,7 @@ def test_entries_that_are_none(folder, entry, words):
 
 
 def test_parameters_that_no_import_wrote_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("structlearn.testbeds.own.files.DATA", tmp_path)
+    monkeypatch.setattr("structlearn.tasks.task_files.DATA", tmp_path)
     files = TaskFiles("pour")
     files.folder.mkdir()
     files.parameters.write_text("source: of an older version\n")

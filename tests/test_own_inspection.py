@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 from conftest import minimum_jerk
-from recordings_bags import (
+from readers_bags import (
     header,
     joint_messages,
     pose_messages,
@@ -18,15 +18,15 @@ from recordings_bags import (
 )
 
 from structlearn import inspect
-from structlearn.ground.errors import InputError
-from structlearn.recordings import bag
-from structlearn.recordings.transforms import TransformSeries
+from structlearn.core.errors import InputError
+from structlearn.readers import bag
+from structlearn.readers.transforms import TransformSeries
 from structlearn.simulation.arm import urdf_path
-from structlearn.testbeds.own.protocol.inspection import frame_pairs
-from structlearn.testbeds.own.protocol.proposal import from_home, task_name
-from structlearn.testbeds.own.survey_report import as_yaml, find_out
-from structlearn.testbeds.own.task import PARAMETER_FILE, read_task
-from structlearn.testbeds.own.world.pick_and_place import TIP, URDF, takes, write_takes
+from structlearn.tasks.own.protocol.inspection import frame_pairs
+from structlearn.tasks.own.protocol.proposal import from_home, task_name
+from structlearn.tasks.own.survey_report import as_yaml, find_out
+from structlearn.tasks.own.world.pick_and_place import TIP, URDF, takes, write_takes
+from structlearn.tasks.task_entry import PARAMETER_FILE, read_task
 
 MS = 10**6
 STAMPS = (10**9 + 10 * MS * np.arange(400)).tolist()
@@ -378,7 +378,7 @@ def test_bad_poses_are_said(tmp_path):
     assert "row 200" in answer(found, "Are poses free of jumps?").advice
 
 
-def test_recordings_that_are_smooth_and_wrong_are_doubtful(tmp_path):
+def test_readers_that_are_smooth_and_wrong_are_doubtful(tmp_path):
     """Quaternions x, y, z, w; another frame; joints in degrees; joints that rest."""
     joints = np.linspace(0.0, 30.0, 400)[:, None]
     for number in range(6):

@@ -13,16 +13,16 @@ from committed import OWN_FILE
 from pydantic import ValidationError
 from rigid_body_robots import joint, link
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.minimum_jerk import progress
-from structlearn.recordings.joint_log import JointLog
+from structlearn.core.errors import InputError
+from structlearn.core.minimum_jerk import progress
+from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.base_parameters import base_parameters
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
-from structlearn.tasks.joint_motion import learn_motion
-from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.tasks.motion.joint_motion import learn_motion
+from structlearn.tasks.motion.motion_parameters import MotionParameters
 
 
 def parameters(**changes) -> MotionParameters:

@@ -5,11 +5,11 @@ import pytest
 from committed import NO_TOPICS, _tree, merged
 
 from structlearn.avoidance.scene_people import learn_past_obstacles
-from structlearn.ground.errors import InputError
-from structlearn.ground.minimum_jerk import progress
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.recording import NamedShape
-from structlearn.testbeds.own.task import ObstacleParameters
+from structlearn.core.errors import InputError
+from structlearn.core.minimum_jerk import progress
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.recording import NamedShape
+from structlearn.tasks.task_entry import ObstacleParameters
 
 REST_S, MOVE_S, RATE_HZ = 0.6, 1.2, 90.0
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from structlearn.ground import quaternion
-from structlearn.recordings import read_demonstrations
+from structlearn.core import quaternion
+from structlearn.readers import read_demonstrations
 from structlearn.simulation.arm import urdf_path
-from structlearn.testbeds.own.task import read_task
-from structlearn.testbeds.own.world.pick_and_place import MOVES, TIP, URDF, takes, write_takes
+from structlearn.tasks.own.world.pick_and_place import MOVES, TIP, URDF, takes, write_takes
+from structlearn.tasks.task_entry import read_task
 
 
 @pytest.fixture(scope="module")

@@ -14,10 +14,10 @@ import test_own_touch
 import yaml
 from committed import merged
 
-from structlearn.recordings import write_recordings
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.joint_log import write_joint_log
-from structlearn.recordings.recording import Recording, Stream
+from structlearn.readers import write_recordings
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.joint_log import write_joint_log
+from structlearn.readers.recording import Recording, Stream
 from structlearn.reporting.document import words_in_view
 from structlearn.rigid_body.tree import read_urdf
 

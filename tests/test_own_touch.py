@@ -8,12 +8,12 @@ import pytest
 import yaml
 from committed import NO_TOPICS, OWN_FILE, merged
 
-from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.touch_log import TouchLog, read_touch_table, touch_of, touch_tables
-from structlearn.tasks.skin_readings import COMPONENTS, PLAIN, STRUCTURED
-from structlearn.tasks.skin_touches import gathered, learn_touch
-from structlearn.tasks.touch_parameters import TouchParameters
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables
+from structlearn.tasks.touch.skin_readings import COMPONENTS, PLAIN, STRUCTURED
+from structlearn.tasks.touch.skin_touches import gathered, learn_touch
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 CHANNELS_MM = tuple((x, y) for x in (0.0, 10.0, 20.0) for y in (0.0, 10.0, 20.0))
 AIR = 20

@@ -23,9 +23,9 @@ from parallel_work import (
     square_at_the_second_try,
 )
 
-from structlearn.ground import parallel
-from structlearn.ground.errors import InputError
-from structlearn.ground.parallel import parallel_map
+from structlearn.core import parallel
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
 
 
 def expected(count, deadly):
@@ -177,8 +177,7 @@ def test_work_on_files_of_this_machine_stays_here(chosen):
 def test_the_environment_alone_chooses_the_cluster(cluster):
     """Nothing is printed that the program did not say."""
     script = (
-        "from structlearn.ground.parallel import parallel_map; "
-        "print(parallel_map(abs, range(-9, 0), 'sizes'))"
+        "from structlearn.core.parallel import parallel_map; print(parallel_map(abs, range(-9, 0), 'sizes'))"
     )
     chosen = {"STRUCTLEARN_BACKEND": "dask", "DASK_SCHEDULER_ADDRESS": cluster.scheduler_address}
     done = subprocess.run(
@@ -209,7 +208,7 @@ def test_a_scheduler_that_others_can_reach_is_refused(impatient, address):
 def test_processes_end_with_a_parent_that_is_killed():
     program = """
 import os, signal, sys
-from structlearn.ground import parallel
+from structlearn.core import parallel
 parallel.parallel_map(abs, range(4), "sizes")
 print(*parallel._pools[2]._processes, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)

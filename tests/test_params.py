@@ -13,8 +13,8 @@ import pytest
 import yaml
 from pydantic import Field, ValidationError
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters, read_parameters
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters, read_parameters
 
 
 class FilterParameters(Parameters):

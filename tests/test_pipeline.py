@@ -13,7 +13,7 @@ import pytest
 import yaml
 from reduced_pipeline import artefacts, by_hand, clone, environment, repro
 
-from structlearn.ground.wall_clock import TIMES, read_times
+from structlearn.core.wall_clock import TIMES, read_times
 from structlearn.reporting.document import words_in_view
 
 CUTTING = [
@@ -62,7 +62,7 @@ def test_everything_is_there(reduced_project):
             path = reduced_project / (out if isinstance(out, str) else next(iter(out)))
             assert path.stat().st_size, path
     for testbed, count in TESTBEDS.items():
-        assert len(list((reduced_project / "reports/recordings" / testbed).glob("*.rrd"))) == count
+        assert len(list((reduced_project / "reports/rerun" / testbed).glob("*.rrd"))) == count
         values = json.loads((reduced_project / "reports" / testbed / "metrics.json").read_text())
         assert sum(values[f"claims_{word}"] for word in ("yes", "no", "undecided", "not_tested"))
     assert not list(reduced_project.rglob(".publish-*"))
@@ -177,7 +177,7 @@ def killed(project: Path, code: str, script: str) -> int:
 
 KILLED_HALF_WAY = """
 import os, runpy, signal, sys
-from structlearn.ground import artefacts
+from structlearn.core import artefacts
 write_table, calls = artefacts.write_table, []
 def write_and_die(*arguments):
     write_table(*arguments)

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from reduced_pipeline import by_hand, clone, repro
 
-from structlearn.testbeds.recorded.files import RecordedFiles
+from structlearn.tasks.public.public_files import RecordedFiles
 
 FILE = "stages/recorded/dvc.yaml"
 
@@ -72,7 +72,7 @@ def test_the_pipeline_goes_on_with_what_there_is(few):
     claims = pd.read_csv(few / "reports/recorded/tables/claims.csv")
     tested = set(claims.loc[claims["verdict"] != "not tested", "set"])
     assert tested == {"Reaches"}
-    assert [path.stem for path in (few / "reports/recordings/recorded").glob("*.rrd")] == ["reaches"]
+    assert [path.stem for path in (few / "reports/rerun/recorded").glob("*.rrd")] == ["reaches"]
     assert "No scraping execution" in (few / "reports/calibration/index.html").read_text()
 
 
@@ -108,7 +108,7 @@ def test_what_cannot_be_read_is_left_out_and_named_and_the_rest_goes_on(few, sou
 
 def test_everything_is_shown(project):
     assert json.loads((project / "reports/calibration/metrics.json").read_text())["compared"]
-    recordings = {path.stem for path in (project / "reports/recordings/recorded").glob("*.rrd")}
+    recordings = {path.stem for path in (project / "reports/rerun/recorded").glob("*.rrd")}
     assert {"reaches", "corrected_reaches", "unscrewing", "scraping_recorded", "slides"} <= recordings
 
 

@@ -9,8 +9,8 @@ import pytest
 from committed import committed
 from made_up_environment import KERNELS, MadeUp
 
+from structlearn.core.errors import InputError
 from structlearn.feedback.models.pmnn import open_loop
-from structlearn.ground.errors import InputError
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, update
 from structlearn.policy_search.refinement import Rollout, kernel_activation
 from structlearn.policy_search.sample_efficiency import (

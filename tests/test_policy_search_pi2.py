@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from primitives_movements import reach
 from scipy.optimize import brentq, minimize_scalar
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.policy_search.pi2 import (
     CovarianceParameters,
     PI2Parameters,

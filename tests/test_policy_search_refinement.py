@@ -9,10 +9,10 @@ from committed import committed
 from feedback_skills import random_network
 from made_up_environment import CHANNELS, KERNELS, LEARNED, NEW, PHASE, TICKS, MadeUp, dataset, felt, wanted
 
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import concatenated
 from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
-from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters, covariance_factor
 from structlearn.policy_search.refinement import (

@@ -6,7 +6,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from structlearn.ground.params import Population
+from structlearn.core.params import Population
 
 
 def test_tuning_and_test_seeds_are_apart():

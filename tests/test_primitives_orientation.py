@@ -18,7 +18,7 @@ from primitives_movements import (
 )
 from scipy.integrate import solve_ivp
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.canonical import phase, time_constant
 from structlearn.primitives.kernels import features

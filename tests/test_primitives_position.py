@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from primitives_movements import normalised_error, quick, random_orientations, reach, rngs
 
-from structlearn.ground import quaternion
-from structlearn.ground.frames import local_frame
+from structlearn.core import quaternion
+from structlearn.core.frames import local_frame
 from structlearn.primitives.position import fit_position
 
 DT = 0.005

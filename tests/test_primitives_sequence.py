@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, random_orientations, random_vectors, reach, rngs, wobbly_turn
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.primitives import sequence
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import fit_position

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from primitives_movements import random_orientations, reach, wobbly_turn
 
-from structlearn.ground import artefacts
-from structlearn.ground.errors import InputError
+from structlearn.core import artefacts
+from structlearn.core.errors import InputError
 from structlearn.primitives import primitive_files, sequence
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position

@@ -11,7 +11,7 @@ from primitives_movements import (
     wobbly_turn,
 )
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.primitives.trajectory import differentiated_orientation
 from structlearn.primitives.twist_swing import (
     angular_rates,

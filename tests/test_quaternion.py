@@ -4,7 +4,7 @@ from hypothesis import given
 from primitives_movements import quick, random_orientations, random_vectors, rngs
 from scipy.spatial.transform import Rotation, Slerp
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 
 
 def scipy_rotation(q):

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 from committed import committed
-from recordings_bags import recorded_data
+from readers_bags import recorded_data
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.network_training import NetworkParameters
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_model import TrainingParameters
-from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
-from structlearn.testbeds.recorded.protocol import avoidance_representations, avoidance_samples
-from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.tasks.public.protocol import avoidance_representations, avoidance_samples
+from structlearn.tasks.public.protocol.avoidance_representations import RecordedAvoidanceParameters
 
 ROWS = 12
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from committed import committed
-from recordings_bags import recorded_data
+from readers_bags import recorded_data
 
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
@@ -19,14 +19,14 @@ from structlearn.avoidance.scene_people import (
     reaches_past_obstacles,
 )
 from structlearn.avoidance.scene_unroll import nearest_seen, unroll_through
-from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.ground.minimum_jerk import progress
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.minimum_jerk import progress
 from structlearn.primitives.position import fit_position
-from structlearn.recordings import synchronise
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.reaches_past_boxes import read_reaches_past_boxes
-from structlearn.recordings.recording import NamedShape
-from structlearn.testbeds.recorded.files import RecordedFiles
+from structlearn.readers import synchronise
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.reaches_past_boxes import read_reaches_past_boxes
+from structlearn.readers.recording import NamedShape
+from structlearn.tasks.public.public_files import RecordedFiles
 
 PARAMETERS = committed(
     ScenePeopleParameters,

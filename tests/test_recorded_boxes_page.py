@@ -14,20 +14,20 @@ from viewer_files import colour_of, contents, note
 from structlearn.avoidance.scene_folds import MODELS, WAYS
 from structlearn.avoidance.scene_models import SCENE, TEXT
 from structlearn.avoidance.scene_people import ScenePeopleParameters
-from structlearn.ground.metrics import wilson_interval
+from structlearn.core.metrics import wilson_interval
 from structlearn.reporting.document import render
-from structlearn.testbeds.recorded.names import BOX_WAYS
-from structlearn.testbeds.recorded.page import parts
-from structlearn.testbeds.recorded.page.assembly import recorded_report
-from structlearn.testbeds.recorded.page.parts.boxes_part import (
+from structlearn.tasks.public.page import parts
+from structlearn.tasks.public.page.assembly import recorded_report
+from structlearn.tasks.public.page.parts.boxes_part import (
     KEY,
     PART,
     BoxesFound,
     boxes_evidence,
     boxes_metrics,
 )
-from structlearn.testbeds.recorded.page.results import RecordedResults
-from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
+from structlearn.tasks.public.page.recorded_results import RecordedResults
+from structlearn.tasks.public.public_names import BOX_WAYS
+from structlearn.tasks.public.views.boxes_recording import write_box_reaches
 
 PEOPLE, REACHES = 12, 20
 PARAMETERS = {KEY: committed(ScenePeopleParameters, KEY)}

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from committed import committed
 
+from structlearn.core.errors import MissingInputError
 from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.ground.errors import MissingInputError
 from structlearn.primitives import kernels
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.primitives.vector import fit_vector
-from structlearn.recordings import clmc, synchronise
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.testbeds.recorded.protocol import corrections, movement
-from structlearn.testbeds.recorded.protocol.corrections import (
+from structlearn.readers import clmc, synchronise
+from structlearn.readers.demonstration import Demonstration
+from structlearn.tasks.public.protocol import corrections, movement
+from structlearn.tasks.public.protocol.corrections import (
     CorrectionParameters,
     adapted_path,
     complete,

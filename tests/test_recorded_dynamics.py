@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 from committed import committed
-from recordings_bags import recorded_data
+from readers_bags import recorded_data
 from rigid_body_motions import rubbing_motion
 from rigid_body_robots import pinocchio_torques, robot
 
-from structlearn.ground.errors import InputError
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.joint_log import JointLog
-from structlearn.recordings.panda import JOINTS, read_trajectories
+from structlearn.core.errors import InputError
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.joint_log import JointLog
+from structlearn.readers.panda import JOINTS, read_trajectories
 from structlearn.rigid_body.arm_identification import URDF
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
@@ -19,9 +19,9 @@ from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import link_inertias
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters
-from structlearn.tasks.joint_motion import arm_of, cut_motion, learn_motion
-from structlearn.tasks.motion_parameters import MotionParameters
-from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
+from structlearn.tasks.motion.joint_motion import arm_of, cut_motion, learn_motion
+from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.public.protocol.slide_torques import torque_check
 
 PARAMETERS = committed(
     MotionParameters,

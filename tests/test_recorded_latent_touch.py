@@ -7,14 +7,14 @@ import pytest
 from committed import committed
 from tactile_toy import toy_dataset, toy_geodesics
 
-from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings import clmc, slide, synchronise
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers import clmc, slide, synchronise
+from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import biotac
 from structlearn.tactile.latent_parameters import LatentSpaceParameters, LatentTrainingParameters
 from structlearn.tactile.touch_dataset import TEST, TRAIN
-from structlearn.testbeds.recorded.protocol import latent_touch, touch_sets
-from structlearn.testbeds.recorded.protocol.touch_sets import LatentTouchParameters, TouchSet
+from structlearn.tasks.public.protocol import latent_touch, touch_sets
+from structlearn.tasks.public.protocol.touch_sets import LatentTouchParameters, TouchSet
 
 SKIN = biotac()
 FEW = committed(

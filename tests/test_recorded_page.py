@@ -20,7 +20,7 @@ from test_recorded_touch_statistics import PARAMETERS, calibrated, traces
 from test_recorded_ur10e import PARAMETERS as UR10E_PARAMETERS
 from test_recorded_ur10e import made_up as weighed
 
-from structlearn.ground.params import read_parameters
+from structlearn.core.params import read_parameters
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
 from structlearn.reporting.claims import BY_CONSTRUCTION, claims_table, read_claims, verdict_in
@@ -28,19 +28,19 @@ from structlearn.reporting.document import anchor, render, words_in_view
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
 from structlearn.segmentation.alignment import METHODS
-from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.files import CALIBRATION, TABLES
-from structlearn.testbeds.recorded.page import assembly, calibration_figures, calibration_results, parts
-from structlearn.testbeds.recorded.page.parts import (
+from structlearn.tasks.public import public_names
+from structlearn.tasks.public.page import assembly, calibration_figures, calibration_results, parts
+from structlearn.tasks.public.page.parts import (
     avoidance_part,
     higher_reaches_part,
     reaches_part,
     slides_part,
     touch_part,
 )
-from structlearn.testbeds.recorded.page.results import AXES, RecordedResults
-from structlearn.testbeds.recorded.protocol import latent_touch, slides, touch_calibration, touch_sets
-from structlearn.testbeds.recorded.protocol.avoidance_representations import REPRESENTATIONS
+from structlearn.tasks.public.page.recorded_results import AXES, RecordedResults
+from structlearn.tasks.public.protocol import latent_touch, slides, touch_calibration, touch_sets
+from structlearn.tasks.public.protocol.avoidance_representations import REPRESENTATIONS
+from structlearn.tasks.public.public_files import CALIBRATION, TABLES
 
 FIT = FitParameters.model_construct(
     smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(False,) * 3
@@ -211,7 +211,7 @@ def touch_tables(good):
     reconstruction = dict.fromkeys(latent_touch.MODELS, error) | {latent_touch.COMPONENTS: 0.5}
     touched = [
         (*key, model, part, 0, reconstruction[model] + noise, 1.0, error + noise, 0.02)
-        for key in names.TOUCH_ASKED
+        for key in public_names.TOUCH_ASKED
         for model in latent_touch.MODELS
         for part, noise in enumerate(spread(0.0, 4, 0.001))
     ]
@@ -508,12 +508,12 @@ def test_the_claims_bound_is_the_parameters_factor(root):
 
 def test_names_are_those_of_the_protocols():
     """They stand as text in `names`, so that drawing does not import what learns."""
-    assert set(names.REPRESENTATIONS) == {name for name, _ in REPRESENTATIONS}
-    assert set(names.INPUTS) == {inputs for _, inputs in REPRESENTATIONS}
-    assert tuple(names.TOUCH_MODELS) == latent_touch.MODELS
-    assert set(names.SLIDE_GROUPS) == set(slides.GROUPS)
+    assert set(public_names.REPRESENTATIONS) == {name for name, _ in REPRESENTATIONS}
+    assert set(public_names.INPUTS) == {inputs for _, inputs in REPRESENTATIONS}
+    assert tuple(public_names.TOUCH_MODELS) == latent_touch.MODELS
+    assert set(public_names.SLIDE_GROUPS) == set(slides.GROUPS)
     assert {name: touch_sets.PARTNERS[name] for name in touch_sets.RECORDED} == touch_part.PARTNERS
-    assert {URDF, LEAST_SQUARES} < set(names.DYNAMICS_MODELS)
+    assert {URDF, LEAST_SQUARES} < set(public_names.DYNAMICS_MODELS)
     known = {latent_touch.NEW_TRIALS, latent_touch.NEW_MATERIAL, latent_touch.OWN_UNITS, latent_touch.NEW_SET}
-    assert {new for _, _, new in names.TOUCH_ASKED} == known
-    assert {touch_calibration.REFERENCE, touch_calibration.SIMULATED} < set(names.TOUCH_WORLDS)
+    assert {new for _, _, new in public_names.TOUCH_ASKED} == known
+    assert {touch_calibration.REFERENCE, touch_calibration.SIMULATED} < set(public_names.TOUCH_WORLDS)

@@ -11,24 +11,24 @@ from committed import committed
 from reporting_verdicts import AnyFigure, cases
 from viewer_files import contents, note
 
-from structlearn.ground.artefacts import read_table, write_table
-from structlearn.ground.errors import MissingInputError
+from structlearn.core.artefacts import read_table, write_table
+from structlearn.core.errors import MissingInputError
 from structlearn.palette import PLATE_CORNERS, place_colours
-from structlearn.recordings import eflesh
-from structlearn.recordings.touch_log import TouchLog, read_touch_logs
+from structlearn.readers import eflesh
+from structlearn.readers.touch_log import TouchLog, read_touch_logs
 from structlearn.reporting.document import render, words_in_view
 from structlearn.tactile.pressed_skin import block_numbers, held_out
-from structlearn.tasks import skin_force, skin_readings, skin_servoing
-from structlearn.tasks.skin_touches import folds_of, gathered, learn_skin, learn_touch
-from structlearn.tasks.touch_parameters import TouchParameters
-from structlearn.testbeds.recorded import files, names
-from structlearn.testbeds.recorded.page import parts
-from structlearn.testbeds.recorded.page.assembly import recorded_report
-from structlearn.testbeds.recorded.page.parts.skin_evidence import SkinRuns, skin_evidence
-from structlearn.testbeds.recorded.page.parts.skin_figures import skin_pictures
-from structlearn.testbeds.recorded.page.parts.skin_part import skin_metrics
-from structlearn.testbeds.recorded.page.results import RecordedResults
-from structlearn.testbeds.recorded.recordings.skin_recording import write_skin
+from structlearn.tasks.public import public_files, public_names
+from structlearn.tasks.public.page import parts
+from structlearn.tasks.public.page.assembly import recorded_report
+from structlearn.tasks.public.page.parts.skin_evidence import SkinRuns, skin_evidence
+from structlearn.tasks.public.page.parts.skin_figures import skin_pictures
+from structlearn.tasks.public.page.parts.skin_part import skin_metrics
+from structlearn.tasks.public.page.recorded_results import RecordedResults
+from structlearn.tasks.public.views.skin_recording import write_skin
+from structlearn.tasks.touch import skin_force, skin_readings, skin_servoing
+from structlearn.tasks.touch.skin_touches import folds_of, gathered, learn_skin, learn_touch
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 SMALL = committed(
     TouchParameters,
@@ -155,7 +155,7 @@ def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
     assert 0 < len(one_depth.pressure) < 288
     assert np.abs(one_depth.place[:, 2]).max() <= 0.5e-3
     servo = tables["servo"]
-    assert set(servo["controller"]) == {names.SKIN_SERVO, *names.SKIN_SERVO_TEXT}
+    assert set(servo["controller"]) == {public_names.SKIN_SERVO, *public_names.SKIN_SERVO_TEXT}
     assert (servo.loc[servo["arrived"], "left_mm"] <= SMALL.servo.tolerance_mm).all()
 
 
@@ -205,11 +205,14 @@ def test_a_run_in_one_block_has_nothing_held_out():
 
 
 def test_names_are_those_of_the_protocols(root):
-    assert tuple(names.SKIN_MODELS) == skin_readings.MODELS
-    assert set(names.SKIN_FORCE) == {skin_force.QUADRATIC, skin_force.PRESSURE, skin_readings.PROCESS}
-    assert (names.SKIN_SERVO, names.SKIN_SERVO_TEXT) == (skin_servoing.CORRECTED, skin_servoing.TEXT)
+    assert tuple(public_names.SKIN_MODELS) == skin_readings.MODELS
+    assert set(public_names.SKIN_FORCE) == {skin_force.QUADRATIC, skin_force.PRESSURE, skin_readings.PROCESS}
+    assert (public_names.SKIN_SERVO, public_names.SKIN_SERVO_TEXT) == (
+        skin_servoing.CORRECTED,
+        skin_servoing.TEXT,
+    )
     known = skin_readings.NEW_BLOCKS, skin_force.NEW_PRESSES, skin_readings.NEW_RUN
-    assert known == (names.SKIN_NEW_BLOCKS, names.SKIN_NEW_PRESSES, names.SKIN_NEW_RUN)
+    assert known == (public_names.SKIN_NEW_BLOCKS, public_names.SKIN_NEW_PRESSES, public_names.SKIN_NEW_RUN)
 
 
 @lru_cache
@@ -217,12 +220,12 @@ def made_up(good=True):
     """Results in which every claim holds, or none does."""
     runs, wiggle = ("a", "b"), np.linspace(-0.01, 0.01, 6)
     errors = []
-    for model in names.SKIN_MODELS:
+    for model in public_names.SKIN_MODELS:
         ours = (model == "structured") == good
         level = 0.01 if ours else 0.5
         for first in runs:
             for second in runs:
-                new = names.SKIN_NEW_BLOCKS if first == second else names.SKIN_NEW_RUN
+                new = public_names.SKIN_NEW_BLOCKS if first == second else public_names.SKIN_NEW_RUN
                 table = pd.DataFrame({"block": range(6), "presses": 20, "model": model, "seed": 0})
                 table = table.assign(learned_from=first, asked_about=second, new=new)
                 for name in ("map_nmse", "pressure_nmse", "signal_nmse", "depth_nmse"):
@@ -241,7 +244,7 @@ def made_up(good=True):
         [
             (model, controller, trial, ((model == "structured") == good), 0.5, 1.05 if good else 2.0)
             for model in ("structured", "reconstruction only")
-            for controller in (*names.SKIN_SERVO_TEXT, names.SKIN_SERVO)
+            for controller in (*public_names.SKIN_SERVO_TEXT, public_names.SKIN_SERVO)
             for trial in range(20)
         ],
         columns=["model", "controller", "trial", "arrived", "left_mm", "length_ratio"],
@@ -250,8 +253,8 @@ def made_up(good=True):
     force = pd.DataFrame(
         [
             (new, model, press, (0.3 if good else 3.0) + 0.01 * press, 1.0)
-            for new in (names.SKIN_NEW_PRESSES, names.SKIN_NEW_RUN)
-            for model in names.SKIN_FORCE
+            for new in (public_names.SKIN_NEW_PRESSES, public_names.SKIN_NEW_RUN)
+            for model in public_names.SKIN_FORCE
             for press in range(4)
         ],
         columns=["new", "model", "press", "rms_n", "worst_n"],
@@ -331,11 +334,11 @@ def test_places_have_the_colours_of_their_corners():
 
 def test_tables_are_found_by_their_names(tmp_path, learned):
     _, tables = learned
-    assert set(tables) == {*files.SETS[files.SKIN], "map", "recordings"}
+    assert set(tables) == {*public_files.SETS[public_files.SKIN], "map", "recordings"}
     folder = tmp_path / "recorded/skin"
     folder.mkdir(parents=True)
     write_table(tables["lags"], folder / "lags.parquet")
-    assert list(files.RecordedFiles(tmp_path).of_set("skin")) == ["lags"]
+    assert list(public_files.RecordedFiles(tmp_path).of_set("skin")) == ["lags"]
     assert len(read_table(folder / "lags.parquet")) == 2
 
 

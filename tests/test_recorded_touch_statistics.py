@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from committed import committed
 
-from structlearn.ground.errors import InputError
-from structlearn.recordings.recording import Recording, Stream
-from structlearn.testbeds.recorded.protocol import touch_calibration, touch_statistics
-from structlearn.testbeds.recorded.protocol.touch_statistics import FingerTrace, finger_traces, joined
+from structlearn.core.errors import InputError
+from structlearn.readers.recording import Recording, Stream
+from structlearn.tasks.public.protocol import touch_calibration, touch_statistics
+from structlearn.tasks.public.protocol.touch_statistics import FingerTrace, finger_traces, joined
 
 RATE_HZ = 100.0
 NOTHING = np.zeros((100, 2))
@@ -127,7 +127,7 @@ def test_one_stream_of_both_fingers_is_split():
         ([np.zeros((50, 19))], 30.0, "run: touch comes at 30 Hz, not at 100"),
     ],
 )
-def test_recordings_without_fingers(counts, rate_hz, message):
+def test_readers_without_fingers(counts, rate_hz, message):
     empty = Recording("run", (), None, {})
     with pytest.raises(InputError, match=message):
         finger_traces("set", recording("run", counts, rate_hz) if counts else empty, RATE_HZ)

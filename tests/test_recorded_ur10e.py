@@ -10,26 +10,26 @@ import pandas as pd
 import pybullet
 import pytest
 from committed import committed
-from recordings_bags import recorded_data
+from readers_bags import recorded_data
 from reporting_verdicts import AnyFigure
 from viewer_files import contents, note
 
-from structlearn.ground.errors import MissingInputError
-from structlearn.recordings.joint_log import DriveLog
-from structlearn.recordings.ur10e import URDF, read_logs
+from structlearn.core.errors import MissingInputError
+from structlearn.readers.joint_log import DriveLog
+from structlearn.readers.ur10e import URDF, read_logs
 from structlearn.reporting.document import render
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS
 from structlearn.rigid_body.arm_identification import URDF as MAKER
 from structlearn.rigid_body.tree import read_urdf
-from structlearn.tasks import drives_and_load as protocol
-from structlearn.tasks.joint_motion import CARRIES, learn_motion, logs_that_are_there
-from structlearn.tasks.motion_parameters import MotionParameters
-from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.assembly import recorded_report
-from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES
-from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_metrics
-from structlearn.testbeds.recorded.page.results import RecordedResults
-from structlearn.testbeds.recorded.recordings.ur10e_recording import CARRYING, write_carried
+from structlearn.tasks.motion import drives_and_load as protocol
+from structlearn.tasks.motion.joint_motion import CARRIES, learn_motion, logs_that_are_there
+from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.public import public_names
+from structlearn.tasks.public.page.assembly import recorded_report
+from structlearn.tasks.public.page.parts.ur10e_figures import STAGES
+from structlearn.tasks.public.page.parts.ur10e_results import Ur10eResults, ur10e_metrics
+from structlearn.tasks.public.page.recorded_results import RecordedResults
+from structlearn.tasks.public.views.ur10e_recording import CARRYING, write_carried
 
 PARAMETERS = committed(MotionParameters, "recorded_ur10e")
 DRIVES, LOAD = PARAMETERS.drives, PARAMETERS.load
@@ -247,7 +247,7 @@ def test_names_are_those_of_the_protocol():
     assert tuple(STAGES) == (protocol.LEARNED, protocol.EMPTY, protocol.CARRYING)
     assert protocol.CARRYING == CARRYING
     assert set(MODELS) - {(MAKER, "none")} <= set(
-        (model, friction) for model in names.DYNAMICS_MODELS for friction in names.FRICTIONS
+        (model, friction) for model in public_names.DYNAMICS_MODELS for friction in public_names.FRICTIONS
     )
 
 

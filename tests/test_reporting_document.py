@@ -52,7 +52,7 @@ def document(package, **changes):
         "tables": {"rows": ROWS},
         "judged": judged,
         "sources": {"scores": Source("data/scores.parquet", "score")},
-        "recordings": "../recordings/made_up",
+        "recordings": "../rerun/made_up",
         "simulated": True,
     }
     return Document("page.html.jinja", package, "report_made_up", **parts | changes)
@@ -75,7 +75,7 @@ def test_a_page_has_anchors_sources_and_escapes_what_it_is_given(package):
     assert "<em>eye</em>" in html
     assert "All &lt;rows&gt;." in html
     assert "dvc repro -s score" in html
-    assert 'href="../recordings/made_up/run.rrd"' in html
+    assert 'href="../rerun/made_up/run.rrd"' in html
     assert "\N{MINUS SIGN}1.2" in html  # of -1.25; and the missing value is a dash
     assert ">simulated</span>" in html
 

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from structlearn.ground.artefacts import read_metrics
+from structlearn.core.artefacts import read_metrics
 from structlearn.reporting.reliability import BROKEN_BY, keep, outcome_table, reliability_page
 from structlearn.reporting.source_commit import source_commit
 

@@ -5,7 +5,7 @@ import pytest
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
 from rigid_body_robots import carrying, pinocchio_torques, robot_with
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import friction_columns

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from rigid_body_motions import arm, rubbing_motion
 from torch.autograd.functional import hessian, jacobian
 
-from structlearn.ground.artefacts import write_tensors
-from structlearn.ground.errors import InputError
-from structlearn.ground.metrics import nmse
+from structlearn.core.artefacts import write_tensors
+from structlearn.core.errors import InputError
+from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import seeded
 from structlearn.rigid_body.dynamics_models import (
     DynamicsModels,

@@ -4,7 +4,7 @@ import torch
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
 from rigid_body_robots import ROBOTS, robot, states
 
-from structlearn.ground.metrics import nmse
+from structlearn.core.metrics import nmse
 from structlearn.rigid_body.base_parameters import base_parameters, base_table, condition_number, link_table
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle

@@ -6,7 +6,7 @@ import pytest
 import torch
 from rigid_body_robots import ROBOTS, configuration, pendulum, pinocchio_torques, robot, states
 
-from structlearn.ground.metrics import nmse
+from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_chain, compiled_dynamics
 from structlearn.rigid_body.friction import (
     COULOMB_WIDTH,

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from rigid_body_arms import planar_arm
 from rigid_body_robots import FINGERS
 
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
-from structlearn.ground.minimum_jerk import progress
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.core.minimum_jerk import progress
 from structlearn.rigid_body.inverse_kinematics import Follower, follow, read_arm, rest_for
 from structlearn.simulation.arm import urdf_path
 

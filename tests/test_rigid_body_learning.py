@@ -6,7 +6,7 @@ import torch
 from committed import committed
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
 
-from structlearn.ground.metrics import nmse
+from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import AdamParameters, seeded
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias

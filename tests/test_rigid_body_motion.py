@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.rigid_body.motion import measured_motion
 
 RNG = np.random.default_rng(0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rigid_body_arms import planar_arm
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.rigid_body.inverse_kinematics import read_arm
 from structlearn.rigid_body.self_collision import link_distances, read_shapes
 

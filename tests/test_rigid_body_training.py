@@ -4,7 +4,7 @@ from committed import committed
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
 from rigid_body_robots import carrying
 
-from structlearn.ground.metrics import nmse
+from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rigid_body_robots import FINGERS, joint, link, robot
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.rigid_body.tree import joint_order, read_urdf
 from structlearn.rigid_body.urdf import moving_joints, tips
 from structlearn.simulation.arm import urdf_path

@@ -10,7 +10,7 @@ import torch
 from rigid_body_robots import ODD, pinocchio_torques, states
 from rigid_body_robots import robot as known_robot
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
 from structlearn.rigid_body.motion import Motion

@@ -6,7 +6,7 @@ from reporting_feedback import AXIS, TELLING, dataset
 from reporting_refinement import SETTINGS, examples, history, parameters, refinement_results, scores, search
 from scipy import stats
 
-from structlearn.ground.metrics import BETTER
+from structlearn.core.metrics import BETTER
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.testbeds.scraping.page.feedback_results import informative_channel
 from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reporting_scraping import PARAMETERS
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.signals import standardise
+from structlearn.core.errors import InputError
+from structlearn.core.signals import standardise
 from structlearn.segmentation.alignment import (
     Alignment,
     Movement,

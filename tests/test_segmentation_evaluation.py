@@ -6,7 +6,7 @@ import pytest
 from reporting_scraping import PARAMETERS, demonstration, noise_table
 
 from structlearn.primitives.sequence import largest_acceleration_jump
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import alignment
 from structlearn.segmentation.cut_errors import (
     Dwells,

@@ -5,7 +5,7 @@ import pytest
 from committed import committed
 from reporting_scraping import PARAMETERS
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.primitives.fitting import (
     FitParameters,
     cross_validation,

@@ -8,9 +8,9 @@ from conftest import minimum_jerk
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
-from structlearn.recordings import Demonstration, read_demonstrations, synchronise
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.readers import Demonstration, read_demonstrations, synchronise
 from structlearn.segmentation.motion_runs import (
     Candidates,
     Motion,
@@ -23,8 +23,8 @@ from structlearn.segmentation.motion_runs import (
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
 from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
-from structlearn.testbeds.own.task import read_task
-from structlearn.testbeds.own.world.pick_and_place import as_recording, takes, write_takes
+from structlearn.tasks.own.world.pick_and_place import as_recording, takes, write_takes
+from structlearn.tasks.task_entry import read_task
 
 SPEED = np.array([0, 0, 2, 3, 1, 0, 0, 0, 4, 4, 0, 5, 0, 0], dtype=float)
 

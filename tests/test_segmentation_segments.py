@@ -6,8 +6,8 @@ import pytest
 from committed import committed
 from pydantic import ValidationError
 
-from structlearn.ground.artefacts import write_table
-from structlearn.ground.errors import InputError
+from structlearn.core.artefacts import write_table
+from structlearn.core.errors import InputError
 from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import cut_errors
 from structlearn.segmentation.parameters import SegmentParameters

@@ -11,7 +11,7 @@ import yaml
 from committed import committed
 from tactile_toy import toy_dataset
 
-from structlearn.ground.params import Population
+from structlearn.core.params import Population
 from structlearn.reporting.claims import Evidence, claims_table
 from structlearn.reporting.document import environment, render
 from structlearn.reporting.studies import Study

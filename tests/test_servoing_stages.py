@@ -8,8 +8,8 @@ import numpy as np
 import yaml
 from committed import committed
 
-from structlearn.ground.artefacts import read_table
-from structlearn.ground.params import Population
+from structlearn.core.artefacts import read_table
+from structlearn.core.params import Population
 from structlearn.reporting.studies import read_description
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant, variants
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from primitives_movements import quick, rngs
 
-from structlearn.ground.signals import derivative, low_pass, standardise, time_normalised
+from structlearn.core.signals import derivative, low_pass, standardise, time_normalised
 
 DT = 1 / 300
 TIME = DT * np.arange(3000)  # 10 s

@@ -4,7 +4,7 @@ import pytest
 from rigid_body_robots import carrying as carrying_in_pinocchio
 from rigid_body_robots import robot as rigid_body_robot
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.compiled_chain import body, dynamics, workspace
 from structlearn.simulation import compiled_arm

@@ -7,8 +7,8 @@ from dynamics_motion import committed_motion
 from pydantic import ValidationError
 from rigid_body_robots import robot as rigid_body_robot
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.metrics import nmse
+from structlearn.core.errors import InputError
+from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.compiled_models import bodies_model
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal

@@ -9,8 +9,8 @@ from committed import committed
 from feedback_toy import toy_dataset
 from scraping_motions import NAMES
 
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_model import TrainingParameters, train_final
-from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import Rollout, open_loop_weights

@@ -10,15 +10,15 @@ from feedback_toy import toy_dataset
 from parallel_work import Deadly
 from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network, scraping_skill
 
+from structlearn.core.artefacts import write_table
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import largest_coupling
-from structlearn.ground.artefacts import write_table
-from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
-from structlearn.recordings import synchronise
-from structlearn.recordings.runs import read_runs, write_runs
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers import synchronise
+from structlearn.readers.runs import read_runs, write_runs
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import board_rollouts
 from structlearn.testbeds.scraping.protocol.board_rollouts import REFINED, read_board
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation

@@ -1,7 +1,7 @@
 import pytest
 from committed import committed
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.segmentation.cut_errors import mean_cut_errors_ms
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep

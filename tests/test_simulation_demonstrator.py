@@ -3,7 +3,7 @@ import pytest
 from committed import committed
 from scraping_motions import simulated
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.simulation.hand_noise import hand_noise
 from structlearn.testbeds.scraping.world.demonstrator import (
     FLAT_ORIENTATION,
@@ -28,7 +28,7 @@ def noise_free():
     return simulated(noise_mm=0)
 
 
-def test_recordings_are_the_intended_movements_with_their_noise(recordings):
+def test_readers_are_the_intended_movements_with_their_noise(recordings):
     """What a person guides the arm along in the physical world is the same movement."""
     for recording, movement in zip(
         recordings, intended_movements(committed(DemonstratorParameters, "simulate")), strict=True

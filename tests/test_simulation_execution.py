@@ -13,8 +13,8 @@ from scraping_motions import (
     scraping_skill,
 )
 
+from structlearn.core import quaternion
 from structlearn.feedback.runtime import Controller
-from structlearn.ground import quaternion
 from structlearn.primitives.sequence import default_start
 from structlearn.simulation.fingers import FingerPair, TouchParameters
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters, corrector, hold

@@ -4,7 +4,7 @@ from committed import committed
 from dynamics_motion import committed_motion
 from rigid_body_robots import carrying
 
-from structlearn.ground.metrics import nmse
+from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
@@ -13,7 +13,7 @@ from structlearn.testbeds.dynamics.world.joint_logs import (
     payload_log,
     stand_in_log,
 )
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters, stand_in
 
 MOTION = committed_motion(duration_s=4.0)
 SEED = 3

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scipy.ndimage import binary_closing
 from scipy.optimize import minimize_scalar
 
-from structlearn.ground import quaternion
-from structlearn.recordings.checks import check_recording
+from structlearn.core import quaternion
+from structlearn.readers.checks import check_recording
 from structlearn.simulation.touch import Handle, make_finger, moved, rested, touch, touching
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, held_on_handle, recorded
 from structlearn.tactile.electrodes import SKINS, biotac
@@ -144,7 +144,7 @@ def test_the_estimated_contact_is_near_the_true_one(runs):
     assert np.median(np.concatenate(errors)) < 1.2e-3
 
 
-def test_recordings_are_valid(runs, person):
+def test_readers_are_valid(runs, person):
     for first in runs:
         one = recorded(first, person)
         check_recording(one)

@@ -7,9 +7,9 @@ import pytest
 from committed import committed
 from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skill
 
-from structlearn.ground import quaternion
-from structlearn.recordings import synchronise
-from structlearn.recordings.checks import check_recording
+from structlearn.core import quaternion
+from structlearn.readers import synchronise
+from structlearn.readers.checks import check_recording
 from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
     evaluation_runs,
@@ -51,7 +51,7 @@ def stream(recording, kind):
     return next(one for one in recording.streams if one.kind == kind)
 
 
-def test_recordings_are_sound_and_have_all_streams(recordings):
+def test_readers_are_sound_and_have_all_streams(recordings):
     assert len(recordings) == 4
     for recording in recordings:
         check_recording(recording)

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from structlearn.ground.source_closure import SourceTree
+from structlearn.core.source_closure import SourceTree
 
 FILES = {
-    "segment.py": "import numpy\nfrom structlearn.ground.signals import low_pass",
+    "segment.py": "import numpy\nfrom structlearn.core.signals import low_pass",
     "train.py": "def main():\n    from structlearn.feedback import train\n",
     "report.py": "from structlearn.page import figures",
     "user.py": "from structlearn.tactile import Skin",
     "src/structlearn/__init__.py": "",
-    "src/structlearn/ground/signals.py": (
+    "src/structlearn/core/signals.py": (
         '"""Filters."""\ndef low_pass(x: int):\n    """Smooth."""\n    return x\n'
     ),
     "src/structlearn/feedback/train.py": (
@@ -22,7 +22,7 @@ FILES = {
         "    return import_module(f'{models.__name__}.{name}')\n"
     ),
     "src/structlearn/feedback/models/__init__.py": "",
-    "src/structlearn/feedback/models/pca.py": "from structlearn.ground import signals",
+    "src/structlearn/feedback/models/pca.py": "from structlearn.core import signals",
     "src/structlearn/tactile/__init__.py": (
         "import lazy_loader\n__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)\n"
     ),
@@ -67,17 +67,17 @@ def test_all_that_is_imported_or_named_is_listed(project):
 @pytest.mark.parametrize(
     ("file", "old", "new", "changed"),
     [
-        ("ground/signals.py", "return x", "return -x", {"segment", "train"}),
-        ("ground/signals.py", "return x", "return x, None", {"segment", "train"}),
+        ("core/signals.py", "return x", "return -x", {"segment", "train"}),
+        ("core/signals.py", "return x", "return x, None", {"segment", "train"}),
         ("feedback/models/pca.py", "from", "import structlearn.kit.drawing\nfrom", {"train"}),
         ("page/page.html.jinja", "Cuts", "Cut points", {"report"}),
         ("tactile/skins.py", "pass", "size = 1", {"user"}),
         ("tactile/__init__.pyi", "from .skins", "from .maps", {"user"}),
         ("tactile/maps.py", "pass", "size = 1", set()),
         ("page/parts/cuts.jinja", "cuts", "cut points", {"report"}),
-        ("ground/signals.py", '"""Smooth."""', '"""Zero-phase."""', set()),
-        ("ground/signals.py", '"""Filters."""', "# Filters", set()),
-        ("ground/signals.py", "x: int", "x: float", set()),
+        ("core/signals.py", '"""Smooth."""', '"""Zero-phase."""', set()),
+        ("core/signals.py", '"""Filters."""', "# Filters", set()),
+        ("core/signals.py", "x: int", "x: float", set()),
         ("page/notes.txt", "nobody", "no one", set()),
     ],
 )

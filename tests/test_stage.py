@@ -3,10 +3,10 @@ import sys
 
 import pytest
 
-from structlearn.ground import stage
-from structlearn.ground.artefacts import filled
-from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.ground.params import Parameters
+from structlearn.core import stage
+from structlearn.core.artefacts import filled
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.params import Parameters
 
 
 class FitParameters(Parameters):
@@ -56,8 +56,8 @@ def test_success_is_silent(capsys):
 
 def test_a_stage_script_without_its_parameters_says_so(tmp_path):
     script = (
-        "from structlearn.ground import stage\n"
-        "from structlearn.ground.params import Parameters\n"
+        "from structlearn.core import stage\n"
+        "from structlearn.core.params import Parameters\n"
         "stage.run(lambda: stage.stage_parameters('fit', Parameters))\n"
     )
     ended = subprocess.run(

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.reporting.source_commit import ABSENT, UNKNOWN_COMMIT, code_digests, source_commit
 from structlearn.reporting.studies import (
     RESULTS,

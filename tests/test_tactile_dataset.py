@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from committed import committed
 
-from structlearn.ground import quaternion
-from structlearn.ground.artefacts import write_tensors
-from structlearn.ground.errors import InputError
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core import quaternion
+from structlearn.core.artefacts import write_tensors
+from structlearn.core.errors import InputError
+from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import biotac
 from structlearn.tactile.touch_dataset import (
     ROTATION,
@@ -163,6 +163,6 @@ def test_splits_have_their_shares_and_spread_over_motions():
         ({}, "need three contacts, the recordings have 2"),
     ],
 )
-def test_recordings_that_cannot_be_used_are_named(changes, message):
+def test_readers_that_cannot_be_used_are_named(changes, message):
     with pytest.raises(InputError, match=message):
         prepare([pressed_twice(**changes)], biotac(), PARAMETERS)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import shortest_path
 from scipy.spatial import cKDTree
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.tactile.electrodes import DEPTH, SKINS, biotac, flat_pad, skin_distance, sphere
 from structlearn.tactile.geodesics import (
     Geodesics,

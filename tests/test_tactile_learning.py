@@ -9,9 +9,9 @@ import torch
 from committed import committed
 from tactile_toy import toy_dataset, toy_geodesics
 
-from structlearn.ground import metrics
-from structlearn.ground.artefacts import write_tensors
-from structlearn.ground.errors import InputError
+from structlearn.core import metrics
+from structlearn.core.artefacts import write_tensors
+from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_comparison import learn, learn_spaces, own_units, seen_in

@@ -7,7 +7,7 @@ import pytest
 from committed import committed
 from pydantic import ValidationError
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import NetworkParameters, SensorDescription

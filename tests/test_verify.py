@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from structlearn.ground.artefacts import write_tensors
+from structlearn.core.artefacts import write_tensors
 
 STAGE = """
 stages:

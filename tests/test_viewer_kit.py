@@ -74,8 +74,8 @@ def test_errors_of_rerun_raise_and_strictness_ends_with_the_recording(tmp_path):
 FULL = """
 import sys
 import numpy as np
-from structlearn.ground.publication import publish
-from structlearn.ground.stage import run
+from structlearn.core.publication import publish
+from structlearn.core.stage import run
 from structlearn.viewer.rrd import recording, send_curve
 
 def main():

@@ -5,13 +5,13 @@ import sys
 
 import pytest
 
-from structlearn.ground.parallel import BACKEND
-from structlearn.ground.wall_clock import RUN_BY_DVC, TIMES, StageTime, main, read_times, record
+from structlearn.core.parallel import BACKEND
+from structlearn.core.wall_clock import RUN_BY_DVC, TIMES, StageTime, main, read_times, record
 
 STAGE = """
 import sys, time
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.stage import run
+from structlearn.core.parallel import parallel_map
+from structlearn.core.stage import run
 
 def work(seconds):
     while time.process_time() < seconds:
@@ -92,5 +92,5 @@ def test_times_are_listed_with_their_sum(tmp_path, monkeypatch, capsys):
 
 
 def test_a_stage_starts_without_pandas():
-    code = "import structlearn.ground.stage, sys; sys.exit('pandas' in sys.modules)"
+    code = "import structlearn.core.stage, sys; sys.exit('pandas' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -9,8 +9,8 @@ import numpy as np
 from conftest import minimum_jerk
 from rerun.chunk import RrdReader
 
-from structlearn.ground import quaternion
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core import quaternion
+from structlearn.readers.demonstration import Demonstration
 
 DT = 1 / 200
 ONLY_POSITION = {"orientation": None, "wrench": None, "tactile": None, "provenance": {}}

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from structlearn.ground.compilation import use_own_cache
+from structlearn.core.compilation import use_own_cache
 
 __version__ = "0.1.0"
 

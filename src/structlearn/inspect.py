@@ -8,9 +8,9 @@ whatever the doubts.
 import argparse
 from pathlib import Path
 
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run
-from structlearn.testbeds.own.survey_report import as_yaml, find_out, report
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run
+from structlearn.tasks.own.survey_report import as_yaml, find_out, report
 
 
 def main() -> None:

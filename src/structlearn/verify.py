@@ -13,10 +13,10 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from structlearn.ground.artefacts import read_description, read_metrics, read_table, read_tensors
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import read_values
-from structlearn.recordings.bag import read_bag
+from structlearn.core.artefacts import read_description, read_metrics, read_table, read_tensors
+from structlearn.core.errors import InputError
+from structlearn.core.params import read_values
+from structlearn.readers.bag import read_bag
 
 SKILL = '{"reactive_skill"'
 """How the description of a skill file begins."""

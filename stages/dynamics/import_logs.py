@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from structlearn.ground.stage import run
-from structlearn.recordings.joint_log import read_joint_logs, write_log_table
+from structlearn.core.stage import run
+from structlearn.readers.joint_log import read_joint_logs, write_log_table
 
 
 def main() -> None:

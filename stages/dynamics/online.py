@@ -4,9 +4,9 @@ from functools import partial
 
 import pandas as pd
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.parallel import parallel_map
+from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.model_names import IDEAL
 from structlearn.rigid_body.online_learning import (

@@ -3,11 +3,11 @@
 from functools import partial
 from operator import call
 
-from structlearn.ground.artefacts import publish
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.joint_log import write_joint_log
+from structlearn.core.artefacts import publish
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers.joint_log import write_joint_log
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
@@ -17,7 +17,7 @@ from structlearn.testbeds.dynamics.world.joint_logs import (
     payload_log,
     stand_in_log,
 )
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
+from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters
 
 
 def main() -> None:

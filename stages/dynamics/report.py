@@ -2,8 +2,8 @@
 
 import pandas as pd
 
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.studies import read_study
 from structlearn.rigid_body.model_names import COULOMB, ROBOT
@@ -24,7 +24,7 @@ from structlearn.testbeds.dynamics.protocol.scored_results import (
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters, stand_in
 
 PARAMETERS = {
     "arm": ArmParameters,

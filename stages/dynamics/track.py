@@ -5,9 +5,9 @@ from functools import cache
 
 import pandas as pd
 
-from structlearn.ground.artefacts import publish, read_table, write_table
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish, read_table, write_table
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.dynamics_models import DynamicsModels, read_dynamics_models
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
@@ -20,7 +20,7 @@ from structlearn.testbeds.dynamics.protocol.tracking import (
 )
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters, stand_in
 
 MODELS = "data/dynamics/models"
 

@@ -2,8 +2,8 @@
 
 import pandas as pd
 
-from structlearn.ground.artefacts import publish, write_metrics, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish, write_metrics, write_table
+from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.base_parameters import base_parameters, base_table, link_table
 from structlearn.rigid_body.dynamics_models import write_dynamics_models
 from structlearn.rigid_body.model_names import IDEAL, ROBOT

@@ -1,20 +1,20 @@
 """Recordings to look at: the arm reaching with each model, torques of the robot, and the payload (III.4)."""
 
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.training_grid import DynamicsTrainingParameters
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_FORM
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters, tracked_reaches
-from structlearn.testbeds.dynamics.recordings.log_recordings import (
+from structlearn.testbeds.dynamics.views.log_recordings import (
     DynamicsViewParameters,
     shown_payload,
     shown_torques,
     write_payload,
     write_torques,
 )
-from structlearn.testbeds.dynamics.recordings.reaches_recording import write_reaches
+from structlearn.testbeds.dynamics.views.reaches_recording import write_reaches
 from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters
 
 
@@ -38,7 +38,7 @@ def main() -> None:
     picking_up, *_ = files.read_logs("payload").values()
     learned = tables["payload"][tables["payload"]["seed"] == tables["payload"]["seed"].min()]
     payload = shown_payload(robot.tree, picking_up, learned, carried, chosen)
-    with publish("reports/recordings/dynamics") as folder:
+    with publish("reports/rerun/dynamics") as folder:
         folder.mkdir()
         write_reaches(folder / "reaches.rrd", urdf, names, reaches[IDEAL], "Dynamics: reaches (simulated)")
         title = "Dynamics: reaches of the stand-in (simulated)"

@@ -5,10 +5,10 @@ from functools import partial
 import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
 from structlearn.testbeds.obstacles.files import RUNS, write_baselines
 from structlearn.testbeds.obstacles.protocol.people import taught
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters

@@ -6,10 +6,10 @@ import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.learned_models import read_models
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
 from structlearn.testbeds.obstacles.files import read_baselines
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, own_scenarios, scenarios

@@ -1,10 +1,10 @@
 """The report of the obstacle testbed: figures, tables, metrics and the page that shows them."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.ground.artefacts import read_table
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.runs import read_runs
+from structlearn.core.artefacts import read_table
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers.runs import read_runs
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.obstacles import files

@@ -2,9 +2,9 @@
 
 from structlearn.avoidance.avoidance_dataset import from_table
 from structlearn.avoidance.learned_models import write_models
-from structlearn.ground.artefacts import publish, read_table, write_table
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish, read_table, write_table
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 

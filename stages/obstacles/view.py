@@ -1,22 +1,22 @@
 """Recordings to look at: demonstrations past obstacles, what models do, and unseen obstacles (IV.8)."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.ground.artefacts import publish, read_table
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.runs import read_runs
+from structlearn.core.artefacts import publish, read_table
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers.runs import read_runs
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
-from structlearn.testbeds.obstacles.recordings.avoidance_scene import (
+from structlearn.testbeds.obstacles.views.avoidance_scene import (
     ObstacleViewParameters,
     chosen_scenarios,
     shown_scenarios,
 )
-from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import (
+from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     write_avoidance_demonstrations,
     write_trained_avoidance,
 )
-from structlearn.testbeds.obstacles.recordings.unseen_avoidance import (
+from structlearn.testbeds.obstacles.views.unseen_avoidance import (
     write_changing_avoidance,
     write_unseen_avoidance,
 )

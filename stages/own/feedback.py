@@ -1,9 +1,9 @@
 """Learn feedback from the corrections of a task (dissertation IV.6, IV.9.1)."""
 
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
-from structlearn.testbeds.own.protocol.own_feedback import learn_own_feedback, write_own_feedback
-from structlearn.testbeds.own.task import OwnFeedbackParameters
+from structlearn.tasks.own.protocol.own_feedback import learn_own_feedback, write_own_feedback
+from structlearn.tasks.task_entry import OwnFeedbackParameters
+from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:

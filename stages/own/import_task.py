@@ -1,10 +1,10 @@
 """Check a task's entry and read its recordings once; it always runs, and what it writes decides the rest."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.recordings.runs import write_runs
-from structlearn.testbeds.own.files import TaskFiles, leave_out, run_for_task
-from structlearn.testbeds.own.protocol.task_import import came_in, task_runs
-from structlearn.testbeds.own.task import read_task, write_task
+from structlearn.core.artefacts import publish, write_table
+from structlearn.readers.runs import write_runs
+from structlearn.tasks.own.protocol.task_import import came_in, task_runs
+from structlearn.tasks.task_entry import read_task, write_task
+from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
 
 
 def main(files: TaskFiles) -> None:

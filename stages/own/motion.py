@@ -3,14 +3,14 @@
 What loads slowly is imported where it is needed: most tasks have no such logs.
 """
 
-from structlearn.ground.artefacts import publish
-from structlearn.recordings.stamps import StampPolicy
-from structlearn.tasks.motion_parameters import MotionParameters
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.core.artefacts import publish
+from structlearn.readers.stamps import StampPolicy
+from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:
-    from structlearn.tasks.joint_motion import arm_of, learn_motion, logs_of
+    from structlearn.tasks.motion.joint_motion import arm_of, learn_motion, logs_of
 
     parameters = files.part("motion", MotionParameters)
     robot, urdf = arm_of(parameters)

@@ -1,9 +1,9 @@
 """Learn from the reaches of a task past obstacles, and try what was learned in scenes left out (IV.8)."""
 
 from structlearn.avoidance.scene_people import learn_past_obstacles
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
-from structlearn.testbeds.own.task import ObstacleParameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.tasks.task_entry import ObstacleParameters
+from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:

@@ -1,10 +1,10 @@
 """Learn the primitives of a task, and unroll them as a sequence (dissertation IV.3, IV.5.4)."""
 
-from structlearn.ground.artefacts import publish, write_table
+from structlearn.core.artefacts import publish, write_table
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
 from structlearn.primitives.primitive_files import write_primitives
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:

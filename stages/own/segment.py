@@ -2,7 +2,7 @@
 
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut, write_segmentation
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:

@@ -1,12 +1,12 @@
 """Put what was learned of a task into one file for a robot: primitives, feedback, bounds, origin."""
 
+from structlearn.core.artefacts import publish
+from structlearn.feedback.coupling_targets import sensor_channels
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace
 from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
-from structlearn.feedback.supervision import sensor_channels
-from structlearn.ground.artefacts import publish
-from structlearn.testbeds.own.files import SKILL, TaskFiles, run_for_task
-from structlearn.testbeds.own.protocol.own_feedback import read_own_feedback
-from structlearn.testbeds.own.task import OwnFeedbackParameters
+from structlearn.tasks.own.protocol.own_feedback import read_own_feedback
+from structlearn.tasks.task_entry import OwnFeedbackParameters
+from structlearn.tasks.task_files import SKILL, TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:

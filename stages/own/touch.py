@@ -3,16 +3,16 @@
 What loads slowly is imported where it is needed: most tasks have no touches.
 """
 
-from structlearn.ground.artefacts import publish
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.stamps import StampPolicy
-from structlearn.recordings.touch_log import read_touch_logs, touch_of
-from structlearn.tasks.touch_parameters import TouchParameters
-from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
+from structlearn.core.artefacts import publish
+from structlearn.readers import read_demonstrations
+from structlearn.readers.stamps import StampPolicy
+from structlearn.readers.touch_log import read_touch_logs, touch_of
+from structlearn.tasks.task_files import TaskFiles, local_path, run_for_task
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 
 def main(files: TaskFiles) -> None:
-    from structlearn.tasks.skin_touches import learn_touch
+    from structlearn.tasks.touch.skin_touches import learn_touch
 
     parameters = files.part("touch", TouchParameters)
     source = local_path(parameters.source)

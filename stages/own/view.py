@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from structlearn.ground.artefacts import publish
-from structlearn.testbeds.own.files import TaskFiles, leave_out, run_for_task
+from structlearn.core.artefacts import publish
+from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
 

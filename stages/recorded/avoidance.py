@@ -1,10 +1,10 @@
 """Cross-validate every representation of obstacle avoidance on recorded samples (dissertation IV.8)."""
 
 from structlearn.avoidance.avoidance_dataset import from_table
-from structlearn.ground.artefacts import filled, publish, read_table, write_table
-from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.protocol.avoidance_representations import (
+from structlearn.core.artefacts import filled, publish, read_table, write_table
+from structlearn.core.stage import or_empty, run, stage_parameters
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol.avoidance_representations import (
     RecordedAvoidanceParameters,
     compare_on_recorded,
 )

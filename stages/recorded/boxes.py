@@ -1,10 +1,10 @@
 """Reaches past boxes: learned from some people, tried in the scenes of others (dissertation IV.8)."""
 
 from structlearn.avoidance.scene_people import ScenePeopleParameters, learn_past_obstacles
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import RecordedFiles
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import or_empty, run, stage_parameters
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.public_files import RecordedFiles
 
 
 def main() -> None:

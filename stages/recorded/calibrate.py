@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings import read_recordings
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import SCRAPING, SLIDES, UNSCREWING, RecordedFiles
-from structlearn.testbeds.recorded.protocol import touch_calibration
-from structlearn.testbeds.recorded.protocol.touch_statistics import finger_traces, joined
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import or_empty, run, stage_parameters
+from structlearn.readers import read_recordings
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol import touch_calibration
+from structlearn.tasks.public.protocol.touch_statistics import finger_traces, joined
+from structlearn.tasks.public.public_files import SCRAPING, SLIDES, UNSCREWING, RecordedFiles
 
 SIMULATED = Path("data/raw/scraping/unrolls")
 SETS = {"unscrewing, recorded": UNSCREWING, "slides, recorded": SLIDES}

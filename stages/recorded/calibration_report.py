@@ -1,17 +1,17 @@
 """The report that sets simulated touch beside recorded touch."""
 
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.stage import run, stage_parameters
 from structlearn.reporting.publishing import publish_report
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.page.calibration_figures import pictures
-from structlearn.testbeds.recorded.page.calibration_results import (
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.page.calibration_figures import pictures
+from structlearn.tasks.public.page.calibration_results import (
     HEADLINES,
     calibration_document,
     metrics,
     tables,
 )
-from structlearn.testbeds.recorded.protocol.touch_calibration import CalibrationParameters
+from structlearn.tasks.public.protocol.touch_calibration import CalibrationParameters
+from structlearn.tasks.public.public_files import RecordedFiles
 
 
 def main() -> None:

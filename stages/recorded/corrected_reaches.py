@@ -1,18 +1,18 @@
 """Coupling targets of the higher reaches, learned over phase and added to the nominal primitive (IV.6)."""
 
+from structlearn.core.artefacts import filled, publish, write_table
+from structlearn.core.stage import or_empty, run, stage_parameters
 from structlearn.feedback.coupling_model import write_networks
-from structlearn.ground.artefacts import filled, publish, write_table
-from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.corrections import (
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol.corrections import (
     CorrectionParameters,
     complete,
     completeness,
     corrected_reaches,
     learn_corrections,
 )
+from structlearn.tasks.public.public_files import RecordedFiles
 
 
 def main() -> None:

@@ -2,17 +2,17 @@
 
 from pathlib import Path
 
-from structlearn.ground.artefacts import filled, publish, write_table
-from structlearn.ground.errors import MissingInputError
-from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings import synchronise
+from structlearn.core.artefacts import filled, publish, write_table
+from structlearn.core.errors import MissingInputError
+from structlearn.core.stage import or_empty, run, stage_parameters
+from structlearn.readers import synchronise
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
-from structlearn.tasks.joint_motion import arm_of, learn_motion, logs_of
-from structlearn.tasks.motion_parameters import MotionParameters
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
+from structlearn.tasks.motion.joint_motion import arm_of, learn_motion, logs_of
+from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
+from structlearn.tasks.public.public_files import RecordedFiles
 
 
 def panda(folder: Path) -> None:

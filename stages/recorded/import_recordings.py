@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from structlearn.ground.artefacts import write_csv
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import LEFT_OUT
-from structlearn.testbeds.recorded.protocol.public_sets import PublicSourceParameters, import_sets
+from structlearn.core.artefacts import write_csv
+from structlearn.core.stage import run, stage_parameters
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol.public_sets import PublicSourceParameters, import_sets
+from structlearn.tasks.public.public_files import LEFT_OUT
 
 
 def main() -> None:

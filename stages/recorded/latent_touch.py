@@ -1,18 +1,18 @@
 """Latent spaces of recorded touch, and what carries over between simulated and recorded touch (II.4)."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.errors import MissingInputError
-from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings import synchronise
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.errors import MissingInputError
+from structlearn.core.stage import or_empty, run, stage_parameters
+from structlearn.readers import synchronise
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import SLIDES, UNSCREWING, RecordedFiles
-from structlearn.testbeds.recorded.protocol.latent_touch import learn_touch
-from structlearn.testbeds.recorded.protocol.touch_sets import LatentTouchParameters, touch_sets
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol.latent_touch import learn_touch
+from structlearn.tasks.public.protocol.touch_sets import LatentTouchParameters, touch_sets
+from structlearn.tasks.public.public_files import SLIDES, UNSCREWING, RecordedFiles
 
 
 def main() -> None:

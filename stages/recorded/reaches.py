@@ -1,17 +1,17 @@
 """Find recorded reaches between rests, and learn one position primitive from them (dissertation IV.5)."""
 
-from structlearn.ground.artefacts import publish, write_metrics, write_table
-from structlearn.ground.stage import or_empty, run, stage_parameters
+from structlearn.core.artefacts import publish, write_metrics, write_table
+from structlearn.core.stage import or_empty, run, stage_parameters
 from structlearn.primitives.fitting import segment_paths, whole
 from structlearn.primitives.primitive_files import write_primitives
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.movement import (
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol.movement import (
     ReachParameters,
     learn_reaches,
     own_spread_mm,
     reach_cut_errors,
 )
+from structlearn.tasks.public.public_files import RecordedFiles
 
 
 def main() -> None:

@@ -1,20 +1,20 @@
 """The report on recorded data: figures, tables, metrics and the pages that show them."""
 
 from structlearn.avoidance.scene_people import ScenePeopleParameters
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.motion_parameters import MotionParameters
-from structlearn.tasks.touch_parameters import TouchParameters
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
-from structlearn.testbeds.recorded.page.results import read_results
-from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.corrections import CorrectionParameters
-from structlearn.testbeds.recorded.protocol.movement import ExecutionParameters, ReachParameters
-from structlearn.testbeds.recorded.protocol.slides import SlideParameters
-from structlearn.testbeds.recorded.protocol.touch_sets import LatentTouchParameters
+from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.page.assembly import recorded_pictures, recorded_report
+from structlearn.tasks.public.page.recorded_results import read_results
+from structlearn.tasks.public.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.tasks.public.protocol.corrections import CorrectionParameters
+from structlearn.tasks.public.protocol.movement import ExecutionParameters, ReachParameters
+from structlearn.tasks.public.protocol.slides import SlideParameters
+from structlearn.tasks.public.protocol.touch_sets import LatentTouchParameters
+from structlearn.tasks.public.public_files import RecordedFiles
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 PARAMETERS = {
     "recorded_reaches": ReachParameters,

@@ -1,16 +1,16 @@
 """Learn the primitives and the 38 electrode traces of a recorded scraping execution (dissertation IV.9)."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import or_empty, run, stage_parameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.primitives.sequence import sequence_table
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.movement import (
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol.movement import (
     ExecutionParameters,
     learn_execution,
     learn_traces,
 )
+from structlearn.tasks.public.public_files import RecordedFiles
 
 
 def main() -> None:

@@ -1,11 +1,11 @@
 """A magnetic skin pressed at known places: its latent map, forces, and servoing in the map (chapter II)."""
 
-from structlearn.ground.artefacts import filled, publish
-from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings.touch_log import read_touch_logs
-from structlearn.tasks.skin_touches import learn_touch
-from structlearn.tasks.touch_parameters import TouchParameters
-from structlearn.testbeds.recorded import PARAMETER_FILE
+from structlearn.core.artefacts import filled, publish
+from structlearn.core.stage import or_empty, run, stage_parameters
+from structlearn.readers.touch_log import read_touch_logs
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.touch.skin_touches import learn_touch
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 
 def main() -> None:

@@ -1,18 +1,18 @@
 """Expected sensor traces of recorded slides over one material, deviations on another (dissertation IV.6)."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import or_empty, run, stage_parameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import write_vector_primitive
-from structlearn.recordings import synchronise
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.slides import (
+from structlearn.readers import synchronise
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol.slides import (
     SlideParameters,
     across_materials,
     clock_errors,
     learn_slides,
     leave_one_out,
 )
+from structlearn.tasks.public.public_files import RecordedFiles
 
 
 def main() -> None:

@@ -1,12 +1,12 @@
 """Learn orientation primitives from recorded unscrewing, nearly a full turn (dissertation IV.3)."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import or_empty, run, stage_parameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import or_empty, run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import write_primitives
-from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.movement import learn_unscrewing
+from structlearn.tasks.public import PARAMETER_FILE
+from structlearn.tasks.public.protocol.movement import learn_unscrewing
+from structlearn.tasks.public.public_files import RecordedFiles
 
 
 def main() -> None:

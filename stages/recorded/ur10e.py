@@ -1,10 +1,10 @@
 """Identify a recorded UR10e from its motors' currents, and weigh the load that it carries (III.4)."""
 
-from structlearn.ground.artefacts import filled, publish
-from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.tasks.joint_motion import arm_of, learn_motion, logs_of
-from structlearn.tasks.motion_parameters import MotionParameters
-from structlearn.testbeds.recorded import PARAMETER_FILE
+from structlearn.core.artefacts import filled, publish
+from structlearn.core.stage import or_empty, run, stage_parameters
+from structlearn.tasks.motion.joint_motion import arm_of, learn_motion, logs_of
+from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.public import PARAMETER_FILE
 
 
 def main() -> None:

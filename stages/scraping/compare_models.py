@@ -2,11 +2,11 @@
 
 import pandas as pd
 
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.feedback_models import compare_representations, paired_orderings
-from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.scraping.files import read_datasets
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import pandas as pd
 
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
-from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search import refinement
 from structlearn.policy_search.sample_efficiency import ComparisonParameters, compare
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board, read_board
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE

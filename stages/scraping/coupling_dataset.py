@@ -1,14 +1,14 @@
 """Sensor deviations and the coupling terms that people asked for, as supervised data (IV.6.2, IV.9.1.3)."""
 
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.feedback.supervision import (
+from structlearn.feedback.coupling_targets import (
     SupervisionParameters,
     coupling_dataset,
     level_dataset,
     require_parts,
 )
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.files import ScrapingFiles, read_expected, read_settings

@@ -1,15 +1,15 @@
 """Execute the primitives on every setting, without and with each feedback model (IV.9.3.5)."""
 
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.corrected_paths import path_errors
 from structlearn.feedback.coupling_model import read_networks
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.feedback_models import MODELS
 from structlearn.feedback.skill import Limits, ReactiveSkill, largest_coupling, on_axis
-from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings.runs import read_runs, write_runs
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers.runs import read_runs, write_runs
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation

@@ -1,12 +1,12 @@
 """Execute the primitives without feedback, and with it before and after refinement (IV.9.4.2)."""
 
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import read_networks
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.skill import ReactiveSkill, on_axis
-from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.runs import write_runs
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers.runs import write_runs
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.board_rollouts import read_board

@@ -1,17 +1,17 @@
 """Execute the nominal primitives on the flat board and learn what the fingers should feel (IV.9.1.3, ii)."""
 
-from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.supervision import (
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
+from structlearn.feedback.coupling_targets import (
     ExpectedTracesParameters,
     SupervisionParameters,
     learn_expected,
 )
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
-from structlearn.recordings import synchronise, write_recordings
-from structlearn.recordings.runs import write_runs
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers import synchronise, write_recordings
+from structlearn.readers.runs import write_runs
+from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

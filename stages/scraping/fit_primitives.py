@@ -1,11 +1,11 @@
 """Learn the primitives of the scraping task and unroll them as a sequence (dissertation IV.3, IV.5.4)."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
 from structlearn.primitives.primitive_files import write_primitives
-from structlearn.recordings.runs import read_runs
+from structlearn.readers.runs import read_runs
 from structlearn.segmentation.segments import read_segmentation
 
 

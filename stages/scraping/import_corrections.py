@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.runs import write_runs
-from structlearn.recordings.source import ClockParameters
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers import read_demonstrations
+from structlearn.readers.runs import write_runs
+from structlearn.readers.source import ClockParameters
 
 
 def main() -> None:

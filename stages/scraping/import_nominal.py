@@ -1,9 +1,9 @@
 """Read the nominal demonstrations: the only stage that opens these recordings (IV.9.1.3, step i)."""
 
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.runs import write_runs
-from structlearn.recordings.source import ClockParameters
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers import read_demonstrations
+from structlearn.readers.runs import write_runs
+from structlearn.readers.source import ClockParameters
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
 """Record corrected demonstrations on the tilted board, a set per setting (IV.9.1.3, iii)."""
 
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings import write_recordings
+from structlearn.readers import write_recordings
 from structlearn.testbeds.scraping.protocol.executions import (
     CorrectedRunsParameters,
     corrected_runs,

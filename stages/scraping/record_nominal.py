@@ -1,8 +1,8 @@
 """Record the nominal demonstrations (IV.9.1.3, step i)."""
 
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import write_recordings
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers import write_recordings
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

@@ -1,11 +1,11 @@
 """Refine the feedback models by trial on a tilt of the board that they have not seen (IV.7, IV.9.4)."""
 
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import write_networks
-from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search.refinement import Progress
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
 from structlearn.testbeds.scraping.protocol.board_rollouts import read_board
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

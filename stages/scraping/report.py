@@ -1,14 +1,14 @@
 """The report of the scraping testbed: three pages with their figures and tables, metrics and details."""
 
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.coupling_targets import ExpectedTracesParameters, SupervisionParameters
 from structlearn.feedback.feedback_models import FeedbackParameters
-from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study

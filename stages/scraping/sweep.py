@@ -1,8 +1,8 @@
 """How the cuts suffer from noise, and from down-sampling the alignment (dissertation IV.5, appendix C)."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.runs import read_runs
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers.runs import read_runs
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep

@@ -1,8 +1,8 @@
 """Time the runtime controller and a simulated run on this machine; no stage depends on the result."""
 
+from structlearn.core.artefacts import write_metrics
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill_file import read_skill
-from structlearn.ground.artefacts import write_metrics
-from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.scraping.protocol.latency import TimingParameters, controller_latency, run_cost
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 

@@ -1,10 +1,10 @@
 """Train feedback models: as in the text, on the level board too, and in the unroll (IV.6.2.4, V.2)."""
 
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import write_networks
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.feedback_models import FeedbackParameters, train_models
-from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.scraping.files import read_datasets
 
 

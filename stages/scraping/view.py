@@ -1,21 +1,21 @@
 """Recordings to look at: demonstrations, alignment, primitives (IV.5), executions and refinement (IV.9)."""
 
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import read_segmentation
 from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.recordings.executions_recording import (
+from structlearn.testbeds.scraping.views.executions_recording import (
     write_executions,
     write_refinement,
     write_robot,
 )
-from structlearn.testbeds.scraping.recordings.nominal_recordings import (
+from structlearn.testbeds.scraping.views.nominal_recordings import (
     write_alignment,
     write_demonstrations,
     write_primitives,
 )
-from structlearn.testbeds.scraping.recordings.shown_execution import read_feedback_runs, read_refined_runs
+from structlearn.testbeds.scraping.views.shown_execution import read_feedback_runs, read_refined_runs
 
 
 def main() -> None:
@@ -25,7 +25,7 @@ def main() -> None:
     paths = {name: files.table(name) for name in ("nominal", "generalised")}
     with_feedback, refined = read_feedback_runs(files), read_refined_runs(files)
 
-    with publish("reports/recordings/scraping") as folder:
+    with publish("reports/rerun/scraping") as folder:
         folder.mkdir()
         write_demonstrations(
             folder / "demonstrations.rrd", demonstrations, segmentation, "Scraping: demonstrations"

@@ -1,6 +1,6 @@
 """Geodesic distances between contact points on the skin (II.3.3)."""
 
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.stage import run, stage_parameters
 from structlearn.tactile.geodesics import geodesics, write_geodesics
 from structlearn.tactile.latent_parameters import GeodesicParameters
 from structlearn.tactile.touch_dataset import read_dataset

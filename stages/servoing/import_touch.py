@@ -1,8 +1,8 @@
 """Read the demonstrations of touch: the only stage that opens these recordings (II.4.1.1)."""
 
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.runs import write_runs
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers import read_demonstrations
+from structlearn.readers.runs import write_runs
 from structlearn.tactile.touch_preparation import TouchDataParameters
 
 

@@ -1,7 +1,7 @@
 """The report of the servoing testbed: figures, tables, metrics and the page that shows them."""
 
-from structlearn.ground.params import Population
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study

@@ -1,7 +1,7 @@
 """Train latent spaces of touch and their dynamics, and compare them (II.4.2 to II.4.5)."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
 from structlearn.tactile.geodesics import read_geodesics
 from structlearn.tactile.latent_comparison import learn
 from structlearn.tactile.latent_models import write_models

@@ -1,19 +1,19 @@
 """Recordings to look at: demonstrations of touch, the latent map, and closed loops (chapter II)."""
 
-from structlearn.ground.artefacts import publish
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.runs import read_runs
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers.runs import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing import files
-from structlearn.testbeds.servoing.recordings.demonstrated_touches import (
+from structlearn.testbeds.servoing.views.demonstrated_touches import (
     write_latent_maps,
     write_touch_demonstrations,
 )
-from structlearn.testbeds.servoing.recordings.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.recordings.servoing_scene import (
+from structlearn.testbeds.servoing.views.servo_runs import shown_runs, write_servo_runs
+from structlearn.testbeds.servoing.views.servoing_scene import (
     ServoingViewParameters,
     flat_skin,
     shown_touches,

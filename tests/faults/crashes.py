@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.artefacts import write_csv, write_table, write_tensors
-from structlearn.ground.publication import publish
-from structlearn.ground.wall_clock import TIMES, StageTime, record
+from structlearn.core.artefacts import write_csv, write_table, write_tensors
+from structlearn.core.publication import publish
+from structlearn.core.wall_clock import TIMES, StageTime, record
 
 ENDED = 9
 """Exit code of a process that ended before its step."""

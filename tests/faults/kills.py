@@ -26,8 +26,8 @@ from faults.crashes import WORKS, outcomes
 from reduced_pipeline import artefacts, clone, environment
 from tqdm import tqdm
 
-from structlearn.ground.parallel import PROCESSES
-from structlearn.ground.wall_clock import RUN_BY_DVC, TIMES, read_times
+from structlearn.core.parallel import PROCESSES
+from structlearn.core.wall_clock import RUN_BY_DVC, TIMES, read_times
 from structlearn.reporting.reliability import keep, outcome_table
 
 HEALED, NOT_KILLED = "healed", "ended before the kill"

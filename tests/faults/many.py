@@ -15,7 +15,7 @@ from faults.mutants import mutant
 from faults.specimens import SPECIMENS
 from faults.trial import NAMED, OTHER, OUTCOMES, SAME, fingerprint, outcome
 
-from structlearn.ground.parallel import parallel_map
+from structlearn.core.parallel import parallel_map
 from structlearn.reporting.reliability import keep, outcome_table
 
 BATCH = 50

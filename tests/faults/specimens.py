@@ -11,17 +11,17 @@ import pybullet_data
 import yaml
 from committed import parameter_tree
 from mcap.writer import CompressionType
-from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
+from readers_bags import make_recording, pose_messages, pose_rows, write_bag
 from scraping_motions import constant_network, scraping_skill
 
+from structlearn.core.artefacts import read_metrics, read_table, write_metrics, write_table
+from structlearn.core.params import read_parameters
 from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
-from structlearn.ground.params import read_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
-from structlearn.recordings import read_demonstrations, read_recording, write_recording
-from structlearn.recordings.clock import synchronise
-from structlearn.recordings.eflesh import CHANNELS, FOLDERS, PRESSES, read_run
-from structlearn.recordings.joint_log import (
+from structlearn.readers import read_demonstrations, read_recording, write_recording
+from structlearn.readers.clock import synchronise
+from structlearn.readers.eflesh import CHANNELS, FOLDERS, PRESSES, read_run
+from structlearn.readers.joint_log import (
     DriveLog,
     JointLog,
     read_joint_log,
@@ -29,10 +29,10 @@ from structlearn.recordings.joint_log import (
     write_joint_log,
     write_log_table,
 )
-from structlearn.recordings.reaches_past_boxes import TRIALS, read_reaches_past_boxes
-from structlearn.recordings.recording import NamedShape
-from structlearn.recordings.text_log import read_stamped_table
-from structlearn.recordings.ur10e import read_logs
+from structlearn.readers.reaches_past_boxes import TRIALS, read_reaches_past_boxes
+from structlearn.readers.recording import NamedShape
+from structlearn.readers.text_log import read_stamped_table
+from structlearn.readers.ur10e import read_logs
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.verify import changed

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from faults.crashes import WORKS, outcomes
 
-from structlearn.ground import publication
+from structlearn.core import publication
 
 
 @pytest.mark.parametrize("name", WORKS)

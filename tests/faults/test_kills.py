@@ -3,14 +3,14 @@
 import pytest
 from faults.kills import HEALED, LIVES_ON, NOT_KILLED, healed, started
 
-from structlearn.ground.parallel import BACKEND
+from structlearn.core.parallel import BACKEND
 
 STAGE = """
 import sys, time
 from pathlib import Path
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.publication import publish
-from structlearn.ground.stage import run
+from structlearn.core.parallel import parallel_map
+from structlearn.core.publication import publish
+from structlearn.core.stage import run
 
 def work(number):
     Path("begun").touch()  # not before: a kill while a semaphore is made leaves glibc's unnamed half of it

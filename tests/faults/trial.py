@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from pydantic import BaseModel
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 
 SAME, NAMED, OTHER = "same data", "named in one line", "other data"
 TRACEBACK, UNCLEAR, BLOWN_UP, HANGS, KILLED = "traceback", "unclear", "out of memory", "hangs", "killed"

@@ -5,14 +5,14 @@ tilt. Reads `params.yaml` of the working folder, which holds the person's seeds;
 with the keys of the study's table.
 """
 
+from structlearn.core.artefacts import Metrics, write_metrics
+from structlearn.core.stage import run, stage_parameters
+from structlearn.feedback.coupling_targets import ExpectedTracesParameters, SupervisionParameters
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
-from structlearn.ground.artefacts import Metrics, write_metrics
-from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
-from structlearn.recordings.clock import synchronise
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers.clock import synchronise
+from structlearn.readers.source import ClockParameters
 from structlearn.reporting.prose import level_name
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters

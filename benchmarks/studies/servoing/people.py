@@ -5,9 +5,9 @@ the working folder, which holds the person's seeds; writes `numbers.json` there:
 array.
 """
 
-from structlearn.ground.artefacts import Metrics, write_metrics
-from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import synchronise
+from structlearn.core.artefacts import Metrics, write_metrics
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers import synchronise
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded

@@ -8,7 +8,7 @@ from .avoiding_unroll import (
     GoalChange as GoalChange,
     unroll as unroll,
 )
-from .human_inspired import (
+from .rai_2014 import (
     HumanInspiredModels as HumanInspiredModels,
     fit_human_inspired as fit_human_inspired,
 )

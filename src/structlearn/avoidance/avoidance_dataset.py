@@ -15,14 +15,14 @@ from pydantic import Field
 
 from structlearn.avoidance.features import NAMES, features
 from structlearn.avoidance.shapes import Obstacle, check_cloud
+from structlearn.core.errors import InputError
+from structlearn.core.frames import local_frame
+from structlearn.core.params import Parameters
 from structlearn.feedback.coupling import position_target
-from structlearn.ground.errors import InputError
-from structlearn.ground.frames import local_frame
-from structlearn.ground.params import Parameters
 from structlearn.primitives import canonical
 from structlearn.primitives.position import PositionPrimitive, fit_position
 from structlearn.primitives.trajectory import Trajectory, differentiated
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 
 AXES = "xyz"
 

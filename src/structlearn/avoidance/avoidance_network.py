@@ -18,8 +18,8 @@ from typing import Self
 import numpy as np
 from scipy.linalg import block_diag
 
-from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
-from structlearn.ground.errors import InputError
+from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.errors import InputError
 
 HIDDEN = (20, 10)  # nodes of the hidden layers (IV.8.1)
 

@@ -20,8 +20,8 @@ import numpy as np
 from structlearn.avoidance.features import CouplingModel, features
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, PostprocessingParameters, post_processed
 from structlearn.avoidance.shapes import CloudBatch
-from structlearn.ground.errors import InputError
-from structlearn.ground.frames import local_frame
+from structlearn.core.errors import InputError
+from structlearn.core.frames import local_frame
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.position import SHORTEST_REACH, PositionPrimitive
 from structlearn.primitives.trajectory import Trajectory

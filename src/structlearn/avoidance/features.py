@@ -17,7 +17,7 @@ from functools import cache
 import numba
 import numpy as np
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 
 TO_CENTRE = slice(0, 3)
 TO_POINTS = slice(3, 12)

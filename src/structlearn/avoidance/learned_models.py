@@ -18,16 +18,16 @@ from structlearn.avoidance.avoidance_network import (
     write_avoidance_networks,
 )
 from structlearn.avoidance.features import CouplingModel
-from structlearn.avoidance.human_inspired import (
+from structlearn.avoidance.rai_2014 import (
     HumanInspiredModels,
     read_human_inspired,
     write_human_inspired,
 )
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, without_generalization
 from structlearn.feedback.coupling_model import CouplingModel as AxisModel
 from structlearn.feedback.coupling_model import TrainingParameters, read_networks, write_networks
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.ground.errors import InputError
 
 NETWORK, ENSEMBLE = "network", "ensemble"
 

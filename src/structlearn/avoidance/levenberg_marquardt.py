@@ -32,7 +32,7 @@ from pydantic import Field, PositiveInt
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, cholesky, lapack
 
 from structlearn.avoidance.avoidance_network import Layers, forward
-from structlearn.ground.params import Parameters
+from structlearn.core.params import Parameters
 
 CHUNK_SAMPLES = 256  # products of activations of so many samples stay in a core's cache
 

@@ -23,8 +23,8 @@ from pydantic import Field, PositiveFloat
 
 from structlearn.avoidance.features import MIRROR
 from structlearn.avoidance.shapes import Obstacle
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 
 SWEEPS = 40  # at most, over the grid in its four directions; ways with many bends take about ten
 TOLERANCE = 1e-9  # m of cost-to-go; sweeping ends when no cell gains more

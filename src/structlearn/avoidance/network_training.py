@@ -29,7 +29,6 @@ from structlearn.avoidance import avoidance_network
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import AvoidanceNetworks
 from structlearn.avoidance.features import CouplingModel, displaced
-from structlearn.avoidance.human_inspired import HumanInspiredModels, fit_human_inspired
 from structlearn.avoidance.levenberg_marquardt import (
     LESSON,
     SPLIT,
@@ -39,10 +38,11 @@ from structlearn.avoidance.levenberg_marquardt import (
     Samples,
     train,
 )
-from structlearn.ground.errors import InputError
-from structlearn.ground.metrics import nmse
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
+from structlearn.avoidance.rai_2014 import HumanInspiredModels, fit_human_inspired
+from structlearn.core.errors import InputError
+from structlearn.core.metrics import nmse
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
 
 COLUMNS = {
     "features": avoidance_network.FEATURES,

@@ -37,7 +37,7 @@ from functools import lru_cache
 import numpy as np
 from pydantic import Field
 
-from structlearn.ground.params import Parameters
+from structlearn.core.params import Parameters
 from structlearn.primitives.transformation import step_matrix
 
 PUBLISHED_DECAY_PER_M2 = 10.0  # k of the dissertation in 1/m^2

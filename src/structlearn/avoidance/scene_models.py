@@ -17,7 +17,6 @@ import numpy as np
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, concatenated
 from structlearn.avoidance.avoidance_network import averaged
 from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel
-from structlearn.avoidance.human_inspired import fit_human_inspired
 from structlearn.avoidance.levenberg_marquardt import LESSON
 from structlearn.avoidance.look_ahead import cost_to_go, mirror_signs, scene_features
 from structlearn.avoidance.network_training import (
@@ -26,6 +25,7 @@ from structlearn.avoidance.network_training import (
     stacked,
     train_member,
 )
+from structlearn.avoidance.rai_2014 import fit_human_inspired
 from structlearn.avoidance.scene_unroll import (
     TAU,
     SceneLearningParameters,
@@ -37,9 +37,9 @@ from structlearn.avoidance.scene_unroll import (
     nearest_seen,
     unroll_through,
 )
+from structlearn.core.minimum_jerk import progress
+from structlearn.core.parallel import parallel_map
 from structlearn.feedback.coupling import position_target
-from structlearn.ground.minimum_jerk import progress
-from structlearn.ground.parallel import parallel_map
 from structlearn.primitives import canonical
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory

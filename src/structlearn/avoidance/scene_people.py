@@ -8,9 +8,9 @@ import pandas as pd
 from structlearn.avoidance.scene_folds import SceneResults, judge_folds
 from structlearn.avoidance.scene_unroll import SceneLearningParameters, SceneReach, cut_reach
 from structlearn.avoidance.shapes import recorded_obstacle
-from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.core.errors import InputError, MissingInputError
 from structlearn.primitives.trajectory import differentiated
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 
 OPEN = "has no obstacles"
 """Why a reach is left out: in the open it shows nothing of avoidance."""

@@ -16,12 +16,12 @@ from structlearn.avoidance.look_ahead import CostToGo, LookAheadParameters, scen
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
 from structlearn.avoidance.shapes import Obstacle
-from structlearn.ground.frames import local_frame
-from structlearn.ground.params import Parameters
+from structlearn.core.frames import local_frame
+from structlearn.core.params import Parameters
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 
 TAU = canonical.time_constant(1.0)  # time constant in durations
 

@@ -12,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
-from structlearn.recordings.recording import NamedShape
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.readers.recording import NamedShape
 
 Shape = Literal["sphere", "cube", "cylinder"]
 SHAPES: tuple[Shape, ...] = ("sphere", "cube", "cylinder")

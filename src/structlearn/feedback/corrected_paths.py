@@ -30,13 +30,13 @@ import numpy as np
 import pandas as pd
 from scipy.linalg import toeplitz
 
+from structlearn.core.errors import InputError
+from structlearn.core.signals import time_normalised
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.ground.errors import InputError
-from structlearn.ground.signals import time_normalised
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.transformation import ALPHA, BETA, step_matrix
-from structlearn.recordings.settings import setting_label
+from structlearn.readers.settings import setting_label
 
 PHASE_TOLERANCE = 0.02
 """A demonstration's phase may differ so much from that of one uniform movement from start to end."""

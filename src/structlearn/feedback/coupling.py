@@ -15,9 +15,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
-from structlearn.ground.frames import local_frame
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.core.frames import local_frame
 from structlearn.primitives import canonical, orientation, transformation
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import PositionPrimitive, from_start

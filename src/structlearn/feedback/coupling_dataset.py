@@ -19,8 +19,8 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling import AXES, Axis
-from structlearn.ground.errors import InputError
 from structlearn.primitives import kernels
 
 

@@ -26,11 +26,11 @@ from numba import types
 from numba.extending import intrinsic
 from pydantic import Field, PositiveInt
 
+from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.errors import InputError
+from structlearn.core.params import Name, Parameters
 from structlearn.feedback import models
 from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, Fold, without_generalization
-from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Name, Parameters
 from structlearn.networks.compiled_layers import Layers
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.primitive_files import part, prefixed

@@ -17,6 +17,8 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from structlearn.core.metrics import mean_interval, nmse, verdict
+from structlearn.core.parallel import parallel_map
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import (
     FRACTIONS,
@@ -33,8 +35,6 @@ from structlearn.feedback.coupling_model import (
     named_model,
     train_final,
 )
-from structlearn.ground.metrics import mean_interval, nmse, verdict
-from structlearn.ground.parallel import parallel_map
 
 POINTWISE, LEVEL, UNROLLED = "pointwise", "level", "unrolled"
 MODELS = (POINTWISE, LEVEL, UNROLLED)
@@ -60,7 +60,7 @@ def train_models(
     """Train models for every primitive; of several axes each has a network of its own (IV.6.2.3.2).
 
     `datasets`: corrections by the primitive's name, or by whatever tells primitive and axis. `level`: of
-    `supervision.level_dataset`, likewise; without the model `level` it is not looked at. `models`: which of
+    `coupling_targets.level_dataset`, likewise, for the model `level` alone. `models`: which of
     `MODELS` are trained. Returns by model, its networks by the keys of the datasets.
     """
     learned_from = {

@@ -22,10 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.feedback import planning, stepping
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.feedback import controller_tick, run_tables
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import PoseGoal
 from structlearn.primitives.transformation import ALPHA, BETA
@@ -36,13 +36,13 @@ class Status(IntFlag):
     """Status flags of a tick; 0 if there is nothing to report."""
 
     # the sample handed in has a value that is not finite, or the network overflowed on it
-    REJECTED = stepping.REJECTED
-    WAITING = stepping.WAITING  # the offset of the run is not known yet, so there is no feedback yet
-    NO_OFFSET = stepping.NO_OFFSET  # it was not known in time, so there is no feedback in this run
+    REJECTED = controller_tick.REJECTED
+    WAITING = controller_tick.WAITING  # the offset of the run is not known yet, so there is no feedback yet
+    NO_OFFSET = controller_tick.NO_OFFSET  # it was not known in time, so there is no feedback in this run
     # the newest good sample is too old; the coupling terms fade until there is one again
-    STALE = stepping.STALE
-    SATURATED = stepping.SATURATED  # a coupling term is at its bound
-    RATE_LIMITED = stepping.RATE_LIMITED  # one changes as fast as it may
+    STALE = controller_tick.STALE
+    SATURATED = controller_tick.SATURATED  # a coupling term is at its bound
+    RATE_LIMITED = controller_tick.RATE_LIMITED  # one changes as fast as it may
 
 
 class Controller:
@@ -81,12 +81,14 @@ class Controller:
             raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
         self.skill, self.rate_hz = skill, float(rate_hz)
         self._dt = 1.0 / self.rate_hz
-        durations = planning.checked_durations(skill, durations, self._dt)
-        positions, orientations = planning.checked_goals(skill, goals)
-        self._plan = planning.plan_in_time(skill, self.rate_hz, durations, positions, orientations, feedback)
+        durations = run_tables.checked_durations(skill, durations, self._dt)
+        positions, orientations = run_tables.checked_goals(skill, goals)
+        self._plan = run_tables.plan_in_time(
+            skill, self.rate_hz, durations, positions, orientations, feedback
+        )
         self._goals = self._plan.position_goal.copy(), self._plan.orientation_goal.copy()
         self._last_tick = sum(sample_count(duration, self._dt) - 1 for duration in durations)
-        self._state = stepping.resting_state(self._plan)
+        self._state = controller_tick.resting_state(self._plan)
         self._arguments = (tuple(self._plan), tuple(self._state))
         self._sample, self._clock = self._state.sample, self._state.clock
         self._started = False
@@ -105,7 +107,7 @@ class Controller:
         quaternion, or a reach has no direction.
         """
         plan, state, start = self._plan, self._state, "the position at the start"
-        position = planning.within_workspace(self.skill, require_finite(position, 3, start), start)
+        position = run_tables.within_workspace(self.skill, require_finite(position, 3, start), start)
         turned = self.skill.primitives[0].orientation is not None
         if turned or orientation is not None:
             orientation = require_unit(orientation, 4, "the orientation at the start")
@@ -113,7 +115,7 @@ class Controller:
             orientation = quaternion.IDENTITY
         at_rest = (position, np.zeros(3), np.zeros(3))
         goals, turned_goals = self._goals
-        forcing = planning.forcing_in_base_frame(
+        forcing = run_tables.forcing_in_base_frame(
             self.skill, plan, self._dt, 0, at_rest, goals
         )  # the last that can fail: until here nothing has changed
         plan.position_forcing[:] = forcing
@@ -123,10 +125,10 @@ class Controller:
             array[:] = 0
         state.path[0, 0, 0] = position
         state.orientation[0, 0] = quaternion.normalised(orientation)
-        stepping.begin(*self._arguments, 0)
+        controller_tick.begin(*self._arguments, 0)
         before = [array.copy() for array in state]
         outputs = (state.path, state.turning, state.orientation, state.deviation)
-        stepping.tick(*self._arguments, False)
+        controller_tick.tick(*self._arguments, False)
         for array, kept in zip(state, before, strict=True):
             if not any(array is output for output in outputs):
                 array[:] = kept
@@ -152,7 +154,7 @@ class Controller:
                     f"a sensor sample has {len(self._sample)} channels, got shape {np.shape(counts)}"
                 )
             self._sample[:] = counts  # any type of number: what is compiled sees one type only
-        return stepping.tick(*self._arguments, fresh)
+        return controller_tick.tick(*self._arguments, fresh)
 
     def move_goal(
         self, primitive: int | str, position: np.ndarray, orientation: np.ndarray | None = None
@@ -172,23 +174,23 @@ class Controller:
         if not self._started:
             raise RuntimeError("start() comes before move_goal()")
         plan, state = self._plan, self._state
-        index, running = self.skill.index(primitive), self._clock[stepping.PRIMITIVE]
+        index, running = self.skill.index(primitive), self._clock[controller_tick.PRIMITIVE]
         name = self.skill.primitives[index].name
         if index < running:
             raise InputError(f"'{name}' has ended, its goal cannot be moved")
-        position = planning.checked_goal(self.skill, name, position)
+        position = run_tables.checked_goal(self.skill, name, position)
         old, old_turned = plan.position_goal[index].copy(), plan.orientation_goal[index].copy()
-        turned = old_turned if orientation is None else planning.unit_goal(orientation, name)
+        turned = old_turned if orientation is None else run_tables.unit_goal(orientation, name)
         goals = plan.position_goal.copy()
         goals[index] = position
-        following = planning.end_state(
-            plan.position_forcing[self._clock[stepping.ROW] : plan.rows[running + 1]],
+        following = run_tables.end_state(
+            plan.position_forcing[self._clock[controller_tick.ROW] : plan.rows[running + 1]],
             self._dt,
             plan.tau[running],
             self._due_point(),
             goals[running],
         )
-        forcing = planning.forcing_in_base_frame(self.skill, plan, self._dt, running + 1, following, goals)
+        forcing = run_tables.forcing_in_base_frame(self.skill, plan, self._dt, running + 1, following, goals)
         plan.position_forcing[:] = forcing
         plan.position_goal[:] = goals
         plan.orientation_goal[index] = turned
@@ -200,14 +202,18 @@ class Controller:
 
     def _due_point(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity, acceleration of the sample that is due."""
-        plan, row, running = self._plan, self._clock[stepping.ROW], self._clock[stepping.PRIMITIVE]
+        plan, row, running = (
+            self._plan,
+            self._clock[controller_tick.ROW],
+            self._clock[controller_tick.PRIMITIVE],
+        )
         tau, (offset, rate, goal) = plan.tau[running], self._state.point[:, 0]
         force = ALPHA * (BETA * (goal - offset) - rate) + plan.position_forcing[row]
         return offset + plan.position_goal[running], rate / tau, force / tau**2
 
     @property
     def compiled(self) -> tuple[tuple, tuple]:
-        """Plan and state as `stepping.tick` takes them, for loops that are compiled as a whole.
+        """Plan and state as `controller_tick.tick` takes them, for loops that are compiled as a whole.
 
         Raises RuntimeError: the run has not been started.
         """
@@ -218,7 +224,7 @@ class Controller:
     @property
     def primitive(self) -> int:
         """Place of the primitive that runs; the sample of a switch belongs to the successor."""
-        return int(self._clock[stepping.PRIMITIVE])
+        return int(self._clock[controller_tick.PRIMITIVE])
 
     @property
     def time(self) -> float:
@@ -241,7 +247,7 @@ class Controller:
     @property
     def _ticks_done(self) -> int:
         """Ticks since the first one, which gave the start."""
-        return max(int(self._clock[stepping.TICK]) - 1, 0)
+        return max(int(self._clock[controller_tick.TICK]) - 1, 0)
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from pydantic import Field, PositiveFloat
 
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 from structlearn.feedback.coupling import AXES, Axis, turns
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.transformation import ALPHA, BETA

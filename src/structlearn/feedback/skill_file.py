@@ -2,7 +2,7 @@
 
 Tensors are `primitives.<primitive>...` as in `primitives.primitive_files`, `expected.<primitive>.<array>`,
 `networks.<primitive>.<axis>.<array>`, and `workspace` (2, 3): its low and its high corner. The
-rest stands in the description, with a digest of all (`ground.artefacts`).
+rest stands in the description, with a digest of all (`core.artefacts`).
 """
 
 import hashlib
@@ -15,11 +15,11 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from structlearn import __version__
+from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling import AXES, unit
 from structlearn.feedback.coupling_model import model_name, named_model
 from structlearn.feedback.skill import FadingParameters, Limits, ReactiveSkill, Workspace
-from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
-from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import (
     part,
     pose_primitives,

@@ -33,11 +33,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from structlearn.core.errors import InputError
 from structlearn.feedback.corrected_paths import CorrectedPaths, unrolled_error
 from structlearn.feedback.coupling_model import Jobs, Trained, TrainingParameters, UnrolledTrainingParameters
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervised_training import scaled_targets, standardised, train_stack
-from structlearn.ground.errors import InputError
 from structlearn.networks.stacked_layers import Dropout, RowLayers
 from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.primitives import canonical, kernels

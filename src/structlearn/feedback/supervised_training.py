@@ -15,9 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import PARTS, Fold
 from structlearn.feedback.coupling_model import Jobs, Model, Trained, TrainingParameters
-from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 
 EVALUATED_AT_ONCE = 128  # Samples per model; a stack's activations then stay in a core's cache

@@ -8,7 +8,7 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from structlearn.ground.params import Parameters
+from structlearn.core.params import Parameters
 
 
 class AdamParameters(Parameters):

@@ -34,8 +34,8 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import solve_triangular
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 from structlearn.policy_search import temperature
 
 RIDGE = 1e-12

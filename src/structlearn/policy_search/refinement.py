@@ -26,11 +26,11 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
 from structlearn.feedback.coupling_model import CouplingModel, TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import open_loop
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
 from structlearn.primitives import canonical

@@ -17,9 +17,9 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 from structlearn.feedback.models.pmnn import open_loop
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
 from structlearn.policy_search.refinement import (

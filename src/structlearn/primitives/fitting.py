@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 from structlearn.primitives.kernels import Regression
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.sequence import PosePrimitive, fit_orientation
@@ -19,7 +19,7 @@ from structlearn.primitives.trajectory import (
     differentiated,
     differentiated_orientation,
 )
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 
 
 class FitParameters(Parameters):

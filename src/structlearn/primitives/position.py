@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.ground.frames import FrameKind, frame_kind, local_frame
+from structlearn.core.frames import FrameKind, frame_kind, local_frame
 from structlearn.primitives import kernels, transformation
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive, fit_vector

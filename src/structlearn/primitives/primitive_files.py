@@ -11,9 +11,9 @@ from typing import Literal, TypedDict
 
 import numpy as np
 
-from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
-from structlearn.ground.errors import InputError
-from structlearn.ground.frames import FrameKind
+from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.errors import InputError
+from structlearn.core.frames import FrameKind
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive

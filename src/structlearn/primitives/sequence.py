@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.ground import quaternion
-from structlearn.ground.frames import UP
-from structlearn.ground.params import Parameters
+from structlearn.core import quaternion
+from structlearn.core.frames import UP
+from structlearn.core.params import Parameters
 from structlearn.primitives import kernels, orientation, position, twist_swing
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 

@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from structlearn.ground import quaternion, signals
+from structlearn.core import quaternion, signals
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.primitives import kernels
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.primitives.transformation import Coupling

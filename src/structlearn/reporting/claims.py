@@ -23,9 +23,9 @@ import pandas as pd
 from jinja2 import Environment
 from pydantic import BaseModel, ConfigDict, model_validator
 
-from structlearn.ground.artefacts import read_csv
-from structlearn.ground.metrics import mean_interval, wilson_interval
-from structlearn.ground.params import read_values
+from structlearn.core.artefacts import read_csv
+from structlearn.core.metrics import mean_interval, wilson_interval
+from structlearn.core.params import read_values
 from structlearn.reporting.prose import capitalised, interval, percent, rounded
 
 YES, NO, UNDECIDED, NOT_TESTED = "yes", "no", "undecided", "not tested"

@@ -20,7 +20,7 @@ import pandas as pd
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from structlearn.ground.params import Parameters
+from structlearn.core.params import Parameters
 from structlearn.reporting import prose
 from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, verdict_counts
 

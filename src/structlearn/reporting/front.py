@@ -8,8 +8,8 @@ from pathlib import Path
 from jinja2 import UndefinedError
 from pydantic import BaseModel, ConfigDict
 
-from structlearn.ground.artefacts import Metrics, read_metrics
-from structlearn.ground.params import read_values
+from structlearn.core.artefacts import Metrics, read_metrics
+from structlearn.core.params import read_values
 from structlearn.reporting.claims import VERDICTS
 from structlearn.reporting.document import environment
 

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
-from structlearn.ground import signals
+from structlearn.core import signals
 from structlearn.palette import AXIS_COLOURS, BLACK, DEMONSTRATION_COLOUR, primitive_colour
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, finish_space, styled
 from structlearn.reporting.prose import capitalised
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics, publish, write_csv, write_metrics
-from structlearn.ground.parallel import parallel_map
+from structlearn.core.artefacts import Metrics, publish, write_csv, write_metrics
+from structlearn.core.parallel import parallel_map
 from structlearn.reporting.claims import Judged, claim_metrics, claims_table, on_recordings
 from structlearn.reporting.document import Document, Panel, Table, render
 from structlearn.reporting.figure_style import Drawing, save

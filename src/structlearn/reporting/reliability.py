@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics, read_csv, read_metrics, write_csv, write_metrics
-from structlearn.ground.publication import publish
+from structlearn.core.artefacts import Metrics, read_csv, read_metrics, write_csv, write_metrics
+from structlearn.core.publication import publish
 from structlearn.reporting.document import Document, Table, render
 from structlearn.reporting.source_commit import UNKNOWN_COMMIT, source_commit
 

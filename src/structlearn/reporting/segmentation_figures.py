@@ -18,7 +18,7 @@ from structlearn.palette import (
     REFERENCE_COLOUR,
     VERMILION,
 )
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import aligned_segments, aligned_spread_mm

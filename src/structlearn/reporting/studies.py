@@ -19,10 +19,10 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, PositiveFloat
 
-from structlearn.ground.artefacts import publish, read_csv, read_metrics, write_csv
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters, Population, checked, read_parameters, read_values
-from structlearn.ground.source_closure import SourceTree
+from structlearn.core.artefacts import publish, read_csv, read_metrics, write_csv
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters, Population, checked, read_parameters, read_values
+from structlearn.core.source_closure import SourceTree
 from structlearn.reporting.claims import mean
 from structlearn.reporting.document import Document, Table, render
 from structlearn.reporting.prose import counted, interval, listing, rounded

@@ -16,9 +16,9 @@ from typing import Any
 
 import yaml
 
-from structlearn.ground.artefacts import Metrics, read_metrics
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import read_values
+from structlearn.core.artefacts import Metrics, read_metrics
+from structlearn.core.errors import InputError
+from structlearn.core.params import read_values
 from structlearn.reporting.source_commit import code_digests, source_commit
 from structlearn.reporting.studies import DESCRIPTIONS, Changes, Description, Rerun, Study, repeats
 

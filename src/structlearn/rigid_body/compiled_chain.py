@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from structlearn.ground.compiled_vectors import compiled_inside, cross
+from structlearn.core.compiled_vectors import compiled_inside, cross
 from structlearn.rigid_body.compiled_dynamics import chain_arrays, joint_placement
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 

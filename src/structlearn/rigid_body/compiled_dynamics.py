@@ -12,7 +12,7 @@ from typing import NamedTuple, get_args
 import numba
 import numpy as np
 
-from structlearn.ground.compiled_vectors import cross
+from structlearn.core.compiled_vectors import cross
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 

@@ -16,7 +16,7 @@ import math
 import numba
 import numpy as np
 
-from structlearn.ground.compiled_vectors import cross
+from structlearn.core.compiled_vectors import cross
 from structlearn.rigid_body.inertia_parameters import (
     FLAT_SIGMOID,
     INERTIA_BIAS,

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
-from structlearn.ground.errors import InputError
+from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.errors import InputError
 from structlearn.networks.compiled_layers import Layers, layer_values, pack
 from structlearn.rigid_body.compiled_dynamics import friction_rows, inverse_dynamics
 from structlearn.rigid_body.compiled_models import (

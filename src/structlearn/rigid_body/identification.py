@@ -20,8 +20,8 @@ from functools import partial
 
 import numpy as np
 
-from structlearn.ground.block_bootstrap import blocks, drawn_counts
-from structlearn.ground.parallel import parallel_map
+from structlearn.core.block_bootstrap import blocks, drawn_counts
+from structlearn.core.parallel import parallel_map
 from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FrictionTerm

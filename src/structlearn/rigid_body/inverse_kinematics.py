@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
 from structlearn.rigid_body.tree import KinematicTree, read_model, robot_of
 
 CONVERGED = 1e-9

@@ -15,7 +15,7 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from structlearn.ground.params import Parameters
+from structlearn.core.params import Parameters
 from structlearn.networks.torch_settings import AdamParameters, seeded
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_learner import InertiaLearner, MotionRegressor

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from structlearn.ground import signals
-from structlearn.ground.block_bootstrap import block_count, block_sums, drawn_counts
-from structlearn.ground.errors import InputError
+from structlearn.core import signals
+from structlearn.core.block_bootstrap import block_count, block_sums, drawn_counts
+from structlearn.core.errors import InputError
 
 SMALLEST_VARIANCE = 1e-12
 """(N m)^2; a joint whose torque varies less was not measured."""

@@ -9,8 +9,8 @@ import pandas as pd
 import torch
 from pydantic import Field, NonNegativeInt
 
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
 from structlearn.rigid_body.identification import fit_structure, normalised_triangle

@@ -18,8 +18,8 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from structlearn.ground.compiled_vectors import compiled_inside, cross
-from structlearn.ground.params import Parameters
+from structlearn.core.compiled_vectors import compiled_inside, cross
+from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_chain import (
     Body,
     Workspace,

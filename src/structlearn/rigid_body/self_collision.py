@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.rigid_body.inverse_kinematics import Arm
 
 

@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, NonNegativeInt
 
-from structlearn.ground.artefacts import Metrics
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
+from structlearn.core.artefacts import Metrics
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
 from structlearn.networks.torch_settings import AdamParameters, one_thread, seeded
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FrictionTerm

@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 
 MOVING = ("revolute", "continuous", "prismatic")
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.segmentation.crossings import Crossing
 from structlearn.segmentation.dtw import warping
 from structlearn.segmentation.parameters import SegmentParameters

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.ground.errors import InputError
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core.errors import InputError
+from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import motion_runs, run_assignment
 from structlearn.segmentation.motion_runs import Candidates, Motion, Search, moving_interval
 from structlearn.segmentation.parameters import BETWEEN, Axis, PrimitiveParameters, SegmentParameters

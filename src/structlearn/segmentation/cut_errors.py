@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from structlearn.ground import metrics, signals
-from structlearn.ground.metrics import mean_interval, verdict
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core import metrics, signals
+from structlearn.core.metrics import mean_interval, verdict
+from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.alignment import AS_PRINTED, METHODS, RESULT
 from structlearn.segmentation.motion_runs import path
 from structlearn.segmentation.parameters import Axis, PrimitiveParameters, SegmentParameters

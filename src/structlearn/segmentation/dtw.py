@@ -6,7 +6,7 @@ Only two rows of the cost table are kept; the way back needs no more than one by
 import numba
 import numpy as np
 
-from structlearn.ground.signals import standardise, standardise_together
+from structlearn.core.signals import standardise, standardise_together
 
 INSERTION, MATCHING, DELETION = 0, 1, 2  # ties are broken in this order, as the text's list of ancestors
 

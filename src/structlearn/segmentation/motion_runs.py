@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.ground import quaternion, signals
-from structlearn.ground.errors import InputError
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core import quaternion, signals
+from structlearn.core.errors import InputError
+from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import AXES, Axis, BoundParameters, SegmentParameters
 
 REST_FRACTION = 0.2

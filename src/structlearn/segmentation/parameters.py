@@ -5,7 +5,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from structlearn.ground.params import Name, Parameters
+from structlearn.core.params import Name, Parameters
 
 Axis = Literal["x", "y", "z", "xyz", "rot"]
 """What shows a primitive: the position along an axis or in space, or the orientation (`motion_runs.path`)."""

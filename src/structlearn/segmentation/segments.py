@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.ground import signals
-from structlearn.ground.artefacts import publish, read_table, write_table
-from structlearn.ground.errors import InputError
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core import signals
+from structlearn.core.artefacts import publish, read_table, write_table
+from structlearn.core.errors import InputError
+from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.alignment import (
     DOUBT_COLUMNS,
     METHODS,

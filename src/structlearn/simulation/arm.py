@@ -11,8 +11,8 @@ import numpy as np
 import pybullet_data
 from pydantic import Field
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
 
 

@@ -14,7 +14,7 @@ one, and this ends there (Murty 1974). Mostly the guess is right, and a step cos
 import numba
 import numpy as np
 
-from structlearn.ground.compiled_vectors import compiled_inside
+from structlearn.core.compiled_vectors import compiled_inside
 from structlearn.rigid_body.compiled_chain import Workspace, factorise, solve
 
 TIE = 1e-9

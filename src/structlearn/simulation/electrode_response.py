@@ -19,7 +19,7 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from structlearn.ground.params import Parameters
+from structlearn.core.params import Parameters
 
 
 class ResponseParameters(Parameters):

@@ -20,9 +20,9 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from structlearn.ground import quaternion
-from structlearn.ground.compiled_vectors import cross
-from structlearn.ground.params import Parameters
+from structlearn.core import quaternion
+from structlearn.core.compiled_vectors import cross
+from structlearn.core.params import Parameters
 from structlearn.simulation.electrode_response import (
     Response,
     ResponseParameters,

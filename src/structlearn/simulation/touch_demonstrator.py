@@ -14,9 +14,9 @@ import pandas as pd
 from pydantic import Field
 
 import structlearn
-from structlearn.ground import minimum_jerk, quaternion
-from structlearn.ground.params import Parameters
-from structlearn.recordings.recording import Recording, Stream
+from structlearn.core import minimum_jerk, quaternion
+from structlearn.core.params import Parameters
+from structlearn.readers.recording import Recording, Stream
 from structlearn.simulation.hand_noise import hand_noise
 from structlearn.simulation.touch import (
     Finger,

@@ -19,9 +19,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from structlearn.ground.artefacts import read_tensors, write_tensors
-from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.ground.parallel import parallel_map
+from structlearn.core.artefacts import read_tensors, write_tensors
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.parallel import parallel_map
 from structlearn.tactile.latent_parameters import GeodesicParameters
 
 FILE_UNIT = 1e-6

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 import torch
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.parallel import parallel_map
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_evaluation import (

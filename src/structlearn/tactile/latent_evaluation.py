@@ -192,7 +192,7 @@ def _along_chains(
 
 
 def _nmse(prediction: Tensor, target: Tensor) -> Tensor:
-    """Mean squared error over variance along the last axis, as `structlearn.ground.metrics.nmse`."""
+    """Mean squared error over variance along the last axis, as `structlearn.core.metrics.nmse`."""
     return (prediction - target).square().mean(dim=-1) / target.var(dim=-1, unbiased=False)
 
 

@@ -20,8 +20,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.ground.artefacts import read_tensors, write_tensors
-from structlearn.ground.errors import InputError
+from structlearn.core.artefacts import read_tensors, write_tensors
+from structlearn.core.errors import InputError
 from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.tactile.latent_dynamics import (
     ACTION,

@@ -11,8 +11,8 @@ from typing import Final, Literal
 import numpy as np
 from pydantic import Field, PositiveInt
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 
 LATENT = 3  # dimensions of the latent state: map x, map y, pressure
 MAP = 2  # of these, the ones of the map

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action

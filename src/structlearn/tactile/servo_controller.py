@@ -17,8 +17,8 @@ import torch
 from pydantic import Field, PositiveInt
 from torch import Tensor
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 from structlearn.tactile.latent_dynamics import (
     LatentStep,
     affine_dynamics,

@@ -13,9 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from structlearn.ground import quaternion
-from structlearn.ground.artefacts import read_tensors, write_tensors
-from structlearn.ground.errors import InputError
+from structlearn.core import quaternion
+from structlearn.core.artefacts import read_tensors, write_tensors
+from structlearn.core.errors import InputError
 
 TRAIN, VALIDATION, TEST = 0, 1, 2  # numbers of the splits
 SPLITS = {"train": TRAIN, "validation": VALIDATION, "test": TEST}  # splits by their names in tables

@@ -6,9 +6,9 @@ from typing import Protocol
 import numpy as np
 from pydantic import Field, model_validator
 
-from structlearn.ground import quaternion, signals
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
+from structlearn.core import quaternion, signals
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.touch_dataset import (
     OTHER,
@@ -45,7 +45,7 @@ class TouchDataParameters(Parameters):
 
 
 class GuidedTouch(Protocol):
-    """A recording on one uniform clock, as `recordings.Demonstration` is; the finger's pose and counts."""
+    """A recording on one uniform clock, as `readers.Demonstration` is; the finger's pose and counts."""
 
     @property
     def name(self) -> str:

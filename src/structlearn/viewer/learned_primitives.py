@@ -9,12 +9,12 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.ground.frames import local_frame
+from structlearn.core.frames import local_frame
 from structlearn.palette import AXIS_COLOURS, GREY, LIGHT_GREY, SKY, VERMILION, primitive_colour
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
 from structlearn.primitives.twist_swing import TwistSwingPrimitive
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
 from structlearn.viewer.recorded_demonstrations import Scenery
 from structlearn.viewer.rrd import (

@@ -6,7 +6,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.viewer.rrd import entity
 
 COLOUR_NAMES = {

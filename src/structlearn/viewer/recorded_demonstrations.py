@@ -7,9 +7,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.palette import LIGHT_GREY, primitive_colour
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.segments import Segmentation
 from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
 from structlearn.viewer.rrd import (

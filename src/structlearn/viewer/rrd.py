@@ -10,9 +10,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.error_utils import set_strict_mode, strict_mode
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.palette import AXIS_COLOURS, ORANGE, SKY, primitive_colour
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 
 TIME = "time"
 """Time line of everything that happens in time: seconds since the start of a demonstration or movement."""

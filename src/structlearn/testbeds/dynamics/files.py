@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from structlearn.ground.artefacts import read_table
-from structlearn.recordings.joint_log import JointLog, read_log_table
+from structlearn.core.artefacts import read_table
+from structlearn.readers.joint_log import JointLog, read_log_table
 from structlearn.rigid_body.model_names import ROBOT
 from structlearn.rigid_body.motion import Motion, measured_motion
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.ground.artefacts import read_table
-from structlearn.ground.errors import InputError
+from structlearn.core.artefacts import read_table
+from structlearn.core.errors import InputError
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
 from structlearn.primitives.sequence import PosePrimitive
@@ -21,7 +21,7 @@ ERRORS_FILE = "data/obstacles/models/errors.parquet"
 SCORES_FILE = "data/obstacles/evaluation/scores.parquet"
 PATHS_FILE = "data/obstacles/evaluation/paths.parquet"
 
-REPORT, RECORDINGS = "reports/obstacles", "reports/recordings/obstacles"
+REPORT, RECORDINGS = "reports/obstacles", "reports/rerun/obstacles"
 
 BASELINE = "baseline"
 """Name of the demonstrations without obstacle, and of the primitives learned from them."""

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from structlearn.core.artefacts import read_table
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import CouplingDataset, from_table
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
-from structlearn.ground.artefacts import read_table
-from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.runs import read_runs
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.runs import read_runs
 
 CHECKS = "checks_"
 """Prefix of the tables beside the datasets that say how well these hold together."""
@@ -82,7 +82,7 @@ class ScrapingFiles:
         return read_datasets(self.data / "feedback/scraping/dataset", settings)
 
     def checks(self, primitive: str) -> pd.DataFrame:
-        """Checks of a primitive's supervised data, of `supervision.coupling_dataset`."""
+        """Checks of a primitive's supervised data, of `coupling_targets.coupling_dataset`."""
         return read_table(self.data / f"feedback/scraping/dataset/{CHECKS}{primitive}.parquet")
 
     def networks(self, model: str) -> dict[str, CouplingModel]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import pandas as pd
 
-from structlearn.ground.artefacts import read_table
+from structlearn.core.artefacts import read_table
 from structlearn.tactile.touch_dataset import TouchDataset, read_dataset
 from structlearn.testbeds.servoing.protocol.model_scores import ModelScores
 from structlearn.testbeds.servoing.protocol.servo_variants import Comparison
@@ -20,7 +20,7 @@ MADE_BY = {
 }
 """Files and folders, and the stages that write them."""
 
-REPORT, RECORDINGS = "reports/servoing", "reports/recordings/servoing"
+REPORT, RECORDINGS = "reports/servoing", "reports/rerun/servoing"
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from typing import Any
 
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import read_values
+from structlearn.core.artefacts import Metrics
+from structlearn.core.params import read_values
 from structlearn.reporting.claims import Evidence, Found, by_case, exact, geometric_mean, mean, share, unknown
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, STRICT, in_order, model_name
 from structlearn.rigid_body.training_grid import OURS, TEXT, Form

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.params import Parameters
+from structlearn.core.params import Parameters
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing
@@ -42,7 +42,7 @@ def dynamics_page(
         judged=judge(claims, evidence(results), environment(__package__), named),
         sources=SOURCES,
         parameters=parameters,
-        recordings="../recordings/dynamics",
+        recordings="../rerun/dynamics",
         simulated=True,
     )
 

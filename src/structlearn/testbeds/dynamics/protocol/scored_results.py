@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.metrics import nmse
+from structlearn.core.metrics import nmse
 from structlearn.rigid_body.compiled_dynamics import friction_rows
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.friction import FrictionTerm, friction_columns
@@ -21,7 +21,7 @@ from structlearn.testbeds.dynamics.names import REACH, SINE
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
+from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters
 
 STOPPED_NMSE = 1.0
 """What a run that had to be stopped counts at least: the error of an arm that does not move."""

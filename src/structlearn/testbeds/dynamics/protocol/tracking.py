@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.compiled_models import InverseDynamics, bodies_model
 from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model

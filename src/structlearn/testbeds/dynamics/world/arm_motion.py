@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from structlearn.ground import minimum_jerk
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
+from structlearn.core import minimum_jerk
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.compiled_models import InverseDynamics
 from structlearn.rigid_body.operational_space_velocity import (

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from structlearn.ground.compiled_vectors import compiled_inside
+from structlearn.core.compiled_vectors import compiled_inside
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
 from structlearn.rigid_body.compiled_models import InverseDynamics, model_torques
 from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference

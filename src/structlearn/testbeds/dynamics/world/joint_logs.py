@@ -7,9 +7,9 @@ import numpy as np
 from pydantic import Field
 
 import structlearn
-from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
-from structlearn.recordings.joint_log import JointLog
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
+from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.compiled_models import bodies_model
 from structlearn.rigid_body.tree import Robot
@@ -21,7 +21,7 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_path,
 )
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, run
-from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, measured_torques, stand_in
+from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters, measured_torques, stand_in
 
 STAND_IN = "stand-in with friction, ripple, latency and other inertias"
 

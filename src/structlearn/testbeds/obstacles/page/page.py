@@ -16,7 +16,7 @@ from structlearn.avoidance.learned_models import (
     SETTING,
 )
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.ground.params import read_values
+from structlearn.core.params import read_values
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.studies import provenance, read_study
@@ -71,7 +71,7 @@ def document(results: ObstacleResults) -> Document:
         judged=judge(claims, found, environment(PACKAGE), named),
         sources=SOURCES,
         parameters=results.parameters,
-        recordings="../recordings/obstacles",
+        recordings="../rerun/obstacles",
         simulated=results.simulated,
     )
 

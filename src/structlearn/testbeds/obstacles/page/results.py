@@ -13,10 +13,10 @@ import pandas as pd
 
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import Population
+from structlearn.core.artefacts import Metrics
+from structlearn.core.params import Population
 from structlearn.primitives.position import PositionPrimitive
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.files import Evaluation
 from structlearn.testbeds.obstacles.names import KINDS, SITUATIONS
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (

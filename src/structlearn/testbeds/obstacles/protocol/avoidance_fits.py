@@ -16,7 +16,6 @@ from pydantic import PositiveInt
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.avoidance_network import AvoidanceNetworks
-from structlearn.avoidance.human_inspired import HumanInspiredModels
 from structlearn.avoidance.learned_models import (
     ALL,
     SETTING,
@@ -33,10 +32,11 @@ from structlearn.avoidance.network_training import (
     fit_networks,
     held_out_rows,
 )
+from structlearn.avoidance.rai_2014 import HumanInspiredModels
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_model import TrainingParameters
-from structlearn.ground.errors import InputError
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 KEYS = ("person", "model", "learned_from", "obstacle", "scenario")

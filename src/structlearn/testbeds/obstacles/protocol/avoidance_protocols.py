@@ -28,9 +28,9 @@ from structlearn.avoidance.shapes import (
     cloud_batch,
     constant_velocity,
 )
-from structlearn.ground.params import Parameters
+from structlearn.core.params import Parameters
 from structlearn.primitives.position import PositionPrimitive
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.protocol import avoidance_scores
 from structlearn.testbeds.obstacles.world.scenarios import (
     UNSEEN_RADIUS_M,

@@ -14,7 +14,7 @@ import pandas as pd
 from structlearn.avoidance.avoiding_unroll import AvoidancePaths
 from structlearn.avoidance.features import closest_distance
 from structlearn.avoidance.shapes import CloudBatch
-from structlearn.ground.errors import InputError
+from structlearn.core.errors import InputError
 from structlearn.primitives.vector import sample_count
 
 LATE_FACTOR = 1.5

@@ -15,8 +15,8 @@ from structlearn.avoidance.avoidance_dataset import (
     to_table,
 )
 from structlearn.primitives.position import PositionPrimitive
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.runs import read_runs
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.runs import read_runs
 from structlearn.testbeds.obstacles.files import BASELINE
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import demonstration_scores
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, demonstrations

@@ -16,9 +16,9 @@ from pydantic import Field, model_validator
 
 import structlearn
 from structlearn.avoidance.shapes import SHAPES, Obstacle
-from structlearn.ground import minimum_jerk
-from structlearn.ground.params import Parameters
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core import minimum_jerk
+from structlearn.core.params import Parameters
+from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, check_clear, reach_frame
 
 PLAN_POINTS = 51

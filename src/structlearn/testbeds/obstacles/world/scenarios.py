@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, Obstacle, Shape, obstacle, ringed_sphere
-from structlearn.ground.errors import InputError
-from structlearn.ground.frames import frame_kind, local_frame
-from structlearn.ground.params import Parameters
+from structlearn.core.errors import InputError
+from structlearn.core.frames import frame_kind, local_frame
+from structlearn.core.params import Parameters
 from structlearn.primitives.position import SHORTEST_REACH
 
 Metres = tuple[float, float, float]

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.palette import (
     BLACK,
     CATEGORICAL_COLOURS,
@@ -19,7 +19,7 @@ from structlearn.palette import (
 )
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import QuaternionPrimitive
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import (
     draw_axes,

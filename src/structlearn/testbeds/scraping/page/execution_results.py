@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from structlearn.ground import quaternion
-from structlearn.ground.metrics import verdict
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core import quaternion
+from structlearn.core.metrics import verdict
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.claims import Evidence
 from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL, cost_ratios
 from structlearn.testbeds.scraping.world.layout import FLAT_ORIENTATION

@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_hex
 from matplotlib.figure import Figure
 
+from structlearn.core import signals
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.feedback_models import POINTWISE
-from structlearn.ground import signals
 from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, VERMILION
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import headroom, shade_primitives
 from structlearn.reporting.prose import capitalised

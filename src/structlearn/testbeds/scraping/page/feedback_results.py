@@ -7,16 +7,16 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
+from structlearn.core import signals
+from structlearn.core.artefacts import Metrics
+from structlearn.core.metrics import mean_interval, verdict
 from structlearn.feedback.coupling_dataset import PARTS, CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.coupling_targets import Cuts
 from structlearn.feedback.feedback_models import LEVEL, POINTWISE, REPRESENTATIONS, STOPPINGS, UNROLLED
-from structlearn.feedback.supervision import Cuts
-from structlearn.ground import signals
-from structlearn.ground.artefacts import Metrics
-from structlearn.ground.metrics import mean_interval, verdict
 from structlearn.primitives import vector
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.prose import level_name
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.tactile.electrodes import ELECTRODES_MM
@@ -156,7 +156,7 @@ class FeedbackResults:
     unroll_cuts: Cuts  # of these
     expected: Mapping[str, VectorPrimitive]  # expected traces by primitive
     datasets: Mapping[str, CouplingDataset]  # by primitive, of all settings
-    checks: Mapping[str, pd.DataFrame]  # of `supervision.coupling_dataset`, by primitive
+    checks: Mapping[str, pd.DataFrame]  # of `coupling_targets.coupling_dataset`, by primitive
     networks: Mapping[str, CouplingModel]  # the pointwise models by primitive
     comparison: pd.DataFrame  # of `feedback_models.compare_representations`, with `primitive`
     orderings: pd.DataFrame  # of `feedback_models.paired_orderings`, with `primitive`

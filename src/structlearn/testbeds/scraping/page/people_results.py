@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.ground.artefacts import Metrics
+from structlearn.core.artefacts import Metrics
 from structlearn.reporting.claims import (
     UNKNOWN,
     Claim,

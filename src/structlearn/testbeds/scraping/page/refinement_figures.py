@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from structlearn.palette import BLACK
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.prose import capitalised, rounded
 from structlearn.testbeds.scraping.names import ROLLOUTS, RUNS, SEARCHES, primitive_title

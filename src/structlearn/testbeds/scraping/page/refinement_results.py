@@ -13,11 +13,11 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics
-from structlearn.ground.metrics import BETTER, UNDECIDED, WORSE, mean_interval, verdict
+from structlearn.core.artefacts import Metrics
+from structlearn.core.metrics import BETTER, UNDECIDED, WORSE, mean_interval, verdict
 from structlearn.policy_search.refinement import FEEDBACK
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.claims import Evidence, Found, by_case, geometric_mean, mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.prose import level_name

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from structlearn.core.artefacts import Metrics
+from structlearn.core.params import read_values
 from structlearn.feedback.feedback_models import POINTWISE
-from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.reporting import movement_figures, segmentation_figures
 from structlearn.reporting.claims import UNKNOWN, Found, judge, quoted, read_claims
@@ -141,7 +141,7 @@ def scraping_report(
             judged=judge(claims, whole, environment(PACKAGE), facts),
             sources=SOURCES,
             parameters={key: parameters[key] for key in PARAMETERS[page]},
-            recordings="../recordings/scraping",
+            recordings="../rerun/scraping",
             simulated=True,
             basis=basis,
         )

@@ -6,10 +6,10 @@ from functools import cached_property
 
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics
+from structlearn.core.artefacts import Metrics
 from structlearn.primitives.fitting import FitParameters, Segment, reproduction_summary, segment_paths
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.prose import level_name
 from structlearn.segmentation.alignment import RESULT
 from structlearn.segmentation.cut_errors import (

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.coupling_model import CouplingModel, NetworkParameters, train_final
-from structlearn.ground.errors import InputError
-from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.refinement import (
     FEEDBACK,
     Progress,

@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.coupling_targets import SupervisionParameters, corrected_primitive, coupling_samples
 from structlearn.feedback.skill import Limits, ReactiveSkill, largest_coupling, on_axis
-from structlearn.feedback.supervision import SupervisionParameters, corrected_primitive, coupling_samples
-from structlearn.ground.errors import InputError
-from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.refinement import Rollout
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.recordings.clock import synchronise
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.recording import Recording
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers.clock import synchronise
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.recording import Recording
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation, orientation_cost
 from structlearn.testbeds.scraping.protocol.executions import Run, execute_run

@@ -8,10 +8,10 @@ from itertools import chain
 import pandas as pd
 from pydantic import Field
 
-from structlearn.ground.errors import InputError
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
-from structlearn.recordings.clock import synchronise
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
+from structlearn.readers.clock import synchronise
 from structlearn.segmentation.cut_errors import cut_errors, downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut

@@ -14,15 +14,15 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.core.metrics import mean_interval
+from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.supervision import Cuts, SupervisionParameters, executed_primitive
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
-from structlearn.ground.metrics import mean_interval
-from structlearn.ground.params import Parameters
+from structlearn.feedback.coupling_targets import Cuts, SupervisionParameters, executed_primitive
 from structlearn.primitives import canonical
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration
 
 
 def nominal_orientation(runs: Sequence[Demonstration]) -> np.ndarray:

@@ -11,16 +11,16 @@ from functools import partial
 import numpy as np
 from pydantic import Field
 
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
-from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
 from structlearn.primitives.sequence import default_start
-from structlearn.recordings.clock import synchronise
-from structlearn.recordings.recording import Recording
-from structlearn.recordings.source import ClockParameters
+from structlearn.readers.clock import synchronise
+from structlearn.readers.recording import Recording
+from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.simulation.fingers import FingerPair
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters, ExecutedSet

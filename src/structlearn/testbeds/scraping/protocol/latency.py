@@ -5,10 +5,10 @@ import time
 import numpy as np
 from pydantic import Field
 
+from structlearn.core.artefacts import Metrics
+from structlearn.core.params import Parameters
 from structlearn.feedback.runtime import Controller, tick_latency
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import Parameters
 from structlearn.testbeds.scraping.protocol.executions import evaluation_runs, execute_run
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 

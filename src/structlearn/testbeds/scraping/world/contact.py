@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from structlearn.ground.compiled_vectors import compiled_inside, cross
+from structlearn.core.compiled_vectors import compiled_inside, cross
 from structlearn.rigid_body.compiled_chain import Workspace
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 

@@ -21,9 +21,9 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from structlearn.ground import minimum_jerk
-from structlearn.ground.compiled_vectors import compiled_inside
-from structlearn.ground.params import Parameters
+from structlearn.core import minimum_jerk
+from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.params import Parameters
 from structlearn.simulation.hand_noise import hand_noise
 
 

@@ -17,9 +17,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 import structlearn
-from structlearn.ground import minimum_jerk, quaternion
-from structlearn.ground.params import Parameters
-from structlearn.recordings.recording import Recording, Stream
+from structlearn.core import minimum_jerk, quaternion
+from structlearn.core.params import Parameters
+from structlearn.readers.recording import Recording, Stream
 from structlearn.simulation.hand_noise import hand_noise
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, FLAT_ORIENTATION
 

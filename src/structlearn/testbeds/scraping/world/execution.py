@@ -16,11 +16,11 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from structlearn.feedback import stepping
+from structlearn.core import quaternion
+from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.params import Parameters
+from structlearn.feedback import controller_tick
 from structlearn.feedback.runtime import Controller
-from structlearn.ground import quaternion
-from structlearn.ground.compiled_vectors import compiled_inside
-from structlearn.ground.params import Parameters
 from structlearn.simulation.fingers import CHANNELS, FingerPair, Readings, take
 from structlearn.testbeds.scraping.world import operational_space, scraping_robot, scraping_world
 from structlearn.testbeds.scraping.world.corrector import Corrector, hold, nobody
@@ -35,7 +35,7 @@ Advance = Callable[[np.ndarray], None]
 Engine = Callable[[World], AbstractContextManager[Advance]]
 """Integrates the robot's motion in a world instead of the compiled loop."""
 
-NO_PLAN, NOBODY = stepping.no_plan(), nobody()  # Null plan and null corrector
+NO_PLAN, NOBODY = controller_tick.no_plan(), nobody()  # Null plan and null corrector
 FINGER_TICKS = 3  # Control ticks per reading of the fingers: 100 Hz at 300 Hz
 
 
@@ -271,12 +271,12 @@ def _sense(run: _Run, k: int) -> None:
 @compiled_inside
 def _lead(plan_arrays: tuple, state_arrays: tuple, reference: Reference, counts: np.ndarray, k: int) -> None:
     """Let the controller give tick k of the reference; it gets each reading of the fingers once."""
-    state = stepping.State(*state_arrays)
+    state = controller_tick.State(*state_arrays)
     fresh = k % FINGER_TICKS == 0 and len(state.sample) > 0
     if fresh:
         for channel in range(len(state.sample)):
             state.sample[channel] = counts[k // FINGER_TICKS, channel]
-    stepping.tick(plan_arrays, state_arrays, fresh)
+    controller_tick.tick(plan_arrays, state_arrays, fresh)
     for d in range(3):
         reference.position[k, d] = state.path[0, 0, 0, d]
         reference.velocity[k, d] = state.path[1, 0, 0, d]
@@ -285,7 +285,7 @@ def _lead(plan_arrays: tuple, state_arrays: tuple, reference: Reference, counts:
         reference.angular_acceleration[k, d] = state.turning[1, 0, 0, d]
     for d in range(4):
         reference.orientation[k, d] = state.orientation[0, 0, d]
-    reference.primitive[k] = state.clock[stepping.PRIMITIVE]
+    reference.primitive[k] = state.clock[controller_tick.PRIMITIVE]
 
 
 @compiled_inside

@@ -10,9 +10,9 @@ from functools import partial
 
 import numpy as np
 
-from structlearn.ground import quaternion
-from structlearn.ground.parallel import parallel_map
-from structlearn.recordings.recording import Recording
+from structlearn.core import quaternion
+from structlearn.core.parallel import parallel_map
+from structlearn.readers.recording import Recording
 from structlearn.simulation.fingers import FingerPair
 from structlearn.testbeds.scraping.world.demonstrator import (
     DemonstratorParameters,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from structlearn.ground.compiled_vectors import cross
+from structlearn.core.compiled_vectors import cross
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, factorise, solve, workspace
 from structlearn.testbeds.scraping.world.scraping_robot import ArmModel
 

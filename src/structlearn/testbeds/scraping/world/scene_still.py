@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from structlearn.ground import quaternion
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.core import quaternion
+from structlearn.readers.demonstration import Demonstration
 from structlearn.simulation.still import Solid, View, still
 from structlearn.testbeds.scraping.world.layout import (
     CONTACT_M,

@@ -11,8 +11,8 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from structlearn.ground.compiled_vectors import cross
-from structlearn.ground.params import Parameters
+from structlearn.core.compiled_vectors import cross
+from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, step, workspace
 from structlearn.testbeds.scraping.world import contact, scraping_robot
 from structlearn.testbeds.scraping.world.contact import Board

@@ -8,9 +8,9 @@ import numpy as np
 from pydantic import Field
 
 import structlearn
-from structlearn.ground import quaternion
-from structlearn.ground.params import Parameters
-from structlearn.recordings.recording import Recording, Stream
+from structlearn.core import quaternion
+from structlearn.core.params import Parameters
+from structlearn.readers.recording import Recording, Stream
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters
 from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, Conditions, ControlParameters, RunLog

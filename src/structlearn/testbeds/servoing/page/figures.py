@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.typing import LineStyleType
 
-from structlearn.ground.metrics import mean_interval
+from structlearn.core.metrics import mean_interval
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, style
 from structlearn.tactile.electrodes import Skin

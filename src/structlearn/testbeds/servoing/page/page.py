@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.ground.metrics import mean_interval
+from structlearn.core.metrics import mean_interval
 from structlearn.reporting.claims import Evidence, in_words, judge, mean, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.prose import with_interval
@@ -39,7 +39,7 @@ def document(results: ServoingResults, shown: Mapping[str, Table]) -> Document:
         judged=judge(claims, evidence(results), environment(PACKAGE), facts),
         sources={name: Source(*made) for name, made in MADE_BY.items()},
         parameters=results.chosen,
-        recordings="../recordings/servoing",
+        recordings="../rerun/servoing",
         simulated=True,
         basis=rests_on("servoing/people", results.people),
     )

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import read_values
+from structlearn.core.artefacts import Metrics
+from structlearn.core.params import read_values
 from structlearn.reporting.studies import Study
 from structlearn.tactile.electrodes import SKINS, Skin, map_laying
 from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES

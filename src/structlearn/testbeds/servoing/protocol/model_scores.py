@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.metrics import mean_interval
+from structlearn.core.metrics import mean_interval
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.latent_parameters import FORWARD_OF, NO_INVERSE, STRUCTURES
 from structlearn.tactile.touch_dataset import SPLITS, TouchDataset

@@ -4,7 +4,7 @@ The method is said not to assume the skin's geometry (II.5): distances on the sk
 contact points, and these from electrodes. All but the number of models is as for the BioTac.
 """
 
-from structlearn.recordings.clock import synchronise
+from structlearn.readers.clock import synchronise
 from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
 from structlearn.tactile.electrodes import SKINS

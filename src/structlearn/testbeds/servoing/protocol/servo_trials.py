@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.parallel import parallel_map
+from structlearn.core.parallel import parallel_map
 from structlearn.simulation.touch import FingerParameters, make_finger
 from structlearn.simulation.touch_demonstrator import SAMPLED_EVERY, ToucherParameters, covered
 from structlearn.tactile.electrodes import SKINS

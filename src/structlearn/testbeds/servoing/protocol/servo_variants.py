@@ -7,7 +7,7 @@ from typing import Literal
 import pandas as pd
 from pydantic import Field, PositiveInt
 
-from structlearn.ground.params import Parameters
+from structlearn.core.params import Parameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from structlearn.ground import quaternion
+from structlearn.core import quaternion
 from structlearn.simulation.still import Sheet, Solid, View, still
 from structlearn.tactile.electrodes import Skin
 

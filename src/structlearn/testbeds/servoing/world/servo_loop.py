@@ -12,8 +12,8 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 from pydantic import Field, PositiveInt
 
-from structlearn.ground import minimum_jerk
-from structlearn.ground.params import Parameters
+from structlearn.core import minimum_jerk
+from structlearn.core.params import Parameters
 from structlearn.simulation.touch import (
     Contact,
     Finger,

@@ -1,0 +1,229 @@
+"""Artefacts: how stages write and read files.
+
+All is published (`structlearn.core.publication`): complete, or not there. Writers are deterministic: the
+same data give the same bytes. Tables and arrays carry checksums, so that a damaged file is an error and not
+other data.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow
+import pyarrow.parquet
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import load_file, save
+
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.publication import publish
+
+Metrics = dict[str, float | int | str | bool | None]  # flat key figures
+
+
+def filled(folder: str | Path, at_least: int = 1) -> Path:
+    """A folder written by an earlier stage, which is empty where its data are missing.
+
+    `at_least`: files that are needed. Returns the folder. Raises MissingInputError: it holds fewer. Raises
+    InputError: it does not exist.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; run the stage that writes it")
+    count = len(list(folder.iterdir()))
+    if count < at_least:
+        raise MissingInputError(f"{folder} holds {count} files, {at_least} or more are needed")
+    return folder
+
+
+def write_table(frame: pd.DataFrame, target: str | Path) -> None:
+    """Publish a table as Parquet, without pandas' index and without versions in its metadata.
+
+    Pages carry checksums, and a digest stands for names and types of the columns and the number of rows.
+    """
+    write_arrow(pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None), target)
+
+
+def write_arrow(table: pyarrow.Table, target: str | Path, **encoding: Any) -> None:
+    """Publish a table of Arrow as `write_table` does; what its metadata say is covered by the digest."""
+    metadata = {**(table.schema.metadata or {}), HEADINGS: _headings(table)}
+    with publish(target) as path:
+        pyarrow.parquet.write_table(
+            table.replace_schema_metadata(metadata),
+            path,
+            compression="zstd",
+            write_page_checksum=True,
+            **encoding,
+        )
+
+
+def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
+    """Read a Parquet table.
+
+    `needed`: columns that it must have: another table, or one of an older version, is as sound. Raises
+    InputError: the file is missing, truncated, of another kind, not as it was written or lacks a column.
+    """
+    table = read_arrow(path)
+    if missing := [name for name in needed if name not in table.column_names]:
+        raise InputError(f"{path}: has no column {', '.join(missing)}: another table, or of another version")
+    return table.to_pandas()
+
+
+def read_arrow(path: str | Path) -> pyarrow.Table:
+    """Read a table of Arrow that `write_arrow` or `write_table` wrote.
+
+    Raises:
+        InputError: the file is missing, truncated, of another kind or not as it was written.
+    """
+    with _readable(path, "readable Parquet", pyarrow.ArrowException, OSError):  # OSError: damaged pages
+        table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
+    if (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
+        raise InputError(f"{path}: damaged, or not written by this project: its columns are not as written")
+    return table
+
+
+HEADINGS = b"columns sha256"
+
+
+def _headings(table: pyarrow.Table) -> bytes:
+    """Digest of all that no page holds."""
+    schema = table.schema.remove_metadata()
+    digest = hashlib.sha256(f"{schema.to_string()}\n{table.num_rows}".encode())
+    for key, value in sorted((table.schema.metadata or {}).items()):
+        if key not in (HEADINGS, b"ARROW:schema"):
+            digest.update(key + b"\0" + value)
+    return digest.hexdigest().encode()
+
+
+def write_tensors(tensors: Mapping[str, np.ndarray], target: str | Path, description: str) -> None:
+    """Publish named arrays as safetensors; one metadata key only, since more are not deterministic.
+
+    A digest of names, types, shapes, values and description is the last line of the description.
+    """
+    ordered = {name: np.asarray(tensors[name], order="C") for name in sorted(tensors)}
+    signed = f"{description}\n{DIGEST}{_digest(ordered, description)}"
+    with publish(target) as path:
+        path.write_bytes(save(ordered, metadata={"description": signed}))  # `save_file`: for its owner alone
+
+
+def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
+    """Read named arrays from a safetensors file.
+
+    Raises:
+        InputError: the file is missing, truncated, of another kind or not as it was written, or a value is
+            NaN or infinite.
+    """
+    description, digest = _signed(path)
+    with _readable(path, "readable safetensors", SafetensorError):
+        tensors = load_file(path)
+    if digest != _digest(tensors, description):
+        raise InputError(f"{path}: damaged: its content is not what was written")
+    for name, tensor in tensors.items():
+        if not np.isfinite(tensor).all():
+            raise InputError(f"{path}: {name} holds a value that is not finite")
+    return tensors
+
+
+def read_description(path: str | Path) -> str:
+    """The description that a safetensors file was written with; whoever needs it reads the tensors too.
+
+    Raises:
+        InputError: the file is missing, truncated or of another kind.
+    """
+    return _signed(path)[0]
+
+
+DIGEST = "sha256 "
+
+
+def _signed(path: str | Path) -> tuple[str, str]:
+    """Description and digest of a safetensors file."""
+    with (
+        _readable(path, "readable safetensors", SafetensorError),
+        safe_open(path, framework="np") as file,
+    ):
+        text = (file.metadata() or {}).get("description", "")
+    description, _, last = text.rpartition("\n")
+    if not last.startswith(DIGEST):
+        raise InputError(f"{path}: not written by this project: it has no digest of its content")
+    return description, last.removeprefix(DIGEST)
+
+
+def _digest(tensors: Mapping[str, np.ndarray], description: str) -> str:
+    """Of all that a file says."""
+    digest = hashlib.sha256(description.encode())
+    for name in sorted(tensors):
+        values = tensors[name]
+        digest.update(f"\0{name}\0{values.dtype.str}\0{values.shape}\0".encode())
+        digest.update(np.ascontiguousarray(values).data)
+    return digest.hexdigest()
+
+
+@contextmanager
+def _readable(path: str | Path, kind: str, *faults: type[Exception]) -> Iterator[None]:
+    """Say in one line why a file of some kind cannot be read; `faults` are those of its content."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; run the stage that writes it") from error
+    except faults as error:
+        raise InputError(f"{path}: not a {kind} file: {error}") from error
+    except OSError as error:  # as of a folder
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def write_metrics(metrics: Mapping[str, float | int | str | bool | None], target: str | Path) -> None:
+    """Publish a flat JSON of metrics, floats rounded to six significant digits.
+
+    Rounding keeps the file readable; the data it came from stay in the cached artefacts. Raises ValueError: a
+    number is NaN or infinite.
+    """
+    rounded = {key: _rounded(key, value) for key, value in metrics.items()}
+    with publish(target) as path:
+        path.write_text(json.dumps(rounded, indent=2) + "\n")
+
+
+def _rounded(key: str, value: float | int | str | bool | None) -> float | int | str | bool | None:
+    if isinstance(value, float | np.floating):
+        if not math.isfinite(value):
+            raise ValueError(f"metric '{key}' is {value}")
+        return float(f"{float(value):.6g}")
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def read_metrics(path: str | Path) -> Metrics:
+    """Read a flat JSON of metrics.
+
+    Raises:
+        InputError: the file is missing or no JSON of names and values.
+    """
+    with _readable(path, "JSON", ValueError, RecursionError):  # also no text, or a number without end
+        found = json.loads(Path(path).read_text())
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: not a JSON file of names and values")
+    return found
+
+
+def write_csv(frame: pd.DataFrame, target: str | Path) -> None:
+    """Publish a table as CSV for people: no index, six significant digits."""
+    with publish(target) as path:
+        frame.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+
+
+def read_csv(path: str | Path, **options: Any) -> pd.DataFrame:
+    """Read a table that `write_csv` wrote; options are those of pandas' reader.
+
+    Raises:
+        InputError: the file is missing or no table.
+    """
+    try:
+        return pd.read_csv(path, **options)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:  # no text, no columns, or rows of other lengths
+        raise InputError(f"{path}: not a table: {error}") from error

@@ -1,0 +1,181 @@
+"""Independent pieces of work over the cores or over a Dask cluster, with a progress bar.
+
+The environment variable `STRUCTLEARN_BACKEND` says where: `fork`, the default, in processes on this machine,
+as many as there are cores or as `STRUCTLEARN_PROCESSES` says; `dask` on the cluster whose scheduler
+`DASK_SCHEDULER_ADDRESS` names; `sequential` in this process.
+
+Processes are forked from this one at the first work, which takes hundredths of a second where interpreters
+that import everything anew take seconds. They stay for the next work, so each loads compiled code once.
+"""
+
+import logging
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from functools import partial
+from typing import TypeVar
+from urllib.parse import urlsplit
+
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+from structlearn.core.errors import InputError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+BACKEND = "STRUCTLEARN_BACKEND"
+PROCESSES = "STRUCTLEARN_PROCESSES"
+SCHEDULER = "DASK_SCHEDULER_ADDRESS"
+UNENCRYPTED = "STRUCTLEARN_UNENCRYPTED_DASK"
+
+ANSWER_S = 10.0  # a scheduler that runs answers within milliseconds
+WORKERS_S = 60.0  # workers that were started together with the scheduler have joined by then
+
+tqdm.monitor_interval = 0  # no thread of its own: processes are forked beside it
+
+
+def parallel_map(
+    function: Callable[[Item], Result],
+    items: Iterable[Item],
+    description: str,
+    lost: Callable[[Item], Result] | None = None,
+    local: bool = False,
+) -> list[Result]:
+    """Apply a function to every item, in processes, and keep the order.
+
+    A process may die: killed for want of memory, or by a crash in compiled code. With `lost`, items without a
+    result then run once more, one at a time. So only an item that ends its process also when it runs alone is
+    lost, whatever the number of processes. `function`: a picklable function of one item; randomness must come
+    from a seed in the item; `lost`: result of an item that ends its process; `local`: the work needs files of
+    this machine and is not for a cluster. Returns the results in the order of the items, whatever the number
+    of processes. Raises InputError: a variable of the environment makes no sense, or the cluster cannot be
+    reached. Raises RuntimeError: a process died, and there is no `lost`.
+    """
+    work = list(items)
+    backend = os.environ.get(BACKEND, "fork")
+    if backend not in ("fork", "dask", "sequential"):
+        raise InputError(f"{BACKEND}={backend}: is not one of fork, dask, sequential")
+    bar = partial(tqdm, desc=description, leave=False, disable=None)  # none where nobody watches
+    if backend == "sequential":
+        return [function(item) for item in bar(work)]
+    results: dict[int, Result] = {}
+    with bar(total=len(work)) as progress:
+
+        def take(places: Iterable[int]) -> None:
+            """Enter the results of items; those whose process died have none."""
+            pool, death = _cluster() if backend == "dask" and not local else (_processes(), BrokenProcessPool)
+            running: dict[Future, int] = {}
+            try:
+                with suppress(death):  # a pool that has broken takes no more
+                    for place in places:
+                        running[pool.submit(partial(function, work[place]))] = place
+                for future in as_completed(running):
+                    with suppress(death):
+                        results[running[future]] = future.result()
+                        progress.update()
+            finally:
+                for future in running:
+                    future.cancel()
+            if any(place not in results for place in places):
+                _end_processes()
+
+        take(range(len(work)))
+        for place in [place for place in range(len(work)) if place not in results]:
+            if lost is None:
+                raise RuntimeError(
+                    f"{description}: a process died; of {len(work)} items number {place + 1} has no result"
+                )
+            take([place])
+            if place not in results:
+                results[place] = lost(work[place])
+                progress.update()
+    return [results[place] for place in range(len(work))]
+
+
+_pools: dict[int, ProcessPoolExecutor] = {}  # by its number of processes; there is one at a time
+
+
+def _processes() -> ProcessPoolExecutor:
+    """Processes of this machine, those of the work before where they are as many."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    given = os.environ.get(PROCESSES) or str(cores or 1)
+    if not (given.isdecimal() and int(given)):
+        raise InputError(f"{PROCESSES}={given}: is no number of processes")
+    count = int(given)
+    if count not in _pools:
+        _end_processes()
+        context = multiprocessing.get_context("fork")
+        _pools[count] = ProcessPoolExecutor(count, context, _begin_to_work, (os.getpid(),))
+    return _pools[count]
+
+
+def _end_processes() -> None:
+    while _pools:
+        _pools.popitem()[1].shutdown(cancel_futures=True)
+
+
+def _begin_to_work(parent: int) -> None:
+    """In a new process: end with the parent, and keep to one core.
+
+    BLAS and OpenMP, so torch too, whose threads did not survive the fork, take one thread.
+    """
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    threadpool_limits(1)
+    os.environ["OMP_NUM_THREADS"] = "1"  # of libraries that are loaded later
+    os.environ[BACKEND] = "sequential"  # the cores have their processes already
+
+
+def _end_with(parent: int) -> None:
+    """A parent that is killed, as for want of memory, cannot tell its processes to end."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
+
+
+def _cluster() -> tuple[Executor, type[Exception]]:
+    """The cluster, connected at the first call, and its error where a worker's process has died four times.
+
+    Raises:
+        InputError: Dask is not installed, the scheduler has no address or does not answer, or has no workers.
+    """
+    try:
+        import dask
+        from distributed import Client, KilledWorker
+    except ImportError as error:
+        raise InputError(f"{BACKEND}=dask needs the package `distributed`, of the extra `cluster`") from error
+    with suppress(ValueError):
+        return Client.current().get_executor(pure=False), KilledWorker
+    address = dask.config.get("scheduler-address", None)
+    if not address:
+        raise InputError(f"{BACKEND}=dask needs the scheduler's address in {SCHEDULER}, e.g. tcp://host:8786")
+    if not (_private(address) or os.environ.get(UNENCRYPTED) == "yes"):
+        raise InputError(
+            f"{SCHEDULER}={address}: whoever reaches this port can run code here; use tls:// with "
+            f"certificates, or, in a network that only you reach, {UNENCRYPTED}=yes"
+        )
+    # Not for the user: that the work is large, and that results which died with a worker are worked out anew.
+    dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"})
+    logging.getLogger("distributed.client").setLevel(logging.ERROR)
+    try:
+        client = Client(address, timeout=ANSWER_S)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{SCHEDULER}={address}: no Dask scheduler answers ({error})") from error
+    try:
+        client.wait_for_workers(1, timeout=WORKERS_S)
+    except TimeoutError as error:
+        client.close()
+        raise InputError(f"{SCHEDULER}={address}: no worker has joined within {WORKERS_S:.0f} s") from error
+    return client.get_executor(pure=False), KilledWorker
+
+
+def _private(address: str) -> bool:
+    """Whether nobody else can speak to a scheduler: it is encrypted, or on this machine only."""
+    given = urlsplit(address if "://" in address else f"tcp://{address}")
+    local = given.hostname == "localhost" or str(given.hostname).startswith("127.")
+    return local or given.scheme not in ("tcp", "ws")

@@ -1,0 +1,211 @@
+"""Parameters: `params.yaml` holds one key per stage, a pydantic model per stage checks it.
+
+The model lives beside the code that it configures (where that trains, in a module of its package without
+torch, so that pages start soon), and has no defaults: a value stands in the file, once. Here is only what all
+models share. The file is read by YAML's C loader, once per process:
+`dvc.api.params_show` costs 0.7 s a stage.
+"""
+
+import re
+import reprlib
+from collections.abc import Hashable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+import yaml
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from structlearn.core.errors import InputError
+
+
+class Parameters(BaseModel):
+    """Base of every parameter model: unknown keys, NaN and infinities are errors; values never change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_value_is_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        """YAML reads `yes` and `on` as true, and pydantic would go on with 1."""
+        numbers = (value, *value) if isinstance(value, list | tuple) else (value,)
+        if any(isinstance(one, bool) for one in numbers):
+            assert info.field_name is not None  # a validator of fields, not of the model
+            allowed = str(cls.model_fields[info.field_name].annotation)
+            if "bool" not in allowed and "Any" not in allowed:
+                raise ValueError("is true or false, as YAML also reads yes, no, on and off; not allowed here")
+        return value
+
+
+NAME = r"^\w[\w .+()-]*$"
+"""A name becomes a file's, stands in figures, where dollars are formulas, and in tables, where a spreadsheet
+takes what begins with = or @ for one."""
+
+Name = Annotated[str, Field(pattern=NAME, max_length=100)]
+
+ParametersType = TypeVar("ParametersType", bound=Parameters)
+
+
+def read_parameters(path: Path, key: str, model: type[ParametersType]) -> ParametersType:
+    """Check the value of one key of a YAML file against its model.
+
+    `path`: the YAML file, usually `params.yaml`; `key`: the stage's key at the top level, or with dots one
+    below, e.g. `testbed.touch`. Returns the checked, frozen parameters. Raises InputError: the file is
+    missing or no YAML mapping, the key is absent, a key stands twice, or a value is missing, unknown, of the
+    wrong type or out of range; the message names file, key and reason.
+    """
+    return checked(value_at(path, key), model, path, key)
+
+
+def value_at(path: str | Path, key: str) -> Any:
+    """Value at one key of a YAML file, not yet checked; read-only.
+
+    Raises:
+        InputError: as `read_values`, or the key is absent.
+    """
+    values = read_values(path)
+    for part in key.split("."):
+        if not isinstance(values, dict) or part not in values:
+            raise InputError(f"{path}: key '{key}' is missing")
+        values = values[part]
+    return values
+
+
+def read_values(path: str | Path) -> Any:
+    """Contents of a YAML file, not yet checked; read-only.
+
+    Raises:
+        InputError: the file is missing or no YAML, or a key stands twice.
+    """
+    path = Path(path)
+    try:
+        state = path.stat()
+        return _tree(path.resolve(), state.st_mtime_ns, state.st_size)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such parameter file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except _DuplicateKeyError as error:
+        raise InputError(f"{path}: {error}") from error
+    except Exception as error:  # YAML's, or that of a date, a number, a tag or bytes that are none
+        raise InputError(f"{path}: not a YAML file: {error}") from error
+
+
+def checked(values: Any, model: type[ParametersType], path: str | Path, key: str) -> ParametersType:
+    """Values as their model has them.
+
+    Raises:
+        InputError: a value is missing, unknown, of the wrong type or out of range.
+    """
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise InputError(f"{path}: " + "; ".join(_reasons(key, error))) from error
+
+
+def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A mapping with some values changed, those of nested mappings one by one."""
+    result = dict(values)
+    for name, change in changes.items():
+        before = result.get(name)
+        if isinstance(before, Mapping) and isinstance(change, Mapping):
+            change = merged(before, change)
+        result[name] = change
+    return result
+
+
+@lru_cache(maxsize=4)
+def _tree(path: Path, modified_ns: int, size: int) -> Any:
+    """Contents of one version of the file; read-only."""
+    text = path.read_bytes().decode()
+    brackets = np.cumsum([1 if bracket in "[{" else -1 for bracket in re.findall(r"[\[\]{}]", text)])
+    levels = (len(line) - len(re.sub(r"^[\s?-]*", "", line)) for line in text.splitlines())
+    if max(brackets, default=0) > DEEPEST or max(levels, default=0) > DEEPEST:
+        raise ValueError("nested too deeply")  # the loader in C would end the process
+    return yaml.load(text, _Loader)
+
+
+DEEPEST = 1000
+"""Brackets in brackets, and blanks, dashes and question marks that begin a line: each level takes one. Lines
+may be long: in the description of a bag one has the settings of all publishers of a topic."""
+
+
+class _DuplicateKeyError(ValueError):
+    """YAML itself would silently take the last value."""
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # libyaml or not
+    """YAML's safe loader, in C where it is compiled in; a key that stands twice is an error."""
+
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        """A whole number that can be written out; hexadecimal ones may have any length."""
+        value = super().construct_yaml_int(node)
+        str(value)
+        return value
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        """A mapping, after a look at its keys."""
+        seen: set[str] = set()
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            if key.value in seen:
+                raise _DuplicateKeyError(f"key '{key.value}' stands twice (line {key.start_mark.line + 1})")
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
+
+
+def _reasons(key: str, error: ValidationError) -> list[str]:
+    """One phrase per fault, with the dotted path of the key, e.g. `segment.extension_s: ... (got -1)`."""
+    reasons = []
+    for fault in error.errors():
+        where = ".".join([key, *(str(part) for part in fault["loc"])])
+        if fault["type"] == "extra_forbidden":
+            reasons.append(f"{where}: unknown parameter")
+        elif isinstance(fault["input"], dict) and "error" in fault.get(
+            "ctx", {}
+        ):  # of several values together
+            reasons.append(f"{where}: {fault['ctx']['error']}")
+        else:
+            reasons.append(f"{where}: {fault['msg']} (got {reprlib.repr(fault['input'])})")
+    return reasons
+
+
+Seeds = Annotated[list[NonNegativeInt], Field(min_length=1)]
+
+
+class Population(Parameters):
+    """Seeds of the people, sensors, robots or scenes that a testbed's results are over.
+
+    Constants were chosen on `tuning`, verdicts rest on `test`, and no seed may be in both. The first of
+    `tuning` is who recordings and first figures show.
+    """
+
+    tuning: Seeds
+    test: Seeds
+
+    @model_validator(mode="after")
+    def _are_apart(self) -> "Population":
+        for name in ("tuning", "test"):
+            seeds = getattr(self, name)
+            if len(set(seeds)) < len(seeds):
+                raise ValueError(f"a seed of `{name}` stands twice: {seeds}")
+        if shared := sorted(set(self.tuning) & set(self.test)):
+            raise ValueError(f"seeds {shared} are in `tuning` and in `test`: nothing may be judged on them")
+        return self
+
+    @property
+    def shown(self) -> int:
+        """Seed of the one that recordings and first figures show."""
+        return self.tuning[0]

@@ -1,0 +1,120 @@
+"""Publishing: a file or a folder appears at its place when it is complete, or not at all.
+
+It is written beside its place under a temporary name, brought to the disk, and moved in place, so neither a
+killed stage nor a power cut leaves anything half-written, and two processes never write one target.
+"""
+
+import errno
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from structlearn.core.errors import InputError
+
+
+@contextmanager
+def publish(target: str | Path) -> Iterator[Path]:
+    """Give a temporary path beside `target`; move what was written there in place on success.
+
+    The caller writes a file at the path, or makes a folder of it. Nothing appears at `target` when the body
+    raises, and what stood there before stays.
+
+    Args:
+        target: the final path; parent folders are made.
+
+    Yields:
+        The temporary path; it has the target's suffix, for writers that look at it.
+
+    Raises:
+        InputError: the disk is full or may not be written on, or another process publishes the same target.
+    """
+    target = Path(target)
+    with _writable(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        workspace = target.parent / f".publish-{target.name}"
+        with _alone_in(workspace, target):
+            replaced, temporary = workspace / "replaced", workspace / target.name
+            if replaced.exists() and not target.exists():  # killed between the two moves below
+                replaced.rename(target)
+            _empty(workspace)  # left by a killed run
+            try:
+                yield temporary
+                _to_disk(temporary)
+                if target.is_dir() and temporary.exists():  # nothing written: the old content stays
+                    target.rename(replaced)  # a folder cannot be replaced in one step
+                os.replace(temporary, target)
+                _to_disk(target.parent, deep=False)
+            finally:
+                shutil.rmtree(workspace, ignore_errors=True)
+
+
+OF_THE_DISK = {
+    getattr(errno, name)
+    for name in ("ENOSPC", "EDQUOT", "EFBIG", "EROFS", "EACCES", "EPERM", "ENAMETOOLONG", "ENOTDIR")
+}
+"""Write errors caused by the machine."""
+
+
+@contextmanager
+def _writable(target: Path) -> Iterator[None]:
+    """Say in one line why a target cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or error.errno not in OF_THE_DISK:
+            raise
+        raise InputError(f"{target}: cannot be written: {os.strerror(error.errno)}") from error
+
+
+_locks: set[int] = set()  # open files by which this process holds its workspaces
+
+
+@contextmanager
+def _alone_in(workspace: Path, target: Path) -> Iterator[None]:
+    """Make a workspace, or take over that of a killed process, and hold it against all others."""
+    while True:
+        workspace.mkdir(exist_ok=True)
+        lock = os.open(workspace, os.O_RDONLY)
+        _locks.add(lock)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if workspace.exists() and os.path.samestat(os.fstat(lock), workspace.stat()):
+                yield
+                return
+        except BlockingIOError as error:  # whoever had it before us may have removed it: then try again
+            raise InputError(f"{target}: another process is writing it") from error
+        finally:
+            _locks.discard(lock)
+            os.close(lock)
+
+
+def _let_go() -> None:
+    """In a forked process: the workspaces are its parent's, and free when that is killed."""
+    while _locks:
+        os.close(_locks.pop())
+
+
+os.register_at_fork(after_in_child=_let_go)
+
+
+def _empty(folder: Path) -> None:
+    for entry in folder.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        else:
+            entry.unlink()
+
+
+def _to_disk(path: Path, deep: bool = True) -> None:
+    """Wait until a file, or a folder with all below it, has reached the disk."""
+    inside = path.rglob("*") if deep and path.is_dir() else ()
+    for entry in (*inside, path):
+        if entry.exists() and not entry.is_symlink():
+            file = os.open(entry, os.O_RDONLY)
+            try:
+                os.fsync(file)
+            finally:
+                os.close(file)

@@ -1,0 +1,387 @@
+"""Supervised data of corrected demonstrations: sensor deviations, coupling targets (IV.9.1.3, eq. IV.22).
+
+Poses come at 300 Hz, electrodes at 100 Hz with clocks of their own; reading a demonstration puts them on one
+clock (`readers.clock`). Everything here is on that clock; the data are thinned to the sensor's rate, since
+samples in between would be interpolations that count twice.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, field_validator
+
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.core.frames import local_frame
+from structlearn.core.params import Parameters
+from structlearn.core.signals import low_pass
+from structlearn.feedback.coupling import AXES, Axis, direction, orientation_target, reach_target, turns
+from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
+from structlearn.primitives import canonical
+from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.trajectory import (
+    OrientationTrajectory,
+    Trajectory,
+    differentiated,
+    differentiated_orientation,
+)
+from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
+from structlearn.readers.demonstration import Demonstration
+
+Setting = TypeVar("Setting", float, str)
+
+Cuts = Mapping[str, pd.DataFrame]
+"""Segments by the primitive's name: index demonstration, columns `start_s` and `end_s`."""
+
+
+class ExpectedTracesParameters(Parameters):
+    """Nominal executions in the default setting, and the expected traces learned from them."""
+
+    runs: int = Field(ge=1, le=1000)
+    level_runs: int = Field(ge=0, le=1000)
+    smoothing_hz: float = Field(gt=0)
+
+
+TACTILE, WRENCH = "tactile", "wrench"
+
+Sensor = Literal["tactile", "wrench"]
+"""Sensors: counts of all electrodes, or force in N and torque in N m."""
+
+WRENCH_CHANNELS = 6
+
+
+class CorrectionParameters(Parameters):
+    """Parameters of the supervised data. Fields: `params.yaml`, `coupling_dataset`."""
+
+    primitives: tuple[str, ...] = Field(min_length=1)
+    axes: tuple[Axis, ...] = Field(min_length=1)
+    sensors: tuple[Sensor, ...] = Field(min_length=1)
+    smoothing_hz: float = Field(gt=0)
+    target_hz: float = Field(gt=0)
+    rate_hz: float = Field(gt=0)
+
+    @field_validator("axes", "sensors")
+    @classmethod
+    def _each_once(cls, values: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(values)) < len(values):
+            raise ValueError("holds one of them twice")
+        return values
+
+
+class SupervisionParameters(CorrectionParameters):
+    """The same on a board that tilts; settings that are not learned from test generalisation."""
+
+    settings_deg: tuple[float, ...] = Field(min_length=1)
+
+    @field_validator("axes")
+    @classmethod
+    def _one_turn(cls, axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
+        if len(axes) != 1 or not turns(axes[0]):
+            raise ValueError("the board tilts about one axis: name one of rx, ry, rz")
+        return axes
+
+    @property
+    def axis(self) -> Axis:
+        """The roll axis."""
+        return self.axes[0]
+
+    @property
+    def unit_axis(self) -> np.ndarray:
+        """Its direction (3,)."""
+        return direction(self.axis)
+
+
+def learn_expected(
+    runs: Sequence[Demonstration], cuts: Cuts, smoothing_hz: float, sensors: Sequence[Sensor]
+) -> dict[str, VectorPrimitive]:
+    """Expected traces of every primitive from nominal executions (associative skill memory).
+
+    `runs`: executions in the default setting. `cuts`: of these runs; those that are not in it are left out.
+    `smoothing_hz`: low-pass of the traces; about 12 / duration is what 25 kernels resolve. Returns by
+    primitive, a vector primitive with one dimension per channel. Raises InputError: a run has no stream of a
+    sensor.
+    """
+    traces = {run.name: without_offset(felt(run, sensors)) for run in runs}
+    return {
+        name: fit_expected_traces(
+            [_part(traces[run.name], run, table.loc[run.name]) for run in runs if run.name in table.index],
+            runs[0].dt,
+            smoothing_hz,
+        )
+        for name, table in cuts.items()
+    }
+
+
+@dataclass(frozen=True)
+class CorrectedPrimitive:
+    """One primitive in one corrected demonstration; paths are None where no such axis is asked for."""
+
+    time: np.ndarray  # (T,) s since the primitive's start
+    point: Trajectory | None  # (T, 3) corrected position, smoothed
+    turn: OrientationTrajectory | None  # (T, 4) corrected orientation, smoothed
+    deviation: np.ndarray  # (T, D) of the sensors
+    target: np.ndarray  # (T, 6) coupling term on each of `coupling.AXES`; 0 where its path is None
+    groups: tuple[int, ...]  # of `CouplingDataset`
+
+
+def corrected_primitive(
+    demonstration: Demonstration,
+    cut: pd.Series,
+    primitive: PosePrimitive,
+    expected: VectorPrimitive,
+    parameters: CorrectionParameters,
+) -> CorrectedPrimitive:
+    """Supervised data of one primitive in one corrected demonstration.
+
+    `cut`: `start_s` and `end_s` of the primitive in it. Returns signals on the demonstration's clock, from
+    the primitive's start to its end. Raises InputError: orientation or a sensor's stream is missing, or the
+    primitive turns beyond half a circle.
+    """
+    dt, ticks = demonstration.dt, _ticks(demonstration, cut)
+    time, deviating = executed_primitive(demonstration, cut, expected, parameters.sensors)
+    target, point, turn = np.zeros((len(time), len(AXES))), None, None
+    if not all(map(turns, parameters.axes)):
+        point = differentiated(demonstration.position, dt, parameters.smoothing_hz).cut(*ticks)
+        target[:, :3] = low_pass(reach_target(point, primitive.position), dt, parameters.target_hz)
+    if any(map(turns, parameters.axes)):
+        if demonstration.orientation is None or not isinstance(primitive.orientation, QuaternionPrimitive):
+            raise InputError(
+                f"{demonstration.name}: '{primitive.name}' needs orientations, and a turn of less than half "
+                "a circle, to learn a correction"
+            )
+        turn = differentiated_orientation(demonstration.orientation, dt, parameters.smoothing_hz).cut(*ticks)
+        target[:, 3:] = low_pass(orientation_target(turn, primitive.orientation), dt, parameters.target_hz)
+    groups = channel_groups(demonstration, parameters.sensors)
+    return CorrectedPrimitive(time, point, turn, deviating, target, groups)
+
+
+def executed_primitive(
+    run: Demonstration, cut: pd.Series, expected: VectorPrimitive, sensors: Sequence[Sensor]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sensor deviations of one primitive in an execution.
+
+    `run`: complete, since the sensors' offset is taken at its start. `cut`: `start_s` and `end_s` of the
+    primitive in it. Returns (T,) s since the primitive's start, and (T, D) deviations. Raises InputError: a
+    sensor's stream is missing, or has other channels than the expected traces.
+    """
+    trace = _part(without_offset(felt(run, sensors)), run, cut)
+    if trace.shape[1] != len(expected.start):
+        raise InputError(
+            f"{run.name}: has {trace.shape[1]} channels of {' and '.join(sensors)}, the expected traces have "
+            f"{len(expected.start)}"
+        )
+    return run.dt * np.arange(len(trace)), deviation(expected, trace, run.dt)
+
+
+def felt(run: Demonstration, sensors: Sequence[Sensor]) -> np.ndarray:
+    """Readings (T, D) of the sensors of a run, side by side. Raises InputError: one was not recorded."""
+    for sensor in sensors:
+        if getattr(run, sensor) is None:
+            raise InputError(f"{run.name}: has no {sensor} stream, which feedback is learned from")
+    return np.column_stack([getattr(run, sensor) for sensor in sensors])
+
+
+def channel_groups(run: Demonstration, sensors: Sequence[Sensor]) -> tuple[int, ...]:
+    """`CouplingDataset.groups` of what a run felt: counts, N and N m each are a group; none where all are."""
+    groups = [(3, 3) if sensor == WRENCH else (getattr(run, sensor).shape[1],) for sensor in sensors]
+    return sum(groups, ()) if sum(map(len, groups)) > 1 else ()
+
+
+def sensor_channels(
+    sensors: Sequence[Sensor], expected: Mapping[str, VectorPrimitive]
+) -> tuple[tuple[str, int], ...]:
+    """Sensors with their numbers of channels, of which expected traces have the sum; none without traces."""
+    if not expected:
+        return ()
+    total = len(next(iter(expected.values())).start)
+    tactile = total - WRENCH_CHANNELS * (WRENCH in sensors)
+    return tuple((sensor, WRENCH_CHANNELS if sensor == WRENCH else tactile) for sensor in sensors)
+
+
+def require_parts(
+    names: Sequence[str], primitives: Sequence[PosePrimitive], expected: Mapping[str, VectorPrimitive]
+) -> None:
+    """Check that feedback can be learned for the primitives of these names.
+
+    Raises InputError: there is no such primitive, or nothing is expected of its sensors.
+    """
+    known = [primitive.name for primitive in primitives]
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"coupling_dataset.primitives: there is no primitive '{name}' among {', '.join(known)}"
+            )
+        if name not in expected:
+            raise InputError(f"no expected traces of '{name}', which feedback is learned from")
+
+
+def coupling_dataset(
+    demonstrations: Mapping[Setting, Sequence[Demonstration]],
+    cuts: Mapping[Setting, pd.DataFrame],
+    primitive: PosePrimitive,
+    expected: VectorPrimitive,
+    parameters: CorrectionParameters,
+) -> tuple[dict[Axis, CouplingDataset], pd.DataFrame]:
+    """Supervised data of one primitive, and how well they hold together.
+
+    `demonstrations`: corrected ones by setting, in degrees or by label. `cuts`: the primitive's segments by
+    setting; demonstrations that are not in it are left out. Raises InputError: no demonstration could be cut,
+    or one lacks a stream.
+
+    Returns:
+        The dataset of each axis, and one row per demonstration: `setting` (`setting_deg` if it is a number),
+        `demonstration`, `name`; with axes of rotation `reproduction_deg`, largest distance between the
+        demonstration and the primitive unrolled with the target on these axes alone; `smoothing_deg`, rms of
+        what the low-pass took away; `others`, rms of the target about the other axes relative to the rms
+        about these; with axes of position likewise `reproduction_m`, `smoothing_m` and `others_position`.
+    """
+    parts, checks = [], []
+    for setting, runs in demonstrations.items():
+        for number, run in enumerate(runs):
+            if run.name not in cuts[setting].index:  # could not be cut, and failures are to be skipped
+                continue
+            cut = cuts[setting].loc[run.name]
+            corrected = corrected_primitive(run, cut, primitive, expected, parameters)
+            parts.append(coupling_samples(corrected, setting, number, parameters))
+            key = "setting" if isinstance(setting, str) else "setting_deg"
+            keys = {key: setting, "demonstration": number, "name": run.name}
+            checks.append(keys | _checks(corrected, run, cut, primitive, parameters.axes))
+    if not parts:
+        raise InputError(f"'{primitive.name}' was cut in none of the corrected demonstrations")
+    datasets = {axis: concatenated([part[axis] for part in parts]) for axis in parameters.axes}
+    return datasets, pd.DataFrame(checks)
+
+
+def coupling_samples(
+    corrected: CorrectedPrimitive, setting: float | str, number: int, parameters: CorrectionParameters
+) -> dict[Axis, CouplingDataset]:
+    """Supervised data of each axis from one corrected primitive.
+
+    `setting`: in degrees, or its label. `parameters`: axes, and the samples per second that are kept.
+    """
+    one, key = corrected, (setting, number)
+    return {
+        axis: _samples(
+            one.time, one.deviation, one.target[:, AXES.index(axis)], key, parameters.rate_hz, one.groups
+        )
+        for axis in parameters.axes
+    }
+
+
+def level_dataset(
+    runs: Sequence[Demonstration],
+    cuts: pd.DataFrame,
+    expected: VectorPrimitive,
+    parameters: CorrectionParameters,
+    setting: float | str = 0.0,
+) -> CouplingDataset:
+    """Supervised data of executions in the default setting, with c_target = 0.
+
+    Args:
+        runs: nominal executions in the default setting.
+        cuts: the primitive's segments in them; executions that are not in it are left out.
+        expected: the primitive's expected traces.
+        parameters: sensors, and the samples per second that are kept.
+        setting: the default one; that of a board is level.
+    """
+    parts = []
+    for number, run in enumerate(runs):
+        if run.name in cuts.index:
+            time, deviation = executed_primitive(run, cuts.loc[run.name], expected, parameters.sensors)
+            groups = channel_groups(run, parameters.sensors)
+            none = np.zeros(len(time))
+            parts.append(_samples(time, deviation, none, (setting, number), parameters.rate_hz, groups))
+    return concatenated(parts)
+
+
+def _samples(
+    time: np.ndarray,
+    deviation: np.ndarray,
+    target: np.ndarray,
+    key: tuple[float | str, int],
+    rate_hz: float,
+    groups: tuple[int, ...],
+) -> CouplingDataset:
+    """Samples of one primitive in one execution; `key` is its setting and its number there."""
+    kept = slice(None, None, max(1, round(1.0 / (rate_hz * (time[1] - time[0])))))
+    duration, time = time[-1], time[kept]
+    p, u = canonical.phase(time, canonical.time_constant(duration))
+    setting, number = key
+    return CouplingDataset(
+        deviation=deviation[kept],
+        phase=p,
+        phase_velocity=u,
+        target=target[kept],
+        setting=np.full(len(time), setting),
+        demonstration=np.full(len(time), number),
+        time=time,
+        groups=groups,
+    )
+
+
+def _checks(
+    corrected: CorrectedPrimitive,
+    run: Demonstration,
+    cut: pd.Series,
+    primitive: PosePrimitive,
+    axes: Sequence[Axis],
+) -> dict[str, float]:
+    """What `coupling_dataset` tells of each demonstration."""
+    found, (point, turn) = {}, (corrected.point, corrected.turn)
+    if turn is not None and primitive.orientation is not None and run.orientation is not None:
+        chosen = np.isin(AXES[3:], axes)
+        along = np.where(chosen, corrected.target[:, 3:], 0.0)
+        again = primitive.orientation.unroll(
+            turn.dt,
+            start=turn.orientation[0],
+            duration=turn.duration,
+            velocity=turn.angular_velocity[0],
+            acceleration=turn.angular_acceleration[0],
+            coupling=lambda k, q, w: along[k],
+        )
+        distance = quaternion.angle_between(again.orientation, turn.orientation)
+        smoothing = quaternion.angle_between(turn.orientation, _part(run.orientation, run, cut))
+        found["reproduction_deg"] = float(np.degrees(distance.max()))
+        found["smoothing_deg"] = float(np.degrees(np.sqrt(np.mean(smoothing**2))))
+        found["others"] = _others(corrected.target[:, 3:], chosen)
+    if point is not None:
+        chosen = np.isin(AXES[:3], axes)
+        frame = local_frame(point.position[0], primitive.position.goal, primitive.position.frame)
+        shift = np.where(chosen, corrected.target[:, :3], 0.0) @ frame
+        moved = primitive.position.unroll(
+            point.dt,
+            start=point.position[0],
+            duration=point.duration,
+            velocity=point.velocity[0],
+            acceleration=point.acceleration[0],
+            coupling=lambda k, x, xd: shift[k],
+        )
+        distance = np.linalg.norm(moved.position - point.position, axis=1)
+        smoothing = np.linalg.norm(point.position - _part(run.position, run, cut), axis=1)
+        found["reproduction_m"] = float(distance.max())
+        found["smoothing_m"] = float(np.sqrt(np.mean(smoothing**2)))
+        found["others_position"] = _others(corrected.target[:, :3], chosen)
+    return found
+
+
+def _others(target: np.ndarray, chosen: np.ndarray) -> float:
+    """Root mean square of a target (T, 3) on axes that are not chosen (3,), relative to those that are."""
+    if chosen.all():
+        return 0.0
+    left = np.sqrt(np.mean(np.where(chosen, 0.0, target) ** 2) * 3 / np.sum(~chosen))
+    return float(left / max(np.sqrt(np.mean(target[:, chosen] ** 2)), 1e-12))
+
+
+def _ticks(demonstration: Demonstration, cut: pd.Series) -> tuple[int, int]:
+    """First and last sample of a primitive."""
+    first, last = (round(float(cut[end]) / demonstration.dt) for end in ("start_s", "end_s"))
+    return max(first, 0), min(last, len(demonstration.time) - 1)
+
+
+def _part(signal: np.ndarray, demonstration: Demonstration, cut: pd.Series) -> np.ndarray:
+    first, last = _ticks(demonstration, cut)
+    return signal[first : last + 1]

@@ -1,0 +1,175 @@
+"""The files of a source, whatever their format, and each of them opened as a `Bag`.
+
+| file | what |
+|---|---|
+| `.mcap` | ROS 2 bag, also `.mcap.zstd` (a file compressed as a whole) |
+| `.db3` | ROS 2 bag of the older storage, also `.db3.zstd`; needs the extra `bags` |
+| `.bag` | ROS 1 bag; needs the extra `bags` |
+| `.csv`, `.parquet` | table of poses (see `pose_table`); only where a folder has no bags |
+
+A bag may be a folder with `metadata.yaml`, split over several files. Messages that were compressed one by one
+are unpacked.
+"""
+
+import re
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
+from typing import Literal
+
+from structlearn.core.errors import InputError
+from structlearn.core.params import NAME, read_values
+from structlearn.readers.bag import COMPRESSED, Bag, joined, read_bag, unpacked_messages
+from structlearn.readers.pose_table import read_pose_table
+from structlearn.readers.rosbags_reader import read_db3, read_ros1_bag
+from structlearn.readers.shape_table import FILE as SHAPE_FILE
+
+Format = Literal["mcap", "db3", "bag", "table"]
+
+SUFFIXES: dict[str, Format] = {
+    ".mcap": "mcap",
+    f".mcap{COMPRESSED}": "mcap",
+    ".db3": "db3",
+    f".db3{COMPRESSED}": "db3",
+    ".bag": "bag",
+    ".csv": "table",
+    ".parquet": "table",
+}
+
+READERS: dict[Format, Callable[[Path, Collection[str]], Bag]] = {
+    "mcap": read_bag,
+    "db3": read_db3,
+    "bag": read_ros1_bag,
+}
+
+METADATA = "metadata.yaml"
+"""What makes a folder a ROS 2 bag."""
+
+
+@dataclass(frozen=True)
+class RecordingFile:
+    """One recording as it lies on the disk.
+
+    Attributes:
+        name: of the recording: the file's stem, or where a bag is split the name of its folder.
+        format: how it is stored.
+        paths: the file; where a bag is split, its files in their order.
+    """
+
+    name: str
+    format: Format
+    paths: tuple[Path, ...]
+
+    @property
+    def path(self) -> Path:
+        """What stands for it in messages: the file, or the folder of a bag that is split."""
+        return self.paths[0] if len(self.paths) == 1 else self.paths[0].parent
+
+
+def recording_files(source: str | Path) -> list[RecordingFile]:
+    """Every recording of a source, in natural order of their names: 2 before 10.
+
+    A source is one file; a folder of files; a ROS 2 bag (folder with metadata.yaml); or a folder of such
+    bags. `~` is the home folder. Hidden and other files are passed over, and tables where there are bags.
+
+    Raises:
+        InputError: there is no such source or nothing in it, a file of a bag is missing, a bag has files of
+            several kinds, or two recordings have one name or one that can be no name; the message names it.
+    """
+    source = Path(source).expanduser()
+    if not source.exists():
+        raise InputError(f"{source}: no such file or folder")
+    if not source.is_dir():
+        return [as_recording_file(source)]
+    folders = [source, *sorted(path.parent for path in source.glob(f"*/{METADATA}"))]
+    found = [file for folder in folders for file in _bags(folder)] or _files(source, ("table",))
+    if not found:
+        raise InputError(f"{source}: holds no bag (.mcap, .db3, .bag) and no table (.csv, .parquet)")
+    for file in found:
+        check_name(file.name, str(file.path))
+    check_unique([file.name for file in found], str(source))
+    return sorted(found, key=lambda file: natural_order(file.name))
+
+
+def as_recording_file(path: Path) -> RecordingFile:
+    """A lone file; one whose name does not say what it is has to be MCAP. `~` is the home folder."""
+    path = path.expanduser()
+    suffix = _suffix(path)
+    return RecordingFile(path.name.removesuffix(suffix) or path.name, SUFFIXES.get(suffix, "mcap"), (path,))
+
+
+def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
+    """Topics with their types, and messages (ROS 2, CDR) of those that are wanted, of a file of any format.
+
+    Raises:
+        InputError: the file cannot be read, is damaged, or needs the extra `bags`, which is not installed.
+    """
+    for path in file.paths:
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise InputError(f"{path}: cannot be read: not a file")
+    if file.format == "table":
+        return read_pose_table(file.paths[0])
+    bag = joined([READERS[file.format](path, topics) for path in file.paths])
+    plain = {
+        topic: unpacked_messages(f"{file.path}: topic '{topic}'", messages)
+        for topic, messages in bag.messages.items()
+    }
+    return replace(bag, messages=plain)
+
+
+def natural_order(name: str) -> list[str | int]:
+    """Key that sorts runs of digits in a name as numbers; odd places are numbers, so keys compare."""
+    return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"(\d+)", name))]
+
+
+def check_name(name: str, where: str) -> None:
+    """Refuse what can be no name of a recording."""
+    if not re.fullmatch(NAME, name):
+        raise InputError(
+            f"{where}: '{name}' cannot be a name: it needs a letter or digit first, then such, spaces and "
+            "_ . + - ( )"
+        )
+
+
+def check_unique(names: Sequence[str], where: str) -> None:
+    """Refuse names that several recordings have."""
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(f"{where}: several recordings have the name {', '.join(repeated)}")
+
+
+def _suffix(path: Path) -> str:
+    """The end of a file's name that says what it is."""
+    return "".join(path.suffixes[-2:]) if path.suffix == COMPRESSED else path.suffix
+
+
+def _files(folder: Path, formats: Collection[str]) -> list[RecordingFile]:
+    """Files of some formats in natural order; tables of shapes are no recordings."""
+    paths = [
+        path
+        for path in folder.iterdir()
+        if SUFFIXES.get(_suffix(path)) in formats
+        and not path.name.startswith(".")
+        and not path.name.endswith(SHAPE_FILE)
+    ]
+    return [as_recording_file(path) for path in sorted(paths, key=lambda path: natural_order(path.name))]
+
+
+def _bags(folder: Path) -> list[RecordingFile]:
+    """Bags in a folder: its files one by one, unless it is a bag that is split over them."""
+    files = _files(folder, READERS)
+    if not (folder / METADATA).exists():
+        return files
+    content = read_values(folder / METADATA)
+    information = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    listed = information.get("relative_file_paths") if isinstance(information, dict) else None
+    present = {path.name.removesuffix(COMPRESSED) for file in files for path in file.paths}
+    for name in [PurePath(str(name)).name for name in listed] if isinstance(listed, list) else []:
+        if name.removesuffix(COMPRESSED) not in present:
+            raise InputError(f"{folder}: the bag's file {name}, which {METADATA} names, is missing")
+    if len(files) < 2:
+        return files
+    formats = sorted({file.format for file in files})
+    if len(formats) > 1:
+        raise InputError(f"{folder}: the bag has files of several kinds: {', '.join(formats)}")
+    return [RecordingFile(folder.name, formats[0], tuple(file.paths[0] for file in files))]

@@ -1,0 +1,130 @@
+"""Public recordings of a magnetic skin that a probe presses at known places, and with a known force.
+
+Files of the repository notvenky/eFlesh (V. Pattabiraman et al., "eFlesh: highly customizable magnetic touch
+sensing using cut-cell microstructures"), folder `characterization/datasets`. The skin's 15 channels and the
+probe have clocks of their own; readings take the state of the nearest time.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.series_table import Series, write_series
+from structlearn.readers.text_log import check_rising, read_each, read_stamped_table, source_provenance
+
+REPOSITORY = "https://github.com/notvenky/eFlesh"
+COMMIT = "ab5ca56a87df7cbf59264138998bf74efc216b13"
+LICENCE = "MIT"
+
+CHANNELS = tuple(f"{magnetometer}{axis}" for magnetometer in range(1, 6) for axis in "xyz")
+"""Five magnetometers, three axes each, in the order of the columns."""
+
+PRESSES, STROKES = "presses", "strokes"
+FOLDERS = {PRESSES: "spatial_resolution", STROKES: "normal_force"}
+"""Kinds of runs: over a grid of places, and up and down at one place on a scale."""
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2: the scale weighs in grams."""
+
+MISSING = -1.0
+"""What the log holds where the scale gave no reading."""
+
+PLACE = ["x_m", "y_m", "z_m"]
+UNITS = {"time_s": "s", "force_n": "N"} | dict.fromkeys(PLACE, "m")
+
+
+@dataclass(frozen=True)
+class ProbeRun:
+    """One run of the probe, a row per reading of the skin.
+
+    Attributes:
+        name: of its folder.
+        time: (N,) s since its first reading.
+        place: (N, 3) m, commanded position of the probe; z points away from the skin.
+        counts: (N, 15) readings less the resting ones.
+        force: (N,) N on the scale, NaN where it gave no reading; NaN throughout where there was no scale.
+        provenance: where the files come from.
+    """
+
+    name: str
+    time: np.ndarray
+    place: np.ndarray
+    counts: np.ndarray
+    force: np.ndarray
+    provenance: dict[str, str] = field(default_factory=dict)
+
+
+def read_runs(folder: str | Path, kind: str, left_out: dict[str, str] | None = None) -> list[ProbeRun]:
+    """All runs of one kind, `PRESSES` or `STROKES`, in the order of their names, which are times."""
+    folder = Path(folder)
+    paths = sorted(path.parent for path in (folder / FOLDERS[kind]).glob("*/states.csv"))
+    return read_each(lambda path: read_run(path, folder, kind == STROKES), paths, left_out)
+
+
+def read_run(path: Path, root: Path, on_scale: bool) -> ProbeRun:
+    """One run from a folder below the data set's; `on_scale`: its states end with a scale's reading.
+
+    Raises:
+        InputError: a file is missing or no table of its columns, times do not rise, a reading has no state
+            near it, or the scale reads a negative weight that does not stand for a missing one.
+    """
+    files = [path / "states.csv", path / "sensor_post_baselines.csv"]
+    stamps, states = read_stamped_table(files[0], 5 if on_scale else 4, separator=",")
+    sensed, counts = read_stamped_table(files[1], 1 + len(CHANNELS), separator=",")
+    for file, times in zip(files, (stamps, sensed), strict=True):
+        check_rising(file, times)
+    rows = nearest_rows(stamps, sensed)
+    away = np.abs(stamps[rows] - sensed)
+    if len(stamps) > 1 and away.max() > np.median(np.diff(stamps)):
+        row = int(np.argmax(away))
+        raise InputError(
+            f"{files[1]}: line {row + 1} is {away[row] * 1e-9:.3f} s from any state in {files[0]}"
+        )
+    grams = states[rows, 3] if on_scale else np.full(len(rows), MISSING)
+    wrong = np.flatnonzero((grams < 0) & (grams != MISSING))
+    if len(wrong):
+        raise InputError(f"{files[0]}: line {rows[wrong[0]] + 1}: the scale reads {grams[wrong[0]]:g} g")
+    return ProbeRun(
+        name=path.name,
+        time=(sensed - sensed[0]) * 1e-9,
+        place=1e-3 * states[rows, :3],
+        counts=counts,
+        force=np.where(grams == MISSING, np.nan, 1e-3 * STANDARD_GRAVITY * grams),
+        provenance=source_provenance(REPOSITORY, COMMIT, LICENCE, root, files),
+    )
+
+
+def nearest_rows(stamps: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Rows of rising stamps (T,) that are nearest to those asked for (N,), the earlier one of a tie."""
+    after = np.searchsorted(stamps, asked).clip(1, max(len(stamps) - 1, 1))
+    after = np.minimum(after, len(stamps) - 1)
+    before = np.maximum(after - 1, 0)
+    return np.where(asked - stamps[before] <= stamps[after] - asked, before, after)
+
+
+def read_all_runs(folder: str | Path, left_out: dict[str, str] | None = None) -> dict[str, list[ProbeRun]]:
+    """Runs of all kinds, by kind; `left_out`: see `text_log.read_each`.
+
+    Raises:
+        MissingInputError: there is no run over places.
+        InputError: see `read_run`.
+    """
+    found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
+    if not found[PRESSES]:
+        raise MissingInputError(f"{folder}: holds no run ({FOLDERS[PRESSES]}/RUN/states.csv)")
+    return found
+
+
+def write_runs(found: Mapping[str, Sequence[ProbeRun]], target: Path) -> None:
+    """Write runs by kind as tables into an empty folder, with their provenance."""
+    for kind, runs in found.items():
+        series = []
+        for run in runs:
+            values = np.column_stack([run.time, run.force, run.place, run.counts])
+            columns = dict(zip([*UNITS, *CHANNELS], values.T, strict=True))
+            series.append(Series(run.name, columns, run.provenance))
+        if runs:
+            write_series(series, UNITS | dict.fromkeys(CHANNELS, "counts"), target / f"{kind}.parquet")

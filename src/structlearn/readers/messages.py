@@ -1,0 +1,364 @@
+"""Between raw ROS 2 messages and streams: what each message type means.
+
+Stamps. A topic whose messages have a header is stamped by the header: when the sample was taken. Where no
+header stamp of the topic is set (all are zero), for types without a header, and where the user says so, the
+log time stands in: when the recorder got it. The choice is made per topic, so that a simulator's clock may
+start at zero. Joint states are told apart by joint, see `joint_series`.
+
+Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Its first message counts.
+
+Frames. Poses, twists and wrenches are taken as published; that their frame is the robot's base is up to the
+user, unless the pose is named by its frames (see `transforms`).
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from io import BytesIO
+from types import SimpleNamespace
+from typing import Any, Literal
+
+import numpy as np
+from mcap.reader import make_reader
+
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.readers import cdr
+from structlearn.readers.bag import RawMessages, of_one_type
+from structlearn.readers.decoding import (
+    decoded,
+    fields_named,
+    header_stamps,
+    sample_stamps,
+    sequence,
+    table,
+)
+from structlearn.readers.recording import JOINT_KINDS, Form, Kind, NamedShape, Stream
+from structlearn.readers.stamps import StampPolicy, in_order
+from structlearn.readers.topics import Role
+
+FRAME = "base"
+"""Frame of what we write: the robot's base."""
+
+LAST_STAMP = 2**31 * 10**9 - 1
+"""ns: seconds of a header are int32."""
+
+FIELDS: Mapping[Kind, str] = dict(zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True))
+"""Field of a joint state that each kind of stream comes from."""
+
+
+MESSAGE_TYPES: Mapping[Kind, str] = {
+    "pose": "geometry_msgs/msg/PoseStamped",
+    "twist": "geometry_msgs/msg/TwistStamped",
+    "joint_positions": "sensor_msgs/msg/JointState",
+    "joint_velocities": "sensor_msgs/msg/JointState",
+    "joint_torques": "sensor_msgs/msg/JointState",
+    "wrench": "geometry_msgs/msg/WrenchStamped",
+    "tactile": "std_msgs/msg/Float32MultiArray",
+    "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
+}
+"""Type in which each kind of stream is written."""
+
+SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"
+"""Type in which named shapes are written, one message for all: rviz, Foxglove and rerun draw it."""
+
+
+def check_readable(where: str, role: Role | Literal["transforms"], types: Sequence[str]) -> None:
+    """Raise an InputError unless all messages of a topic have one type that can be read in its role."""
+    if len(types) > 1:
+        raise InputError(f"{where} has messages of several types: {', '.join(types)}")
+    if cdr.short_name(types[0]) not in READERS[role]:
+        raise InputError(
+            f"{where} has messages of type {types[0]}; {role} can be read from {', '.join(READERS[role])}"
+        )
+
+
+def to_stream(
+    where: str, topic: str, role: Kind, messages: RawMessages, policy: StampPolicy
+) -> tuple[Stream, str | None]:
+    """Stream of one topic, neither of joint states nor of shapes, and what was done about its stamps.
+
+    Raises:
+        InputError: a message cannot be decoded, lacks a field of its type or has another length than the
+            first one, or stamps do not increase; the error names the row.
+    """
+    groups = decoded(where, messages)
+    short = _type_of(messages)
+    read = READERS[role][short]
+    with fields_named(where):
+        header = None if short in WITHOUT_HEADER else header_stamps(groups)
+        parts = [(group.rows, read(group.message)) for group in groups]
+    stamps = sample_stamps(messages.log_times, header, policy)
+    values = table(where, stamps, parts)
+    if values.shape[1] == 0:
+        raise InputError(f"{where}: messages have no values")
+    if role == "pose":
+        values = np.hstack([values[:, :3], quaternion.from_xyzw(values[:, 3:])])
+    elif role == "tool_to_board":
+        values = quaternion.from_xyzw(values)
+    rows, note = in_order(where, stamps, policy)
+    if note is not None:
+        stamps, values = stamps[rows], values[rows]
+    return Stream(topic, role, stamps, values), note
+
+
+def to_messages(where: str, stream: Stream) -> RawMessages:
+    """Messages of a stream, one per row.
+
+    Counts of tactile sensors are float32: whole numbers up to 2^24 are exact. All other values keep their 64
+    bits. The stamp goes into the header where the type has one.
+
+    Raises:
+        InputError: a stamp is negative or beyond what a header holds, a tactile count beyond float32.
+    """
+    values = stream.values
+    if stream.kind in JOINT_KINDS:
+        names = stream.joints or [f"joint_{joint + 1}" for joint in range(values.shape[1])]
+        return joint_messages(where, names, stream.stamps, {stream.kind: values})
+    if stream.kind == "pose":
+        values = np.hstack([values[:, :3], quaternion.to_xyzw(values[:, 3:])])
+    elif stream.kind == "tool_to_board":
+        values = quaternion.to_xyzw(values)
+    lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
+    message_type = MESSAGE_TYPES[stream.kind]
+    content, columns = _blank(where, message_type, stream.stamps, (), lengths)
+    places = READERS[stream.kind][cdr.short_name(message_type)](columns)
+    with np.errstate(over="ignore"):
+        for place, column in zip(places, values.T, strict=True):
+            place[:] = column
+    if np.isinf(places).any():
+        raise InputError(f"{where}: a count is too large for float32")
+    return of_one_type(message_type, definition(message_type), stream.stamps, content)
+
+
+def joint_messages(
+    where: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
+) -> RawMessages:
+    """Joint states, one per row: (T,) int64 ns, and (T, J) of each kind that is filled.
+
+    Raises:
+        InputError: a stamp is negative or beyond what a header holds.
+    """
+    message_type = MESSAGE_TYPES["joint_positions"]
+    lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
+    content, columns = _blank(where, message_type, stamps, names, lengths)
+    for kind, its in values.items():
+        getattr(columns, FIELDS[kind])[:] = its
+    return of_one_type(message_type, definition(message_type), stamps, content)
+
+
+def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
+    """Shapes of the first message of a topic of markers, in their order.
+
+    A marker is named by its namespace, with its number behind it where several have the same. Markers of
+    other types (arrows, text, meshes) are passed over.
+
+    Raises:
+        InputError: a message cannot be decoded or lacks a field of its type, or a shape is not finite, has no
+            extent, or no orientation.
+    """
+    (first,) = decoded(where, replace(messages, kinds=messages.kinds[:1], data=messages.data[:1]))
+    with fields_named(where):
+        markers = READERS["obstacles"][_type_of(messages)](first.message)
+        found = [_of_marker(one) for one in markers]
+    spaces = [space for space, _, kind, _ in found if kind in FORMS]
+    shapes = []
+    for space, number, kind, values in found:
+        if kind not in FORMS:
+            continue
+        name = space if spaces.count(space) == 1 else f"{space} {number}"
+        position, orientation, size = np.split(values, (3, 7))
+        if not (np.isfinite(values).all() and (size > 0).all()):
+            raise InputError(f"{where}: shape '{name}' needs a finite pose and a positive size")
+        length = np.linalg.norm(orientation)
+        if not length > 0:
+            raise InputError(f"{where}: shape '{name}' has the orientation 0, 0, 0, 0")
+        turned = quaternion.from_xyzw(orientation / length)
+        shapes.append(NamedShape(name, FORMS[kind], position, turned, size))
+    return tuple(shapes)
+
+
+def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
+    """One message of markers with all shapes; their names, which differ, become the namespaces."""
+    seconds, rest = divmod(int(stamp), 10**9)
+    header = {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": FRAME}
+    kinds = {form: kind for kind, form in FORMS.items()}
+    markers = [
+        {
+            "header": header,
+            "ns": shape.name,
+            "type": kinds[shape.form],
+            "pose": {
+                "position": dict(zip("xyz", map(float, shape.position), strict=True)),
+                "orientation": dict(zip("wxyz", map(float, shape.orientation), strict=True)),
+            },
+            "scale": dict(zip("xyz", map(float, shape.size), strict=True)),
+            "color": dict.fromkeys("rgb", 0.5) | {"a": 1.0},  # transparent is invisible
+        }
+        for shape in shapes
+    ]
+    data = np.frombuffer(_encoded(SHAPES_TYPE, {"markers": markers}), dtype=np.uint8)
+    return of_one_type(SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
+
+
+def definition(message_type: str) -> str:
+    """Text of a message definition with those of all nested types, as MCAP's `ros2msg` encoding has it."""
+    names = [cdr.short_name(message_type)]
+    for name in names:  # grows by the types that are met
+        nested = re.findall(r"^(\w+/\w+)", _DEFINITIONS[name], re.MULTILINE)
+        names += [one for one in dict.fromkeys(nested) if one not in names]
+    own, *others = names
+    separator = "=" * 80
+    return _DEFINITIONS[own] + "".join(f"{separator}\nMSG: {one}\n{_DEFINITIONS[one]}" for one in others)
+
+
+def _type_of(messages: RawMessages) -> str:
+    schema = messages.schemas[0]
+    assert schema is not None  # `check_readable` lets none pass
+    return cdr.short_name(schema.name)
+
+
+def _blank(
+    where: str, message_type: str, stamps: np.ndarray, names: Sequence[str], lengths: Mapping[str, int]
+) -> tuple[np.ndarray, SimpleNamespace]:
+    """Messages with stamps, joints' names and sequences of zeros, and columns to fill in the numbers."""
+    if stamps.min() < 0 or stamps.max() > LAST_STAMP:
+        fault = "before 0" if stamps.min() < 0 else "beyond 2^31 s"
+        raise InputError(f"{where}: stamps {fault} cannot be written")
+    template = _template(message_type, tuple(names), tuple(lengths.items()))
+    messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
+    found = cdr.columns(message_type, definition(message_type), messages)
+    assert found is not None  # the template has what we define
+    columns, _ = found
+    if hasattr(columns, "header"):
+        stamp = columns.header.stamp
+        stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
+    return messages, columns
+
+
+@cache
+def _template(message_type: str, names: Sequence[str], lengths: Sequence[tuple[str, int]]) -> bytes:
+    """A message with these names and sequences of zeros."""
+    message = {"header": {"frame_id": FRAME}, "name": names}  # what a type does not have is passed over
+    return _encoded(message_type, message | {field: [0.0] * length for field, length in lengths})
+
+
+def _encoded(message_type: str, message: Mapping[str, Any]) -> bytes:
+    """A message as the library encodes it; fields that are not given are zero or empty."""
+    from mcap_ros2.writer import Writer  # whoever only reads starts sooner without
+
+    file = BytesIO()
+    writer = Writer(file)
+    writer.write_message("/", writer.register_msgdef(message_type, definition(message_type)), message, 0)
+    writer.finish()
+    file.seek(0)
+    ((_, _, record),) = make_reader(file).iter_messages()
+    return record.data
+
+
+def _of_pose(pose: Any) -> Sequence:
+    """x, y, z, then the quaternion in ROS's order x, y, z, w."""
+    return (*_of_vector(pose.position), *_of_quaternion(pose.orientation))
+
+
+def _of_transform(transform: Any) -> Sequence:
+    return (*_of_vector(transform.translation), *_of_quaternion(transform.rotation))
+
+
+def _of_vector(v: Any) -> Sequence:
+    return (v.x, v.y, v.z)
+
+
+def _of_quaternion(q: Any) -> Sequence:
+    return (q.x, q.y, q.z, q.w)
+
+
+def _of_marker(one: Any) -> tuple[str, int, int, np.ndarray]:
+    """Namespace, number, type, and (10,) pose and size; its numbers may be columns of one row."""
+    numbers = [one.id, one.type, *_of_pose(one.pose), *_of_vector(one.scale)]
+    number, kind, *values = (float(np.ravel(value)[0]) for value in numbers)
+    return one.ns, int(number), int(kind), np.array(values)
+
+
+FORMS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}
+"""What a marker's type says; the others are no solids."""
+
+_ARRAYS = [f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")]
+
+WITHOUT_HEADER = {"geometry_msgs/Pose", *_ARRAYS}
+"""Understood types that have no header."""
+
+READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Callable[[Any], Any]]] = {
+    "pose": {
+        "geometry_msgs/PoseStamped": lambda message: _of_pose(message.pose),
+        "geometry_msgs/PoseWithCovarianceStamped": lambda message: _of_pose(message.pose.pose),
+        "geometry_msgs/TransformStamped": lambda message: _of_transform(message.transform),
+        # An odometry's twist is given in the child frame, ours in the base frame: only the pose is taken.
+        "nav_msgs/Odometry": lambda message: _of_pose(message.pose.pose),
+        "geometry_msgs/Pose": _of_pose,
+    },
+    "twist": {
+        "geometry_msgs/TwistStamped": lambda message: (
+            *_of_vector(message.twist.linear),
+            *_of_vector(message.twist.angular),
+        )
+    },
+    "joint_states": {"sensor_msgs/JointState": lambda message: message},
+    "transforms": dict.fromkeys(("tf2_msgs/TFMessage", "tf/tfMessage"), lambda message: message.transforms),
+    "wrench": {
+        "geometry_msgs/WrenchStamped": lambda message: (
+            *_of_vector(message.wrench.force),
+            *_of_vector(message.wrench.torque),
+        )
+    },
+    "tactile": dict.fromkeys(_ARRAYS, lambda message: sequence(message.data)),
+    "tool_to_board": {
+        "geometry_msgs/QuaternionStamped": lambda message: _of_quaternion(message.quaternion),
+        "geometry_msgs/PoseStamped": lambda message: _of_quaternion(message.pose.orientation),
+        "geometry_msgs/TransformStamped": lambda message: _of_quaternion(message.transform.rotation),
+    },
+    "obstacles": {
+        "visualization_msgs/MarkerArray": lambda message: message.markers,
+        "visualization_msgs/Marker": lambda message: [message],
+    },
+}
+"""Message types that can be read in each role, and how a message gives its columns: numbers, or where its
+fields are columns over many messages (`cdr.columns`), arrays."""
+
+_DEFINITIONS = {
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+    "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
+    "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n",
+    "geometry_msgs/QuaternionStamped": "std_msgs/Header header\ngeometry_msgs/Quaternion quaternion\n",
+    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
+    "geometry_msgs/TwistStamped": "std_msgs/Header header\ngeometry_msgs/Twist twist\n",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n",
+    "geometry_msgs/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n",
+    "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data\n",
+    "sensor_msgs/JointState": (
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+    ),
+    "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n",
+    "std_msgs/Float32MultiArray": "std_msgs/MultiArrayLayout layout\nfloat32[] data\n",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride\n",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n",
+    "visualization_msgs/Marker": (
+        "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\n"
+        "geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\nbuiltin_interfaces/Duration lifetime\n"
+        "bool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\n"
+        "string texture_resource\nsensor_msgs/CompressedImage texture\n"
+        "visualization_msgs/UVCoordinate[] uv_coordinates\nstring text\nstring mesh_resource\n"
+        "visualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials\n"
+    ),
+    "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers\n",
+    "visualization_msgs/MeshFile": "string filename\nuint8[] data\n",
+    "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v\n",
+}
+"""Definitions as in ROS 2, without comments and constants. The one library that ships them, `rosbags`, is an
+extra which most have no need of."""

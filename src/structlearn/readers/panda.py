@@ -1,0 +1,60 @@
+"""Public logs of a Franka Emika Panda on exciting trajectories.
+
+Files of the repository marcocognetti/FrankaEmikaPandaDynModel (C. Gaz et al., "Dynamic identification of the
+Franka Emika Panda robot with retrieval of feasible parameters using penalty-based optimization", RA-L 2019).
+Torques are those of the links, gravity included.
+"""
+
+from functools import partial
+from pathlib import Path
+
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.bag_files import natural_order
+from structlearn.readers.joint_log import JointLog
+from structlearn.readers.text_log import read_each, read_stamped_table, read_table, source_provenance
+
+REPOSITORY = "https://github.com/marcocognetti/FrankaEmikaPandaDynModel"
+COMMIT = "24d85ce4e648e2e894c832bfeee9b16711eb1a1a"
+LICENCE = "GPL-3.0"
+
+JOINTS = tuple(f"panda_joint{number}" for number in range(1, 8))
+"""Names in the arm's URDF."""
+
+SIGNALS = {"positions": "positions", "velocities": "velocity", "torques": "torques"}
+"""Signals and the last word of their files' names."""
+
+
+def read_trajectories(folder: str | Path, left_out: dict[str, str] | None = None) -> list[JointLog]:
+    """All motions of a folder of NAME_{positions,velocity,torques,time}.txt, or of folders of them.
+
+    The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six
+    significant digits. Names of folders stand before those of their motions. `left_out`: see `read_each`.
+
+    Raises:
+        MissingInputError: there is no file of positions.
+        InputError: a file is missing, no table of numbers or not of the length that the times ask for.
+    """
+    folder = Path(folder)
+    found = sorted(folder.rglob("*_positions.txt"), key=lambda path: natural_order(path.as_posix()))
+    if not found:
+        raise MissingInputError(f"{folder}: holds no motion (exciting_traj_positions.txt, ...)")
+    return read_each(partial(_read, folder), found, left_out)
+
+
+def _read(folder: Path, positions: Path) -> JointLog:
+    name = positions.name.removesuffix("_positions.txt")
+    paths = {signal: positions.with_name(f"{name}_{word}.txt") for signal, word in SIGNALS.items()}
+    times = positions.with_name(f"{name}_time.txt")
+    stamps, _ = read_stamped_table(times, 1)
+    signals = {}
+    for signal, path in paths.items():
+        values = read_table(path, 1)
+        if values.size != len(stamps) * len(JOINTS):
+            raise InputError(
+                f"{path}: has {values.size} numbers, expected {len(JOINTS)} for each of the {len(stamps)} "
+                f"times in {times.name}"
+            )
+        signals[signal] = values.reshape(len(stamps), len(JOINTS))
+    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [times, *paths.values()])
+    whole_name = "_".join([*times.parent.relative_to(folder).parts, name])
+    return JointLog(whole_name, JOINTS, stamps, **signals, provenance=provenance)

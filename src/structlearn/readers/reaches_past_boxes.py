@@ -1,0 +1,144 @@
+"""Public recordings of people who reach past boxes in virtual reality.
+
+Files of the repository m-hasan-n/hlp ("Human-like Planning for Reaching in Cluttered Environments", ICRA
+2020), in its layout: a table of trials, and per trial the hand at 90 Hz, the boxes and the scene. Unity's
+axes are x right, y up, z forward, left-handed; with y and z exchanged they are x right, y forward, z up,
+right-handed.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.recording import Form, NamedShape, Recording, Stream
+from structlearn.readers.text_log import (
+    check_rising,
+    finite_numbers,
+    read_each,
+    read_rows,
+    read_stamped_table,
+    source_provenance,
+)
+
+REPOSITORY = "https://github.com/m-hasan-n/hlp"
+COMMIT = "5c1d5f29c3550391376da7e98e27a0006bb67ea5"
+LICENCE = "MIT, see LICENSE.md beside the files"
+
+TRIALS = "trials.csv"
+TRIAL_COLUMNS = ("participant", "trial", "type", "start_moved_time", "target_reached_time")
+SHAPE_COLUMNS = ("object", "x", "y", "z", "width", "height", "depth")
+HAND_COLUMNS = 7
+"""Time, position, rotation about Unity's axes."""
+
+TARGET, BOX, BOUNDARY = "target", "box", "boundary"
+"""What names of shapes begin with; there is one target."""
+
+SOURCE_TARGET, SOURCE_BOX = "Target", "FailOnTouchObstacle"
+BOUNDARIES = {f"{side}Boundary": f"{BOUNDARY} {side.lower()}" for side in ("Left", "Right", "Back")}
+"""Walls of the shelf that a hand beside the boxes may meet; its floor and its top are above and below."""
+
+
+def read_reaches_past_boxes(folder: str | Path, left_out: dict[str, str] | None = None) -> list[Recording]:
+    """Trials of all people: the hand's pose, boxes, walls and target as named shapes.
+
+    A trial is recorded as a whole, named like "sub_01_T012"; when the hand had moved and when the target was
+    reached (s since the first stamp) stands in the provenance, with person, trial and type. The folder may be
+    any part of the data set: trials whose folder is missing are passed over. `left_out`:
+    see `text_log.read_each`.
+
+    Raises:
+        MissingInputError: there is no table of trials, or none of its trials.
+        InputError: a file is missing, or a row is not what it should be; the message names file and line.
+    """
+    folder = Path(folder)
+    if not (folder / TRIALS).is_file():
+        raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")
+    known = {}
+    for where, row in read_rows(folder / TRIALS, TRIAL_COLUMNS):
+        number = int(finite_numbers(where, [row["trial"]])[0])
+        times = finite_numbers(where, [row[name] for name in TRIAL_COLUMNS[3:]])
+        trial = folder / row["participant"] / f"T{number:03d}"
+        if trial.is_dir():
+            known[trial] = row, times
+    if not known:
+        raise MissingInputError(f"{folder}: holds none of the trials of {TRIALS} (sub_01/T012, ...)")
+    return read_each(lambda trial: _trial(folder, trial, *known[trial]), known, left_out)
+
+
+def unity_to_base(points: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) of Unity's left-handed axes in the base frame: y and z exchanged."""
+    return np.asarray(points, dtype=float)[..., [0, 2, 1]]
+
+
+def unity_rotation(degrees: np.ndarray) -> np.ndarray:
+    """Orientations of Unity's Euler angles in the base frame.
+
+    Unity turns about z, then x, then y. Exchanging two axes is a reflection: it takes a rotation's axis with
+    it and turns its sense round.
+
+    (..., 3) degrees about Unity's x, y and z -> (..., 4) unit quaternions w, x, y, z.
+    """
+    half = 0.5 * np.radians(degrees)
+    about = np.zeros((3, *half.shape[:-1], 4))
+    for axis in range(3):
+        about[axis, ..., 0] = np.cos(half[..., axis])
+        about[axis, ..., axis + 1] = np.sin(half[..., axis])
+    turned = quaternion.product(about[1], quaternion.product(about[0], about[2]))
+    return np.concatenate([turned[..., :1], -unity_to_base(turned[..., 1:])], axis=-1)
+
+
+def _trial(folder: Path, trial: Path, row: dict[str, str], times: list[float]) -> Recording:
+    """Times in s when the hand had moved, and when the target was reached, on the clock of the stamps."""
+    names = ("HandTracker_movement", "grid_objects_layout", "scene_layout")
+    hand, boxes, scene = (_within(trial, f"{name}_{trial.name}.csv") for name in names)
+    stamps, values = read_stamped_table(hand, HAND_COLUMNS, separator=",", header_lines=1)
+    check_rising(hand, stamps)
+    pose = np.hstack([unity_to_base(values[:, :3]), unity_rotation(values[:, 3:])])
+    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [hand, boxes, scene])
+    provenance |= {
+        "person": row["participant"],
+        "trial": row["trial"],
+        "type": row["type"],
+        **{
+            key: f"{at - stamps[0] * 1e-9:.4f}"
+            for key, at in zip(("moved_s", "reached_s"), times, strict=True)
+        },
+    }
+    shapes = (*_layout(boxes), *_walls(scene))
+    streams = (Stream("/pose", "pose", stamps, pose),)
+    return Recording(f"{row['participant']}_{trial.name}", streams, provenance=provenance, shapes=shapes)
+
+
+def _within(trial: Path, name: str) -> Path:
+    """A file of a trial: `movement/NAME`, `scene/NAME`, or NAME, which need not exist."""
+    return next(iter(sorted(trial.rglob(name))), trial / name)
+
+
+def _layout(path: Path) -> list[NamedShape]:
+    """The target, a cylinder, and the boxes."""
+    shapes = []
+    for where, row in read_rows(path, SHAPE_COLUMNS):
+        if row["object"] == SOURCE_TARGET:
+            shapes.append(_shape(where, row, TARGET, "cylinder"))
+        elif row["object"].startswith(SOURCE_BOX):
+            shapes.append(_shape(where, row, f"{BOX} {row['object'].removeprefix(SOURCE_BOX)}", "cube"))
+        else:
+            raise InputError(f"{where}: unknown object {row['object']!r}")
+    if [shape.name for shape in shapes].count(TARGET) != 1:
+        raise InputError(f"{path}: needs one object '{SOURCE_TARGET}'")
+    return shapes
+
+
+def _walls(path: Path) -> list[NamedShape]:
+    rows = [one for one in read_rows(path, SHAPE_COLUMNS) if one[1]["object"] in BOUNDARIES]
+    return [_shape(where, row, BOUNDARIES[row["object"]], "cube") for where, row in rows]
+
+
+def _shape(where: str, row: dict[str, str], name: str, form: Form) -> NamedShape:
+    numbers = finite_numbers(where, [row[column] for column in SHAPE_COLUMNS[1:]])
+    position, size = unity_to_base(np.reshape(numbers, (2, 3)))
+    if not (size > 0).all():
+        raise InputError(f"{where}: a size must be positive, is {size.tolist()}")
+    return NamedShape(name, form, position, np.array([1.0, 0.0, 0.0, 0.0]), size)

@@ -1,0 +1,73 @@
+"""Public recordings of a BioTac finger that a KUKA iiwa slides over materials.
+
+Files of the repository dexrob/BioTac_slide_20_50 (R. Gao et al., "Supervised autoencoder joint learning on
+heterogeneous tactile sensory data"): six streams per trial, each with Unix times of its own.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from structlearn.core import quaternion
+from structlearn.core.errors import MissingInputError
+from structlearn.readers.bag_files import natural_order
+from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.text_log import read_each, read_stamped_table, source_provenance
+
+REPOSITORY = "https://github.com/dexrob/BioTac_slide_20_50"
+COMMIT = "c19638b040791b7b32f2fcf12eee315ca901f80a"
+LICENCE = "none stated: for tests and evaluation, not for redistribution"
+
+COLUMNS = {"cp": 8, "jp": 8, "jv": 8, "jt": 8, "cw": 7, "bio": 45}
+"""Numbers per line of each stream of a trial, the time included."""
+
+FIRST_ELECTRODE = 25
+"""Columns of `bio` before the electrodes, without the time: pressures, temperatures and 22 vibrations."""
+
+
+def read_slides(
+    folder: str | Path, trials: int | None = None, left_out: dict[str, str] | None = None
+) -> list[Recording]:
+    """The first trials of each material: pose, joint signals, wrench and 19 electrodes, by Unix time.
+
+    The folder holds MATERIAL_TRIAL_STREAM.csv files, or folders of them; recordings are named like "mat9_1".
+    `left_out`: see `read_each`.
+
+    Raises:
+        MissingInputError: there is no trial.
+        InputError: a stream is missing or not a table of its columns.
+    """
+    found = {path.stem.removesuffix("_cp"): path.parent for path in Path(folder).rglob("*_*_cp.csv")}
+    by_material: dict[str, list[str]] = {}
+    for name in sorted(found, key=natural_order):
+        by_material.setdefault(material_of(name), []).append(name)
+    if not found:
+        raise MissingInputError(f"{folder}: holds no trials (mat9_1_cp.csv, ...)")
+    paths = [found[name] / name for names in by_material.values() for name in names[:trials]]
+    return read_each(lambda path: read_slide(path.parent, path.name), paths, left_out)
+
+
+def material_of(trial: str) -> str:
+    """`mat9` of `mat9_1`."""
+    return trial.rpartition("_")[0]
+
+
+def read_slide(folder: Path, name: str) -> Recording:
+    """One trial, e.g. "mat9_1", from its six files in a folder; see `read_slides`."""
+    files = {stream: folder / f"{name}_{stream}.csv" for stream in COLUMNS}
+    tables = {
+        stream: read_stamped_table(path, COLUMNS[stream], separator=",", header_lines=1)
+        for stream, path in files.items()
+    }
+    pose_stamps, pose = tables["cp"]
+    tactile_stamps, tactile = tables["bio"]
+    streams = (
+        Stream("/pose", "pose", pose_stamps, np.hstack([pose[:, :3], quaternion.from_xyzw(pose[:, 3:])])),
+        Stream("/joint_states/positions", "joint_positions", *tables["jp"]),
+        Stream("/joint_states/velocities", "joint_velocities", *tables["jv"]),
+        Stream("/joint_states/torques", "joint_torques", *tables["jt"]),
+        Stream("/wrench", "wrench", *tables["cw"]),
+        Stream("/tactile/0", "tactile", tactile_stamps, tactile[:, FIRST_ELECTRODE:]),
+    )
+    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, list(files.values()))
+    return Recording(name, streams, provenance=provenance)

@@ -1,0 +1,166 @@
+"""Number tables in public text logs, read with every fault named by file and line (from 1)."""
+
+import csv
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from decimal import Decimal
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from structlearn.core.errors import InputError
+
+T = TypeVar("T")
+
+
+def read_table(
+    path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
+) -> np.ndarray:
+    """(T, columns) float64 of a text file; blank lines are skipped.
+
+    Numbers stand apart by the separator, None: by white space; a line may end with one.
+
+    Raises:
+        InputError: the file is missing, no text or has no rows; a line has another number of columns, or
+            something that is not a finite number.
+    """
+    path = Path(path)
+    return _numbers(path, _lines(path, separator, header_lines), columns, separator)
+
+
+def read_stamped_table(
+    path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """A table whose first column is a time in s: (T,) int64 ns, and (T, columns - 1) float64.
+
+    Times are taken as decimal numbers: a float of Unix time in s is 240 ns coarse. Otherwise as `read_table`.
+    """
+    path = Path(path)
+    lines = _lines(path, separator, header_lines)
+    stamps = [
+        _nanoseconds(f"{path}: line {line}", text.split(separator, 1)[0]) for line, text in lines.items()
+    ]
+    values = np.ascontiguousarray(_numbers(path, lines, columns, separator)[:, 1:])
+    return np.array(stamps, dtype=np.int64), values
+
+
+def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
+    """Rows of a CSV file with headings, as words, each with its file and line.
+
+    Raises:
+        InputError: the file is missing, no text, or lacks a column; a line is longer or shorter.
+    """
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as file:
+            header, *rows = list(csv.reader(file)) or [[]]
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: not a CSV file: {error}") from error
+    header = [name.strip() for name in header]
+    if missing := [name for name in columns if name not in header]:
+        raise InputError(f"{path}: has no column {', '.join(missing)}")
+    found = []
+    for line, row in enumerate(rows, start=2):
+        where = f"{path}: line {line}"
+        if row and len(row) != len(header):
+            raise InputError(f"{where} has {len(row)} columns, expected {len(header)}")
+        if row:
+            found.append((where, dict(zip(header, map(str.strip, row), strict=True))))
+    return found
+
+
+def finite_numbers(where: str, words: Sequence[str]) -> list[float]:
+    """Numbers of a line; an InputError where one is none or not finite."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError as error:
+        raise InputError(f"{where}: not a number: {str(error).rpartition(': ')[2]}") from error
+    for word, value in zip(words, values, strict=True):
+        if not np.isfinite(value):
+            raise InputError(f"{where}: not a finite number: {word.strip()!r}")
+    return values
+
+
+def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: dict[str, str] | None) -> list[T]:
+    """Read files one by one; with a dict for the reasons, those that cannot be read are left out."""
+    found = []
+    for path in paths:
+        try:
+            found.append(read(path))
+        except InputError as error:
+            if left_out is None:
+                raise
+            left_out[f"{path.parent.name}/{path.name}"] = str(error)
+    return found
+
+
+def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:
+    """(count,) int64 ns of a log without times, from 0 at a known rate."""
+    return np.round(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
+
+
+def check_rising(path: Path, stamps: np.ndarray) -> None:
+    """Raise an InputError unless each line (T,) comes after the one before it."""
+    steps = np.diff(stamps)
+    if (steps <= 0).any():
+        raise InputError(
+            f"{path}: line {int(np.argmax(steps <= 0)) + 2} does not come after the one before it"
+        )
+
+
+def source_provenance(
+    repository: str, commit: str, licence: str, root: Path, files: Sequence[Path]
+) -> dict[str, str]:
+    """Origin "recorded", where and how a set was published, its files below the root, their SHA-256."""
+    return {
+        "origin": "recorded",
+        "source": repository,
+        "commit": commit,
+        "licence": licence,
+        "files": " ".join(path.relative_to(root).as_posix() for path in files),
+        "sha256": " ".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in files),
+    }
+
+
+def _lines(path: Path, separator: str | None, header_lines: int) -> dict[int, str]:
+    """Lines that are not blank, by their number from 1, without a separator at their end."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text file") from error
+    stripped = map(str.strip, text.split("\n")[header_lines:])
+    lines = {number: line for number, line in enumerate(stripped, start=header_lines + 1) if line}
+    if not lines:
+        raise InputError(f"{path}: has no rows")
+    return {n: line.removesuffix(separator) for n, line in lines.items()} if separator else lines
+
+
+def _numbers(path: Path, lines: Mapping[int, str], columns: int, separator: str | None) -> np.ndarray:
+    """(T, columns) float64 of the lines."""
+    try:
+        table = np.loadtxt(list(lines.values()), delimiter=separator, comments=None, ndmin=2)
+        if table.shape == (len(lines), columns) and np.isfinite(table).all():
+            return table
+    except ValueError:  # tells no line of the file; what is wrong is found line by line
+        pass
+    rows = []
+    for line, text in lines.items():
+        words = text.split(separator)
+        if len(words) != columns:
+            raise InputError(f"{path}: line {line} has {len(words)} columns, expected {columns}")
+        rows.append(finite_numbers(f"{path}: line {line}", words))
+    return np.array(rows)
+
+
+def _nanoseconds(where: str, word: str) -> int:
+    try:
+        nanoseconds = int(Decimal(word).scaleb(9).to_integral_value())
+    except (ArithmeticError, ValueError) as error:  # not decimal, out of range, infinite; not a number
+        raise InputError(f"{where}: not a time in s: {word.strip()!r}") from error
+    if abs(nanoseconds) >= 2**63:
+        raise InputError(f"{where}: time out of range: {word.strip()!r}")
+    return nanoseconds

@@ -1,0 +1,178 @@
+"""A pose from /tf: the chain of transforms between two frames, put together on one clock.
+
+Each transform is a stream of its own: the pose of a child frame in its parent's. Transforms at rest, those on
+the static topic and those that never change, have no clock. The others are put together on that of the
+slowest (`clock.shared_stamps`): positions are interpolated linearly, orientations by slerp.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.readers.bag import RawMessages
+from structlearn.readers.checks import NORM_TOLERANCE
+from structlearn.readers.clock import linear, shared_stamps, slerp
+from structlearn.readers.decoding import decoded, fields_named, nanoseconds, sample_stamps
+from structlearn.readers.recording import Stream
+from structlearn.readers.stamps import StampPolicy, in_order
+from structlearn.readers.topics import TransformPose
+
+Edge = tuple[str, str]
+"""Parent and child frame."""
+
+
+@dataclass(frozen=True)
+class TransformSeries:
+    """One transform as it came: the child's pose in the parent's frame.
+
+    Attributes:
+        stamps: (T,) int64 ns in the order in which they came.
+        values: (T, 7) m, then unit quaternion w, x, y, z.
+    """
+
+    parent: str
+    child: str
+    stamps: np.ndarray
+    values: np.ndarray
+
+    @property
+    def moves(self) -> bool:
+        """Whether it ever changes."""
+        return bool((self.values != self.values[0]).any())
+
+
+def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> dict[Edge, TransformSeries]:
+    """Every transform on a topic in the order in which they came; frames without the slash of ROS 1.
+
+    Raises:
+        InputError: a message cannot be decoded or lacks a field of its type, or a quaternion is not of unit
+            norm; frames are named.
+    """
+    pieces: dict[Edge, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
+    with fields_named(where):
+        for group in decoded(where, messages):
+            for one in group.message.transforms:
+                edge = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
+                stamps = np.atleast_1d(nanoseconds(one.header.stamp))
+                pieces.setdefault(edge, []).append((group.rows, stamps, _values(one.transform)))
+    series = {}
+    for (parent, child), its in pieces.items():
+        rows, stamps, values = (np.concatenate(parts) for parts in zip(*its, strict=True))
+        order = np.argsort(rows, kind="stable")
+        values = values[order]
+        norms = np.linalg.norm(values[:, 3:], axis=1)
+        if (np.abs(norms - 1.0) > NORM_TOLERANCE).any():
+            norm = norms[np.argmax(np.abs(norms - 1.0))]
+            raise InputError(
+                f"{where}: transform from '{parent}' to '{child}': quaternion has norm {norm:.6g}, not 1"
+            )
+        stamps = sample_stamps(messages.log_times[rows[order]], stamps[order], policy)
+        series[parent, child] = TransformSeries(parent, child, stamps, values)
+    return series
+
+
+def chain(where: str, edges: Sequence[Edge], parent: str, child: str) -> list[Edge]:
+    """The transforms on the way from one frame to another, in its order; either may be above the other.
+
+    Raises:
+        InputError: a frame is in none of them, none leads on, or a frame on the way has two parents.
+    """
+    parent, child = parent.lstrip("/"), child.lstrip("/")
+    frames = sorted({frame for edge in edges for frame in edge})
+    for frame in (parent, child):
+        if frame not in frames:
+            raise InputError(f"{where}: has no frame '{frame}'; it has {', '.join(frames) or 'none'}")
+    way: dict[str, list[Edge]] = {parent: []}
+    waiting = [parent]
+    while waiting and child not in way:
+        frame = waiting.pop(0)
+        for edge in edges:
+            for here, there in (edge, edge[::-1]):
+                if here == frame and there not in way:
+                    way[there] = [*way[frame], edge]
+                    waiting.append(there)
+    if child not in way:
+        reached = ", ".join(sorted(way))
+        raise InputError(f"{where}: no transforms lead from '{parent}' to '{child}', only to {reached}")
+    for _, below in way[child]:
+        above = sorted(one for one, other in edges if other == below)
+        if len(above) > 1:
+            raise InputError(f"{where}: frame '{below}' has several parents: {', '.join(above)}")
+    return way[child]
+
+
+def transform_pose(
+    where: str, messages: Mapping[str, RawMessages], pose: TransformPose, policy: StampPolicy
+) -> tuple[Stream, str | None]:
+    """Stream of the pose of one frame in another, and what was done about stamps of its transforms.
+
+    `messages` are those of each of `pose.topics` that the file has.
+
+    Raises:
+        InputError: as `transform_series` and `chain`; stamps of a transform do not increase; nothing on the
+            way moves; or what moves is not all there at one time.
+    """
+    series: dict[Edge, TransformSeries] = {}
+    moving: set[Edge] = set()
+    for topic in reversed(pose.topics):  # what is on both is not at rest
+        if topic in messages:
+            its = transform_series(f"{where}: topic '{topic}'", messages[topic], policy)
+            series |= its
+            if topic == pose.topic:
+                moving = {edge for edge, one in its.items() if one.moves}
+    where = f"{where}: topic '{pose.topic}'"
+    way = chain(where, list(series), pose.parent, pose.child)
+    if not moving.intersection(way):
+        raise InputError(f"{where}: '{pose.child}' does not move in '{pose.parent}'")
+    notes = []
+    for edge in way:
+        if edge in moving:
+            whole = series[edge]
+            name = f"transform from '{edge[0]}' to '{edge[1]}'"
+            rows, note = in_order(f"{where}: {name}", whole.stamps, policy)
+            if note is not None:
+                notes.append(f"{note} of {name}")
+                series[edge] = TransformSeries(*edge, whole.stamps[rows], whole.values[rows])
+    ticks = shared_stamps([series[edge].stamps for edge in way if edge in moving])
+    if len(ticks) < 2:
+        names = ", ".join(f"'{above}' to '{below}'" for above, below in way if (above, below) in moving)
+        raise InputError(f"{where}: the transforms {names} are not there at one time")
+    frame = pose.parent.lstrip("/")
+    values = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(ticks), 1))
+    for edge in way:
+        one = series[edge]
+        step = _sampled(one, ticks) if edge in moving else np.tile(one.values[-1], (len(ticks), 1))
+        forwards = edge[0] == frame
+        frame = edge[1] if forwards else edge[0]
+        values = _composed(values, step if forwards else _inverse(step))
+    values[:, 3:] = quaternion.sign_continuous(quaternion.normalised(values[:, 3:]))
+    return Stream(pose.topic, "pose", ticks, values), ", ".join(notes) or None
+
+
+def _values(transform: Any) -> np.ndarray:
+    """(M, 7) of a message's transform, whose numbers may be columns."""
+    p, q = transform.translation, transform.rotation
+    return np.stack([np.atleast_1d(value) for value in (p.x, p.y, p.z, q.w, q.x, q.y, q.z)], axis=1)
+
+
+def _sampled(series: TransformSeries, ticks: np.ndarray) -> np.ndarray:
+    """(M, 7) of a transform at (M,) ns."""
+    start = ticks[0]
+    at, stamps = (ticks - start).astype(float), (series.stamps - start).astype(float)
+    return np.hstack([linear(at, stamps, series.values[:, :3]), slerp(at, stamps, series.values[:, 3:])])
+
+
+def _composed(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(M, 7) poses of what has the second pose in a frame that has the first."""
+    position = first[:, :3] + quaternion.rotate(first[:, 3:], second[:, :3])
+    return np.hstack([position, quaternion.product(first[:, 3:], second[:, 3:])])
+
+
+def _inverse(values: np.ndarray) -> np.ndarray:
+    """(M, 7) the parent's pose in the child's frame."""
+    turned = quaternion.conjugate(values[:, 3:])
+    return np.hstack([-quaternion.rotate(turned, values[:, :3]), turned])

@@ -1,0 +1,84 @@
+"""Public logs of a Universal Robots UR10e: joint motion and motor currents, without and with a load.
+
+Files of the repository shamilmamedov/dynamic_calibration ("Practical Aspects of Model-Based Collision
+Detection", Frontiers in Robotics and AI 2020). Times are those of the controller, about 100 Hz and uneven.
+"""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.bag_files import check_unique
+from structlearn.readers.joint_log import DriveLog, signals_of
+from structlearn.readers.text_log import check_rising, read_each, read_stamped_table, source_provenance
+
+REPOSITORY = "https://github.com/shamilmamedov/dynamic_calibration"
+COMMIT = "11af40e7deb758ec080a175fed8fcdd6c99aca29"
+LICENCE = "none stated: for tests and evaluation, not for redistribution"
+
+JOINTS = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+"""Names in the arm's URDF."""
+
+URDF = "ur10e.urdf"
+"""Beside the logs: kinematics and the maker's inertias."""
+
+SIGNALS = signals_of(DriveLog)
+"""In the order of the columns, one of each per joint."""
+
+OLDER_COLUMNS = 19
+"""Of the logs of 2019, which hold positions, velocities and currents alone: no gain follows from them."""
+
+
+def read_logs(folder: str | Path, left_out: dict[str, str] | None = None) -> list[DriveLog]:
+    """All logs `ur-NAME.csv` of a folder or of folders there; those of `OLDER_COLUMNS` are left aside.
+
+    They have no header; time in s, then the columns of `SIGNALS`. `left_out`: see `read_each`.
+
+    Raises:
+        MissingInputError: there is no log.
+        InputError: a name comes twice; one is no table of 31 numbers per line, or its times do not
+            increase; the message names file and line.
+    """
+    folder = Path(folder)
+    found = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.name)
+    paths = [path for path in found if not _is_older(path)]
+    if older := [path.name for path in found if path not in paths]:
+        print(f"ur10e: left aside, without what the controller asked for: {', '.join(older)}")
+    if not paths:
+        raise MissingInputError(f"{folder}: holds no logs (ur-*.csv)")
+    check_unique([path.name for path in paths], str(folder))
+    return read_each(partial(_read_log, folder), paths, left_out)
+
+
+def urdf_path(folder: str | Path) -> Path:
+    """The arm's URDF beside its logs, or in a folder there; an InputError where there is none."""
+    path = Path(folder) / URDF
+    found = path if path.is_file() else next(iter(sorted(Path(folder).rglob(URDF))), None)
+    if found is None:
+        raise InputError(f"{path}: is not there; logs alone do not say what moves")
+    return found
+
+
+def _is_older(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.readline().count(b",") == OLDER_COLUMNS - 1
+
+
+def _read_log(folder: Path, path: Path) -> DriveLog:
+    stamps, values = read_stamped_table(path, 1 + len(SIGNALS) * len(JOINTS), separator=",")
+    check_rising(path, stamps)
+    parts = [part.copy() for part in np.split(values, len(SIGNALS), axis=1)]
+    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [path])
+    try:
+        return DriveLog(path.stem.removeprefix("ur-"), JOINTS, stamps, *parts, provenance=provenance)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error

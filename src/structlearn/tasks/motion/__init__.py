@@ -1,0 +1,1 @@
+"""Logs of a robot arm: identification of its dynamics."""

@@ -1,0 +1,381 @@
+"""Identify an arm from logs of its joints: models learned from some motion and tested on other (III.4)."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core.artefacts import write_table
+from structlearn.core.block_bootstrap import blocks
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.metrics import nmse
+from structlearn.core.parallel import parallel_map
+from structlearn.networks.torch_settings import AdamParameters, one_thread
+from structlearn.readers.joint_log import (
+    DriveLog,
+    JointLog,
+    Log,
+    read_joint_logs,
+    read_log_table,
+    signals_of,
+)
+from structlearn.readers.stamps import AS_WRITTEN, StampPolicy
+from structlearn.rigid_body import arm_identification
+from structlearn.rigid_body.arm_identification import (
+    NETWORKS,
+    TRAIN,
+    Identified,
+    NetworkTraining,
+    identify_arm,
+)
+from structlearn.rigid_body.base_parameters import base_parameters, fit_base
+from structlearn.rigid_body.dynamics_models import (
+    DynamicsModels,
+    predicted_torques,
+    rigid_body_torques,
+    write_dynamics_models,
+)
+from structlearn.rigid_body.friction import friction_columns
+from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
+from structlearn.rigid_body.motion import Motion, block_table, excited, measured_motion
+from structlearn.rigid_body.training_grid import FRICTIONS
+from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
+from structlearn.simulation.arm import urdf_path
+from structlearn.tasks.motion.drives_and_load import (
+    FOUND,
+    body_intervals,
+    drives_of,
+    followed_loads,
+    joined,
+    weighed_loads,
+)
+from structlearn.tasks.motion.motion_parameters import MotionParameters, NetworkChoiceParameters
+
+TEST = "test"
+"""Part that is tested on, where it is not a log by its own name."""
+
+FRICTION = FRICTIONS["offset"]
+"""Of least squares that look at a log: sensors of torque or current need not be zeroed."""
+
+YES, NO, DOUBTFUL, SILENT = "yes", "no", "doubtful", "not tested"
+"""Whether a joint's torque holds gravity."""
+
+LOAD = "(?<!un)(?<!no)(?<!no.)load"
+"""In a log's name; not `unload` nor `no_load`."""
+
+CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)
+"""In the name of a log with something at the flange."""
+
+THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
+"""At the end of a name: it is the load that was weighed, of others the mass is not known."""
+
+LOGS = "logs.parquet"
+"""Table of logs in a folder that an import left."""
+
+
+def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
+    """The robot with the inertias of its URDF, and the URDF: a path, or a file of `pybullet_data`."""
+    urdf = urdf_path(str(Path(parameters.urdf).expanduser()))
+    return read_urdf(urdf, parameters.locked_joints), urdf
+
+
+def logs_of(
+    parameters: MotionParameters, tree: KinematicTree, stamps: StampPolicy = AS_WRITTEN
+) -> dict[str, JointLog] | dict[str, DriveLog]:
+    """Logs by name: of an import's table, or of bags that hold joint states with efforts."""
+    source = Path(parameters.source).expanduser()
+    if parameters.drives is not None:
+        return {log.name: log for log in read_log_table(source / LOGS, DriveLog)}
+    if (source / LOGS).is_file():
+        return {log.name: log for log in read_log_table(source / LOGS)}
+    return {log.name: log for log in read_joint_logs(source, parameters.topic, tree.names, stamps)}
+
+
+def learn_motion(
+    robot: Robot, logs: Mapping[str, Log], parameters: MotionParameters, source: Path, folder: Path
+) -> tuple[Identified, dict[str, pd.DataFrame]]:
+    """Identify an arm, and write models, its URDF and tables into a folder.
+
+    Returns:
+        What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
+        `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `friction`, `links`,
+        `traces`, `written`: of `arm_identification`. `blocks`: of `block_table`. `gravity`: of
+        `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
+        `excitation`: one row, `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and what
+        is found of drives and loads: of `drives_and_load`.
+
+    Raises:
+        InputError: a log lacks a joint, is too short, has no motion or a torque that does not vary.
+        MissingInputError: logs are named, and there are no two motions without a load.
+    """
+    logs = {name: in_order(robot.tree, log) for name, log in logs.items()}
+    tables: dict[str, pd.DataFrame] = {}
+    if parameters.train is not None:
+        parameters = logs_that_are_there(logs, parameters)
+    asked = logs if parameters.train is None else moving_logs(logs, parameters)
+    cut: Callable[[Any], tuple[Motion, slice]] = partial(cut_motion, parameters=parameters)
+    gains = {FOUND: np.ones(len(robot.tree.names))}
+    if parameters.drives is not None:
+        drives = drives_of(robot.tree, cast("Mapping[str, DriveLog]", logs), parameters)
+        tables, cut, gains = drives.tables, drives.motion, drives.gains
+    cuts = {name: cut(log) for name, log in asked.items()}
+    motions = {name: motion for name, (motion, _) in cuts.items()}
+    pieces = held_out(motions, parameters)
+    parts = {name: joined(its) if len(its) > 1 else its[0] for name, its in _by_part(pieces).items()}
+    first = next(name for name in parts if name != TRAIN)
+    if min(len(parts[TRAIN]), len(parts[first])) < parameters.block:
+        raise InputError(
+            f"{parameters.source}: {len(parts[TRAIN]) / parameters.rate_hz:.1f} s to learn from and "
+            f"{len(parts[first]) / parameters.rate_hz:.1f} s to test on are too short for blocks of "
+            f"{parameters.block_s:g} s"
+        )
+    networks: dict[Kind, NetworkTraining] = {}
+    if parameters.networks is not None:
+        networks, tables["choice"] = choose_networks(robot.tree, parts[TRAIN], parameters.networks)
+    identified = identify_arm(robot, parts, parameters.iterations, networks, parameters.structures)
+    if parameters.load is not None:
+        tables |= weighed_loads(robot.tree, motions, gains, parameters)
+        tables["carried"] = followed_loads(robot, motions, parameters)
+    if parameters.body_draws:
+        model = identified.models[arm_identification.WRITTEN]
+        tables["bodies"] = body_intervals(robot, parts[TRAIN], model, parameters)
+    base = base_parameters(robot.tree)
+    fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *parameters.drawing)
+    bounds = {"value": fit.parameters, "low": fit.low, "high": fit.high}
+    stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
+    tables |= {
+        "motions": _motion_table(asked, {name: its for name, (_, its) in cuts.items()}, pieces, parameters),
+        "errors": arm_identification.error_table(identified, parts),
+        "blocks": block_table(identified.torques, parts, parameters.block),
+        "friction": arm_identification.friction_table(identified),
+        "links": arm_identification.body_table(identified, robot),
+        "traces": arm_identification.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
+        "gravity": gravity_check(robot, parts[TRAIN], parameters),
+        "base": pd.DataFrame(
+            {"parameter": base.formulas(robot.tree)} | bounds | {"urdf": base.values(robot.inertias)}
+        ),
+        "excitation": pd.DataFrame({"condition": [fit.condition], "parameters": [len(base.columns)]}),
+        "written": arm_identification.write_identified(source, folder / "identified.urdf", robot, identified),
+    }
+    for (kind, friction), models in identified.models.items():
+        write_dynamics_models(models, folder / f"models/{kind}_{friction}.safetensors")
+    for name, table in tables.items():
+        write_table(table, folder / f"{name}.parquet")
+    return identified, tables
+
+
+def in_order(tree: KinematicTree, log: Log) -> Log:
+    """A log with its columns in the order of the robot's joints."""
+    if log.joints == tuple(tree.names):
+        return log
+    order = joint_order(tree, log.joints, log.name)
+    columns: dict[str, Any] = {name: getattr(log, name)[:, order] for name in signals_of(type(log))}
+    return replace(log, joints=tuple(tree.names), **columns)
+
+
+def cut_motion(log: JointLog, parameters: MotionParameters) -> tuple[Motion, slice]:
+    """The longest motion of a log, and where it stands on the clock."""
+    whole = measured_motion(
+        *(log.name, log.time, log.positions, log.velocities, log.torques),
+        *(parameters.rate_hz, parameters.smoothing_hz),
+    )
+    if parameters.rest_rad_s is None:
+        return whole, slice(0, len(whole))
+    rest = round(parameters.rest_s * parameters.rate_hz)
+    cut = excited(log.name, whole.qd, parameters.rest_rad_s, rest)
+    return whole.part(cut), cut
+
+
+def moving_logs(logs: Mapping[str, Log], parameters: MotionParameters) -> dict[str, Log]:
+    """Logs in which every joint moves: of one that rests, errors are of nothing."""
+    slow = parameters.rest_rad_s or 0.0
+    return {name: log for name, log in logs.items() if np.abs(log.velocities).max(axis=0).min() > slow}
+
+
+def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -> MotionParameters:
+    """Parameters that name logs which are there, and every pair of logs without and with the load.
+
+    Where the log that is named to learn from is missing, it is the longest motion without a load; the one to
+    test on is the longest of the others. A log with the load belongs to the one of its name without, or to
+    the motion that is learned from. Where the arm never stands still, drives have no log at rest.
+
+    Raises:
+        MissingInputError: there are no two motions without a load.
+    """
+    moving = moving_logs(logs, parameters)
+    empty = [name for name in moving if not CARRIES.search(name)]
+    named = [name for name in (parameters.train, parameters.test) if name in empty]
+    others = sorted(set(empty) - set(named), key=lambda name: (-moving[name].time[-1], name))
+    if len(empty) < 2:
+        raise MissingInputError(
+            f"of {len(logs)} logs {len(empty)} are motions of all joints without a load, and two are needed: "
+            "one to learn from and another one to ask about"
+        )
+    train = parameters.train if parameters.train in named else others.pop(0)
+    test = parameters.test if parameters.test in named else others.pop(0)
+    update: dict[str, object] = {"train": train, "test": test}
+    if parameters.drives is not None:
+        slow = parameters.rest_rad_s or 0.0
+        resting = [name for name, log in logs.items() if np.abs(log.velocities).max() <= slow]
+        rest = parameters.drives.rest
+        rest = rest if rest in resting else next(iter(resting), None)
+        update["drives"] = parameters.drives.model_copy(update={"rest": rest})
+    if parameters.load is not None:
+        pairs = [pair for pair in parameters.load.pairs if set(pair) <= set(moving)]
+        known = {pair[1] for pair in pairs}
+        for loaded in (name for name in moving if THE_LOAD.search(name) and name not in known):
+            stem = THE_LOAD.sub("", loaded)
+            pairs.append((next((name for name in (stem, f"{stem}unload") if name in empty), train), loaded))
+        update["load"] = parameters.load.model_copy(update={"pairs": tuple(pairs)})
+    return parameters.model_copy(update=update)
+
+
+def held_out(
+    motions: Mapping[str, Motion], parameters: MotionParameters
+) -> dict[str, dict[str, list[Motion]]]:
+    """Pieces of motions that are learned from (`TRAIN`) and tested on, by part and log.
+
+    Named logs are parts of their own, also those without a load that no parameter names. Otherwise the last
+    logs are tested on; of a single log, or for `train_share` of the first one, what follows the start that is
+    learned from, or blocks of time.
+    """
+    names = list(motions)
+    if parameters.train is not None:
+        asked = [name for name in names if name != parameters.train and not CARRIES.search(name)]
+        asked.sort(key=lambda name: name != parameters.test)
+        of_train = {TRAIN: {parameters.train: [motions[parameters.train]]}}
+        return of_train | {name: {name: [motions[name]]} for name in asked}
+    if parameters.train_share is not None:
+        start, rest = motions[names[0]].split(parameters.train_share)
+        return {TRAIN: {names[0]: [start]}, TEST: {names[0]: [rest]}}
+    if len(names) > 1:
+        last = len(names) - min(parameters.test_logs, len(names) - 1)
+        return {
+            part: {name: [motions[name]] for name in its}
+            for part, its in ((TRAIN, names[:last]), (TEST, names[last:]))
+        }
+    motion, every = motions[names[0]], parameters.test_every
+    pieces = [motion.part(piece) for piece in blocks(np.arange(len(motion)), parameters.block)]
+    tested = [piece for place, piece in enumerate(pieces) if place % every == every - 1]
+    learned = [piece for place, piece in enumerate(pieces) if place % every != every - 1]
+    nothing = [motion.part(slice(0, 0))]
+    return {TRAIN: {names[0]: learned or nothing}, TEST: {names[0]: tested or nothing}}
+
+
+def _by_part(pieces: Mapping[str, Mapping[str, list[Motion]]]) -> dict[str, list[Motion]]:
+    return {part: [piece for its in logs.values() for piece in its] for part, logs in pieces.items()}
+
+
+def _motion_table(
+    logs: Mapping[str, Log],
+    cuts: Mapping[str, slice],
+    pieces: Mapping[str, Mapping[str, list[Motion]]],
+    parameters: MotionParameters,
+) -> pd.DataFrame:
+    words = {(True, True): "both", (True, False): "learned from", (False, True): "asked about"}
+    rows = []
+    for name, cut in cuts.items():
+        seconds = {
+            part: sum(map(len, its.get(name, []))) / parameters.rate_hz for part, its in pieces.items()
+        }
+        learned, tested = seconds.pop(TRAIN), sum(seconds.values())
+        part = words.get((learned > 0, tested > 0), "with the load")
+        start, end = cut.start / parameters.rate_hz, cut.stop / parameters.rate_hz
+        rows.append((name, part, start, end, logs[name].time[-1], learned, tested))
+    return pd.DataFrame(
+        rows, columns=["log", "part", "start_s", "end_s", "length_s", "learned_s", "tested_s"]
+    )
+
+
+def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) -> pd.DataFrame:
+    """Whether measured torques hold what the URDF's gravity asks for.
+
+    The torque of each joint is put together from gravity, what else moves the URDF's bodies, and friction, by
+    least squares. A share of one is gravity in N m with the sign that is expected; zero means that the driver
+    takes gravity out, a negative share that its sign is turned, and any other one suggests another unit.
+
+    Returns:
+        `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`YES`, ...).
+    """
+    still = Motion(motion.q, *np.zeros((3, *motion.q.shape)))
+    gravity = rigid_body_torques(robot.tree, robot.inertias, still)
+    moving = rigid_body_torques(robot.tree, robot.inertias, motion) - gravity
+    rubbing = friction_columns(motion.qd, FRICTION)
+    rows = []
+    for joint, name in enumerate(robot.tree.names):
+        columns = np.column_stack([gravity[:, joint], moving[:, joint], rubbing[:, joint]])
+        share = np.linalg.lstsq(columns, motion.torque[:, joint], rcond=None)[0][0]
+        varies = gravity[:, joint].std()
+        torque = motion.torque[:, joint].std()
+        rows.append((joint + 1, name, varies, torque, share, _holds(share, varies, parameters)))
+    return pd.DataFrame(rows, columns=["joint", "name", "gravity_n_m", "torque_n_m", "share", "holds"])
+
+
+def _holds(share: float, varies: float, parameters: MotionParameters) -> str:
+    if varies < parameters.gravity_n_m:
+        return SILENT
+    least = parameters.gravity_share
+    if least <= share <= 1.0 / least:
+        return YES
+    return NO if share < 1.0 - least else DOUBTFUL
+
+
+def choose_networks(
+    tree: KinematicTree, motion: Motion, parameters: NetworkChoiceParameters
+) -> tuple[dict[Kind, NetworkTraining], pd.DataFrame]:
+    """Nodes, rate and epochs of each kind of network: by the end of the motion that they learn the start of.
+
+    Returns:
+        The choice by kind; and `kind`, `hidden`, `rate`, `epochs`, `nmse` (mean over joints and seeds on the
+        end of the motion; NaN where there is nothing to choose), `chosen`.
+    """
+    settings = []
+    for hidden, rate in product(parameters.hidden, parameters.rates):
+        adam = AdamParameters(
+            rate=rate, batch=parameters.batch, second_moment_decay=parameters.second_moment_decay
+        )
+        settings.append(LearningParameters(hidden=hidden, networks=adam, structures=adam, threshold=1.0))
+    work = sorted(product(NETWORKS, settings), key=lambda item: item[0] != "delan")  # the longest first
+    results = [[np.nan]] * len(work)
+    if len(settings) * len(parameters.epochs) > 1:
+        parts = motion.split(parameters.train_share)
+        tried = partial(_tried, tree=tree, parts=parts, parameters=parameters)
+        results = parallel_map(tried, work, "networks")
+    rows, chosen = [], dict[Kind, tuple[float, int, NetworkTraining]]()
+    for (kind, setting), errors in zip(work, results, strict=True):
+        nodes = "-".join(map(str, setting.hidden))
+        for epochs, error in zip(sorted(parameters.epochs), errors, strict=True):
+            rows.append((kind, nodes, setting.networks.rate, epochs, error, False))
+            if kind not in chosen or error < chosen[kind][0]:
+                training = NetworkTraining(setting, parameters.seeds, epochs)
+                chosen[kind] = (error, len(rows) - 1, training)
+    table = pd.DataFrame(rows, columns=["kind", "hidden", "rate", "epochs", "nmse", "chosen"])
+    table.loc[[place for _, place, _ in chosen.values()], "chosen"] = True
+    return {kind: training for kind, (_, _, training) in chosen.items()}, table
+
+
+def _tried(
+    candidate: tuple[Kind, LearningParameters],
+    tree: KinematicTree,
+    parts: tuple[Motion, Motion],
+    parameters: NetworkChoiceParameters,
+) -> list[float]:
+    """Error on the second part after each number of epochs on the first."""
+    (kind, learning), (first, rest) = candidate, parts
+    terms = FRICTIONS[NETWORKS[kind][-1]]
+    errors = []
+    with one_thread():
+        lesson, seeds = Lesson(tree, first, terms), range(parameters.choice_seeds)
+        models = learner(kind, lesson, "normalised", seeds, learning)
+        for epoch in shuffled_epochs(models, max(parameters.epochs)):
+            if epoch in parameters.epochs:
+                learned = DynamicsModels(kind, tree.names, terms, learning.hidden, models.state())
+                torques = predicted_torques(learned, tree, rest)
+                errors.append(float(np.mean([nmse(its, rest.torque) for its in torques])))
+    return errors

@@ -1,0 +1,94 @@
+"""Parameters of identifying an arm from logs of its joints. Fields: `stages/own/params.yaml`, `motion`."""
+
+from collections.abc import Mapping
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
+
+from structlearn.core.params import Parameters
+
+Log = Annotated[str, Field(min_length=1)]
+
+
+class NetworkChoiceParameters(Parameters):
+    """Networks that are learned beside the structures; of several settings the best is taken."""
+
+    train_share: float = Field(gt=0, lt=1)
+    hidden: tuple[tuple[int, ...], ...] = Field(min_length=1)
+    rates: tuple[PositiveFloat, ...] = Field(min_length=1)
+    epochs: tuple[int, ...] = Field(min_length=1)
+    batch: int = Field(ge=1)
+    second_moment_decay: float = Field(gt=0, lt=1)
+    choice_seeds: int = Field(ge=1)
+    seeds: int = Field(ge=1)
+
+
+class DriveParameters(Parameters):
+    """An arm that is known by the currents of its motors."""
+
+    rest: Log | None
+    assumed_gains: Mapping[int, int]
+    quoted_gains: tuple[PositiveFloat, ...]
+    delays_s: tuple[float, float]
+    delay_step_s: float = Field(gt=0)
+
+
+class LoadParameters(Parameters):
+    """A load that some logs carry: weighed by pairs of logs, and followed while it is carried."""
+
+    pairs: tuple[tuple[Log, Log], ...]
+    known_kg: float = Field(gt=0)
+    structure: Literal["spd", "tri", "cov"]
+    batch: int = Field(ge=1)
+    memory_s: float = Field(gt=0)
+    iterations: int = Field(ge=1)
+    settled_s: float = Field(gt=0)
+
+
+class MotionParameters(Parameters):
+    """Identification of an arm from logs of its joints."""
+
+    source: str = Field(min_length=1)
+    topic: str = Field(min_length=1)
+    urdf: str = Field(min_length=1)
+    locked_joints: tuple[str, ...]
+    rate_hz: float = Field(gt=0, le=10_000)
+    smoothing_hz: float = Field(gt=0)
+    rest_rad_s: PositiveFloat | None
+    rest_s: float = Field(gt=0)
+    train: Log | None
+    test: Log | None
+    train_share: float | None = Field(gt=0, lt=1)
+    test_logs: int = Field(ge=1)
+    test_every: int = Field(ge=2)
+    block_s: float = Field(gt=0)
+    draws: int = Field(ge=100)
+    seed: NonNegativeInt
+    structures: tuple[Literal["nostr", "symm", "spd", "tri", "cov"], ...] = Field(min_length=1)
+    iterations: int = Field(ge=1)
+    body_draws: NonNegativeInt
+    largest_condition: float = Field(gt=1)
+    gravity_share: float = Field(gt=0, lt=1)
+    gravity_n_m: float = Field(gt=0)
+    traces_hz: float = Field(gt=0)
+    networks: NetworkChoiceParameters | None
+    drives: DriveParameters | None
+    load: LoadParameters | None
+
+    @model_validator(mode="after")
+    def _drives_and_loads_are_of_named_logs(self) -> Self:
+        if (self.drives is not None or self.load is not None) and None in (self.train, self.test):
+            raise ValueError("drives and load need logs that are named: train and test")
+        if (self.train is None) != (self.test is None):
+            raise ValueError("name both logs or none: train and test")
+        return self
+
+    @property
+    def block(self) -> int:
+        """Samples of a block."""
+        return max(1, round(self.block_s * self.rate_hz))
+
+    @property
+    def drawing(self) -> tuple[int, int, int]:
+        """Samples of a block, draws and seed of a bootstrap over blocks."""
+        return self.block, self.draws, self.seed

@@ -1,0 +1,222 @@
+"""Recordings of recorded movements, and of what was learned from them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.core import quaternion, signals
+from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.palette import LIGHT_GREY
+from structlearn.primitives import sequence
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.trajectory import OrientationTrajectory
+from structlearn.primitives.twist_swing import dominant_axes, from_chart, on_chart
+from structlearn.primitives.vector import VectorPrimitive, deviation, without_offset
+from structlearn.readers.demonstration import SIGNALS, Demonstration
+from structlearn.readers.slide import material_of
+from structlearn.segmentation.alignment import RESULT
+from structlearn.segmentation.segments import Segmentation
+from structlearn.tasks.public.protocol.corrections import typical_paths
+from structlearn.tasks.public.protocol.movement import turning
+from structlearn.tasks.public.protocol.slides import GROUPS, SlideParameters, trial_groups
+from structlearn.tasks.public.public_names import LEARNED, PATHS, RECORDED, SLIDE_GROUPS
+from structlearn.viewer.learned_primitives import write_primitives
+from structlearn.viewer.notes import legend, notes_view, send_notes
+from structlearn.viewer.recorded_demonstrations import write_demonstrations
+from structlearn.viewer.rrd import entity, eye_view, layout, plot, recording, rgba, send_series, time_column
+
+EXECUTION = "execution"
+"""Name of the scraping execution, whose parts were recorded one by one."""
+
+
+def write_reaches(path: Path, reaches: Sequence[Demonstration], primitives: Sequence[PosePrimitive]) -> None:
+    """The reaches, and the primitive learned from all of them."""
+    unrolled = sequence.unroll(primitives, reaches[0].dt, from_rest=False)
+    tables = {LEARNED.name: sequence.sequence_table(unrolled, [primitive.name for primitive in primitives])}
+    note = (
+        f"One primitive learned from {len(reaches)} reaches of a person, some of which are drawn faintly. "
+        "Axes stand at its mean start; its path is unrolled from there to the mean goal."
+    )
+    title = f"{len(reaches)} reaches and the primitive"
+    write_primitives(path, reaches, primitives, tables, title, note, colours=dict([LEARNED]))
+
+
+def write_higher_reaches(
+    path: Path,
+    higher: Sequence[Demonstration],
+    nominal: Sequence[PosePrimitive],
+    networks: Mapping[str, CouplingModel],
+) -> None:
+    """The complete higher reaches, and the nominal primitive with and without the coupling learned."""
+    looks = dict(zip(("nominal", "adapted"), (PATHS["nominal"], PATHS["coupling"]), strict=True))
+    tables = {
+        looks[name].name: sequence.sequence_table(
+            sequence.SequencePath(unrolled, None, np.array([0, len(unrolled.time) - 1])), [nominal[0].name]
+        )
+        for name, unrolled in typical_paths(nominal[0].position, higher, list(networks.items())).items()
+    }
+    colours = dict(looks.values())
+    note = (
+        f"The nominal primitive among {len(higher)} higher reaches, from their mean start to the mean goal, "
+        f"without and with the coupling term learned from most of them:\n\n{legend(colours)}"
+    )
+    title = "Higher reaches: the primitive with coupling"
+    write_primitives(path, higher, nominal, tables, title, note, colours=colours)
+
+
+def write_execution(path: Path, parts: Sequence[Demonstration]) -> None:
+    """The scraping execution as recorded, one part after the other."""
+    whole, cuts = joined(parts)
+    note = (
+        f"A robot scrapes with a tool between two tactile fingers: {', '.join(part.name for part in parts)}, "
+        "one after the other. Path, positions and lane have a colour per primitive. The second tab has "
+        "force, torque and the 19 electrodes of each finger, in counts since the start."
+    )
+    write_demonstrations(path, [whole], cuts, "Scraping execution: as recorded", note)
+
+
+def write_sequence(
+    path: Path, parts: Sequence[Demonstration], primitives: Sequence[PosePrimitive], unrolled: pd.DataFrame
+) -> None:
+    """The sequence learned from the execution."""
+    note = (
+        "A primitive learned from each part of the recorded execution (faint), unrolled one after the other, "
+        "each from the state in which the one before it ended: accelerations do not jump at the switches."
+    )
+    title = "Scraping execution: learned sequence"
+    write_primitives(path, parts, primitives, {"sequence": unrolled}, title, note)
+
+
+def write_slides(
+    path: Path, trials: Sequence[Demonstration], expected: VectorPrimitive, parameters: SlideParameters
+) -> None:
+    """The slides; electrodes show their deviation from the expected traces."""
+    groups = trial_groups([trial.name for trial in trials], parameters)
+    materials = dict.fromkeys(material_of(trial.name) for trial in trials)
+    learned = next(material_of(name) for name, group in groups.items() if group == "learned")
+    order = sorted(trials, key=lambda trial: GROUPS.index(groups[trial.name]))  # the first ones have a tab
+    deviating = [
+        replace(trial, tactile=deviation(expected, without_offset(trial.signal("tactile")), trial.dt))
+        for trial in order
+    ]
+    note = (
+        f"A robot slides a tactile finger over {' and '.join(materials)}. Tabs of single trials show how far "
+        f"each electrode deviates from the traces expected of {learned}:\n\n"
+        f"{legend(dict(SLIDE_GROUPS.values()))}"
+    )
+    colours = [SLIDE_GROUPS[groups[trial.name]].colour for trial in order]
+    title = "Slides: deviation from the expected traces"
+    write_demonstrations(path, deviating, None, title, note, colours=colours)
+
+
+def joined(parts: Sequence[Demonstration]) -> tuple[Demonstration, Segmentation]:
+    """Parts that follow each other as one demonstration, and where each begins and ends."""
+    times, starts = [], [0.0]
+    for part in parts:
+        times.append(part.time + starts[-1])
+        starts.append(times[-1][-1] + part.dt)
+    signals: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in SIGNALS
+        if all(getattr(part, name) is not None for part in parts)
+    }
+    nothing: dict[str, Any] = {
+        one.name: None for one in fields(Demonstration) if one.name in SIGNALS and one.name not in signals
+    }
+    whole = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **signals, **nothing)
+    rows = [
+        (EXECUTION, part.name, RESULT, start, end)
+        for part, start, end in zip(parts, starts[:-1], starts[1:], strict=True)
+    ]
+    cuts = pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"])
+    return whole, Segmentation(cuts, pd.DataFrame(), pd.DataFrame(), pd.DataFrame(), EXECUTION)
+
+
+RATE_HZ = 50.0
+
+RADIUS, APART = 0.04, 0.11
+"""Of the caps in m, and from one's middle to the next one's."""
+
+EYE = np.array([0.26, 0.0, 0.2])
+"""Camera in m, from the middle of the row."""
+
+UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+"""Axes of the chart for drawing: the dominant one points up."""
+
+CHART = ("twist", "swing", "second swing")
+
+
+def write_unscrewing(path: Path, logs: Sequence[OrientationTrajectory], primitive: PosePrimitive) -> None:
+    """Write the recording."""
+    axes, learned = dominant_axes(logs), turning(primitive)
+    shown = [*((f"log {number}", log, RECORDED.colour) for number, log in enumerate(logs, 1))]
+    shown.append((LEARNED.name, learned.unroll(logs[0].dt), LEARNED.colour))
+    samples = round(learned.duration * RATE_HZ)
+    times = [time_column(np.linspace(0.0, learned.duration, samples))]
+    with recording(path, "Unscrewing and the primitive") as stream:
+        stream.send_blueprint(_blueprint([name for name, _, _ in shown]))
+        send_notes(stream, _note(logs))
+        for place, (name, turn, colour) in enumerate(shown):
+            angles = signals.time_normalised(on_chart(turn, axes).position, samples)  # (samples, 3) rad
+            _send_cap(stream, name, colour, place, times, from_chart(angles, UP))
+            for chart, values in zip(CHART, np.degrees(angles).T, strict=True):
+                send_series(stream, entity(chart, name), times, values[:, None], [name], [colour])
+
+
+def _note(logs: Sequence[OrientationTrajectory]) -> str:
+    return (
+        f"A robot's hand unscrews a cap by about a full turn: {len(logs)} recorded logs, and the primitive "
+        "learned from all of them. All are stretched to its duration and turn to their goals, where every "
+        "pointer meets its mark. The axis of the turn points up; what is left of the motion is the swing.\n\n"
+        + legend(dict([RECORDED, LEARNED]))
+    )
+
+
+def _send_cap(
+    stream: rr.RecordingStream,
+    name: str,
+    colour: str,
+    place: int,
+    times: Sequence[rr.TimeColumn],
+    orientation: np.ndarray,
+) -> None:
+    """A cap with a pointer at its place in the row, turning with orientations (T, 4), and the goal's mark."""
+    middle = np.array([0.0, APART * place, 0.0])
+    cap = entity("caps", name)
+    stream.log(
+        cap,
+        rr.Cylinders3D(
+            lengths=[0.5 * RADIUS],
+            radii=[RADIUS],
+            colors=rgba([colour], 0.8),
+            fill_mode=rr.components.FillMode.Solid,
+        ),
+        static=True,
+    )
+    height = 0.27 * RADIUS
+    pointer = rr.LineStrips3D(
+        [[[0.0, 0.0, height], [RADIUS, 0.0, height]]], colors=rgba([LIGHT_GREY]), radii=0.003
+    )
+    stream.log(entity("caps", name, "pointer"), pointer, static=True)
+    translation = np.tile(middle, (len(orientation), 1))
+    turns = rr.Transform3D.columns(translation=translation, quaternion=quaternion.to_xyzw(orientation))
+    stream.send_columns(cap, times, turns)
+    front = middle + np.array([[1.15 * RADIUS, 0.0, height], [1.8 * RADIUS, 0.0, 0.0]])
+    mark = rr.Points3D(front[:1], colors=rgba([colour]), radii=0.004)
+    stream.log(entity("marks", name), mark, static=True)
+    label = rr.Points3D(front[1:], colors=rgba([colour]), radii=0.0, labels=[name], show_labels=True)
+    stream.log(entity("marks", name, "name"), label, static=True)
+
+
+def _blueprint(shown: Sequence[str]) -> rrb.Blueprint:
+    middle = np.array([0.0, 0.5 * APART * (len(shown) - 1), 0.0])
+    scene = eye_view("Unscrewing, axis of the turn up", ["/caps/**", "/marks/**"], middle, EYE)
+    plots = [plot(f"{name} (degrees to the goal)", [f"{entity(name)}/**"]) for name in CHART]
+    left = rrb.Vertical(scene, notes_view(), row_shares=[3, 2])
+    return layout(rrb.Horizontal(left, rrb.Vertical(*plots, row_shares=[3, 1, 1]), column_shares=[1, 1]))

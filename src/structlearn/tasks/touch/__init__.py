@@ -1,0 +1,1 @@
+"""Touches of a skin: latent space, place, force, servoing."""

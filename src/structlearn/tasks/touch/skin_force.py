@@ -1,0 +1,233 @@
+"""How hard is the skin pressed? Forces read off its channels, at one place, learned from a scale.
+
+A probe goes down and up again, several times a recording. Channels and scale lag behind the commanded depth,
+each by its own time, which is found from the data of the recording that is learned from.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
+from structlearn.readers.touch_log import TouchLog
+from structlearn.tasks.touch.skin_readings import NEW_RUN, PROCESS, gaussian_process, polynomial
+from structlearn.tasks.touch.touch_parameters import ForceParameters
+
+QUADRATIC, PRESSURE = "channels and their products", "pressure alone"
+"""Models beside the Gaussian process: ridge regression on the channels and their products, and a polynomial
+of the norm of all channels, which is the contact pressure of a magnetic skin."""
+
+NEW_PRESSES = "new presses"
+
+PRESSURE_DEGREE = 4
+"""Of the polynomial of the norm."""
+
+LAG_STEP_S = 0.02
+"""Lags are looked for at such steps, and between them along a parabola."""
+
+LONGEST_GAP_S = 0.3
+"""Between two readings of the skin; what the scale weighed in a longer one is left out."""
+
+INNER_FOLDS = 3
+"""Parts of the presses by which the ridge's penalty is chosen."""
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """One recording on a scale.
+
+    Attributes:
+        name: of the recording.
+        time: (N,) s of the channels.
+        depth: (N,) m, commanded.
+        counts: (N, E).
+        weighed: (W,) s, when the scale gave a reading.
+        force: (W,) N.
+        press: (W,) number of the press.
+    """
+
+    name: str
+    time: np.ndarray
+    depth: np.ndarray
+    counts: np.ndarray
+    weighed: np.ndarray
+    force: np.ndarray
+    press: np.ndarray
+
+
+@dataclass(frozen=True)
+class WeighedPresses:
+    """Readings of the scale: time (N,) s, channels at that depth with their norm (N, E + 1), force, press."""
+
+    time: np.ndarray
+    channels: np.ndarray
+    force: np.ndarray
+    press: np.ndarray
+
+    def part(self, kept: np.ndarray) -> "WeighedPresses":
+        """Those rows that are kept (N,)."""
+        return WeighedPresses(*(values[kept] for values in vars(self).values()))
+
+
+def force_errors(
+    logs: Sequence[TouchLog], parameters: ForceParameters, known: int
+) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    """Errors of forces on presses left out and on other recordings; a Gaussian process knows `known` presses.
+
+    A recording whose scale says too little to leave a press out is left aside.
+
+    Returns:
+        Errors: `learned_from`, `asked_about`, `new`, `model`, `press`, `rms_n`, `worst_n`. Lags: `run`,
+        `signals_s`, `force_s`, `readings` of the scale, `presses`. Traces on other recordings:
+        `learned_from`, `asked_about`, `time_s`, `force_n` and `read_n` of `QUADRATIC`.
+
+    Raises:
+        InputError: a recording has no time or place.
+    """
+    runs = []
+    for run in (strokes(log, parameters.pressed_n) for log in logs):
+        count = len(np.unique(run.press)) if (run.force > parameters.pressed_n).any() else 0
+        if count > INNER_FOLDS:
+            runs.append(run)
+        else:
+            print(f"skin: {run.name} left aside: {count} presses on the scale are too few to leave some out")
+    judge = partial(_run_errors, runs=runs, parameters=parameters, known=known)
+    found = parallel_map(judge, runs, "forces", local=True)
+    errors, lags, traces = (
+        pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+        for tables in ([table for one in found for table in one[part]] for part in range(3))
+    )
+    return errors, lags, traces
+
+
+def strokes(log: TouchLog, pressed: float) -> Strokes:
+    """A recording with its presses, which reach `pressed` N at least."""
+    if log.time is None or log.place is None or log.force is None:
+        raise InputError(f"{log.name}: forces are learned with columns time_s, x_m, y_m, z_m and force_n")
+    there = np.isfinite(log.force)
+    time, force = log.time[there], log.force[there]
+    press = press_numbers(time, force, pressed) if len(force) else np.zeros(0, dtype=int)
+    return Strokes(log.name, log.time, -log.place[:, 2], log.counts, time, force, press)
+
+
+def _run_errors(
+    run: Strokes, runs: Sequence[Strokes], parameters: ForceParameters, known: int
+) -> tuple[list[pd.DataFrame], ...]:
+    """Parts of the tables that come from what one recording teaches."""
+    lags = run_lags(run, parameters.longest_lag_s)
+    own = weighed_presses(run, lags)
+    presses = np.unique(own.press)
+    row = {"run": run.name} | lags | {"readings": len(own.force), "presses": len(presses)}
+    errors, traces = [], []
+    for press in presses:
+        left_out = own.press == press
+        for model, read in _models(own.part(~left_out), parameters).items():
+            table = _press_errors(own.part(left_out), read(own.channels[left_out]))
+            errors.append(_named(table, run, run, NEW_PRESSES, model))
+    models = _models(own, parameters) | {PROCESS: _process(own, known)}
+    for other in (one for one in runs if one.name != run.name):
+        asked = weighed_presses(other, lags)
+        found = {model: read(asked.channels) for model, read in models.items()}
+        for model, force in found.items():
+            errors.append(_named(_press_errors(asked, force), run, other, NEW_RUN, model))
+        trace = pd.DataFrame({"time_s": asked.time, "force_n": asked.force, "read_n": found[QUADRATIC]})
+        traces.append(trace.assign(learned_from=run.name, asked_about=other.name))
+    return errors, [pd.DataFrame([row])], traces
+
+
+def run_lags(run: Strokes, longest: float) -> dict[str, float]:
+    """Lags of channels and scale behind the commanded depth, `signals_s` and `force_s`."""
+    strength = np.linalg.norm(run.counts, axis=1)
+    return {
+        "signals_s": lag_behind(run.time, run.depth, run.time, strength, longest),
+        "force_s": lag_behind(run.time, run.depth, run.weighed, run.force, longest),
+    }
+
+
+def lag_behind(
+    cause_time: np.ndarray, cause: np.ndarray, time: np.ndarray, effect: np.ndarray, longest: float
+) -> float:
+    """Lag of maximum cross-correlation, in s, 0 to `longest`, of an effect (M,) and its cause (N,)."""
+    grid = np.arange(cause_time[0], cause_time[-1] - longest, LAG_STEP_S)
+    known = np.interp(grid, cause_time, cause)
+    lags = np.arange(-LAG_STEP_S, longest + 1.5 * LAG_STEP_S, LAG_STEP_S)
+    alike = [np.corrcoef(known, np.interp(grid + lag, time, effect))[0, 1] for lag in lags]
+    best = int(np.clip(np.argmax(alike), 1, len(lags) - 2))
+    before, here, after = alike[best - 1 : best + 2]
+    bend = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+    return float(np.clip(lags[best] + LAG_STEP_S * shift, 0.0, longest))
+
+
+def weighed_presses(run: Strokes, lags: Mapping[str, float]) -> WeighedPresses:
+    """Readings of the scale with the channels that belong to them."""
+    at = run.weighed - lags["force_s"] + lags["signals_s"]
+    after = np.searchsorted(run.time, at)
+    inside = (after > 0) & (after < len(run.time))
+    after = np.clip(after, 1, len(run.time) - 1)
+    kept = inside & (run.time[after] - run.time[after - 1] <= LONGEST_GAP_S)
+    channels = np.stack([np.interp(at, run.time, values) for values in run.counts.T], axis=1)
+    channels = np.hstack([channels, np.linalg.norm(channels, axis=1, keepdims=True)])
+    return WeighedPresses(run.weighed, channels, run.force, run.press).part(kept)
+
+
+def press_numbers(time: np.ndarray, force: np.ndarray, pressed: float) -> np.ndarray:
+    """Number of the press (N,), from 0, that each reading belongs to: they part halfway between two."""
+    on = (force > pressed).astype(int)
+    starts, ends = np.flatnonzero(np.diff(on) > 0) + 1, np.flatnonzero(np.diff(on) < 0)
+    starts = starts[1:] if on[0] == 0 else starts
+    return np.searchsorted(0.5 * (time[ends[: len(starts)]] + time[starts]), time, side="right")
+
+
+def _models(
+    taught: WeighedPresses, parameters: ForceParameters
+) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    strength = polynomial(taught.channels[:, -1:], taught.force, PRESSURE_DEGREE)
+    return {
+        QUADRATIC: _quadratic(taught, parameters.penalties),
+        PRESSURE: lambda channels: strength(channels[:, -1:]),
+    }
+
+
+def _process(taught: WeighedPresses, known: int) -> Callable[[np.ndarray], np.ndarray]:
+    middle, spread = taught.channels.mean(axis=0), taught.channels.std(axis=0)
+    read = gaussian_process((taught.channels - middle) / spread, taught.force[:, None], known)
+    return lambda channels: read((channels - middle) / spread)[:, 0]
+
+
+def _quadratic(taught: WeighedPresses, penalties: Sequence[float]) -> Callable[[np.ndarray], np.ndarray]:
+    """Ridge regression whose penalty does best on presses that are left out of those taught."""
+    from sklearn.linear_model import Ridge
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+    inputs = make_pipeline(StandardScaler(), PolynomialFeatures(2, include_bias=False), StandardScaler())
+    seen, part = inputs.fit_transform(taught.channels), taught.press % INNER_FOLDS
+
+    def missed(penalty: float) -> float:
+        errors = [
+            Ridge(penalty).fit(seen[part != one], taught.force[part != one]).predict(seen[part == one])
+            - taught.force[part == one]
+            for one in np.unique(part)
+        ]
+        return sum(np.square(error).sum() for error in errors)
+
+    best = Ridge(min(penalties, key=missed))
+    return make_pipeline(inputs, best).fit(taught.channels, taught.force).predict
+
+
+def _press_errors(asked: WeighedPresses, read: np.ndarray) -> pd.DataFrame:
+    error = pd.Series(read - asked.force).groupby(asked.press)
+    columns = {
+        "rms_n": error.apply(lambda its: np.sqrt(np.mean(its**2))),
+        "worst_n": error.apply(lambda its: its.abs().max()),
+    }
+    return pd.DataFrame(columns).rename_axis("press").reset_index()
+
+
+def _named(table: pd.DataFrame, run: Strokes, other: Strokes, new: str, model: str) -> pd.DataFrame:
+    return table.assign(learned_from=run.name, asked_about=other.name, new=new, model=model)

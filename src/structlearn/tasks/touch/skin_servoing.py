@@ -1,0 +1,110 @@
+"""Servoing in a recorded map: learned from one run, tried on the table of presses of another one (II.3.5)."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pandas as pd
+
+from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
+from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
+from structlearn.tactile.resting_servo import Caution, RestingServo
+from structlearn.tactile.servo_controller import ServoParameters, TactileServo
+from structlearn.tasks.touch.skin_readings import PLAIN, STRUCTURED
+from structlearn.tasks.touch.skin_touches import NEVER_VARIES, LearnedSkin, Touches
+from structlearn.tasks.touch.touch_parameters import TouchParameters
+
+TEXT: tuple[InverseModel, ...] = ("LL", "NG", "NJ")
+CORRECTED = "NJ, corrected"
+"""Controllers: the text's, and ours that rests where it is and learns from what its steps missed."""
+
+SPREAD = 0.5
+"""Of likely actions, over which the corrected controller takes slopes."""
+
+
+def servo_trials(
+    work: tuple[LearnedSkin, Touches, Sequence[Touches]], parameters: TouchParameters
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Closed loops of all controllers, from press to press of other runs.
+
+    Returns:
+        Trials: `learned_from`, `asked_about`, `model`, `controller`, `seed`, `trial`, `arrived`, `left_mm`,
+        `length_ratio`, `straight_mm`. Paths of the corrected controller of the first seed with structure:
+        `learned_from`, `asked_about`, `trial`, `step`, `x_m`, `y_m`, `target_x_m`, `target_y_m`.
+    """
+    (learned, run, others), chosen = work, parameters.servo
+    assert chosen is not None
+    trials, paths = [], []
+    for other in others:
+        table, rng = table_of(run, other, parameters), np.random.default_rng(chosen.seed)
+        starts, targets = rng.integers(0, len(table.pressure), (2, chosen.trials))
+        straight = np.linalg.norm(table.place[starts, :PLANE] - table.place[targets, :PLANE], axis=1)
+        names = {"learned_from": run.name, "asked_about": other.name}
+        for structure, controller, servo in controllers(learned, parameters):
+            map_alone = structure and len(learned.units.action_scale) == PLANE
+            done = servo_on_table(servo, table, starts, targets, chosen.steps, map_alone)
+            arrival = done.arrival(1e-3 * chosen.tolerance_mm)
+            seeds, count = arrival.shape
+            trials.append(
+                pd.DataFrame(
+                    names
+                    | {
+                        "model": STRUCTURED if structure else PLAIN,
+                        "controller": controller,
+                        "seed": np.repeat(np.arange(seeds), count),
+                        "trial": np.tile(np.arange(count), seeds),
+                        "arrived": (arrival >= 0).ravel(),
+                        "left_mm": 1e3 * done.left()[-1].ravel(),
+                        "length_ratio": done.length_ratio(arrival).ravel(),
+                        "straight_mm": np.tile(1e3 * straight, seeds),
+                    }
+                )
+            )
+            if structure and controller == CORRECTED:
+                paths.append(_path_table(done.path[:, 0], done.target).assign(**names))
+    joined = (
+        pd.concat(tables, ignore_index=True) if tables else pd.DataFrame() for tables in (trials, paths)
+    )
+    return tuple(joined)
+
+
+def table_of(run: Touches, other: Touches, parameters: TouchParameters) -> PressedSkin:
+    """Presses of another run; of those that the learned run knows the depth of, where it knows one only."""
+    assert parameters.servo is not None
+    kept = np.full(len(other.counts), True)
+    if np.std(run.place[:, PLANE]) < NEVER_VARIES:
+        away = np.abs(other.place[:, PLANE] - run.place[:, PLANE].mean())
+        kept = away <= max(1e-3 * parameters.servo.depth_mm, away.min())
+    return other.skin(np.flatnonzero(kept))
+
+
+def controllers(
+    learned: LearnedSkin, parameters: TouchParameters
+) -> Iterator[tuple[bool, str, TactileServo]]:
+    """Structure, name and controller of all that are compared."""
+    assert parameters.servo is not None
+    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in TEXT), (CORRECTED, "NJ")]
+    chosen, beta = parameters.servo, parameters.spaces.training.action_penalty
+    for structure in STRUCTURES:
+        for name, inverse in compared:
+            settings = ServoParameters(
+                inverse=inverse,
+                trained_with_inverse=True,
+                action_penalty=beta,
+                gradient_gain=chosen.gradient_gain,
+                largest_action=chosen.largest_action,
+                horizon=1,
+            )
+            given = learned.models, learned.units, structure, settings, 1.0 / STEP_S
+            if name == CORRECTED:
+                caution = Caution(by_likelihood=True, spread=SPREAD, correction=chosen.correction)
+                yield structure, name, RestingServo(*given, actions_per_step=1, caution=caution)
+            else:
+                yield structure, name, TactileServo(*given)
+
+
+def _path_table(path: np.ndarray, target: np.ndarray) -> pd.DataFrame:
+    """Of paths (steps + 1, T, 2) and targets (T, 2)."""
+    steps, trials = path.shape[:2]
+    places = np.hstack([path.reshape(-1, PLANE), np.tile(target, (steps, 1))])
+    table = pd.DataFrame(places, columns=["x_m", "y_m", "target_x_m", "target_y_m"])
+    return table.assign(trial=np.tile(np.arange(trials), steps), step=np.repeat(np.arange(steps), trials))

@@ -1,0 +1,69 @@
+"""Parameters of learning the latent space of a skin. Fields: `stages/own/params.yaml`, `touch`."""
+
+from typing import Literal
+
+from pydantic import Field, PositiveFloat
+
+from structlearn.core.params import Parameters
+from structlearn.readers.topics import TopicMap
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters, SensorDescription
+
+
+class ForceParameters(Parameters):
+    """Forces read off a skin, learned from presses on a scale."""
+
+    longest_lag_s: float = Field(gt=0)
+    pressed_n: float = Field(gt=0)
+    penalties: tuple[PositiveFloat, ...] = Field(min_length=1)
+
+
+class ServoParameters(Parameters):
+    """Closed loops on the table of another recording's presses."""
+
+    walks: int = Field(ge=1)
+    reach_mm: float = Field(gt=0)
+    trials: int = Field(ge=1)
+    steps: int = Field(ge=1)
+    tolerance_mm: float = Field(gt=0)
+    gradient_gain: float = Field(gt=0)
+    largest_action: float = Field(gt=0)
+    correction: float = Field(ge=0, le=2)
+    depth_mm: float = Field(gt=0)
+    seed: int = Field(ge=0)
+
+
+class TouchParameters(Parameters):
+    """A latent space of a skin, from touches at places that are known."""
+
+    source: str = Field(min_length=1)
+    topics: TopicMap | None
+    channels: tuple[str, ...] | None = Field(min_length=1)
+    places: Literal["probe", "channels"]
+    channels_mm: tuple[tuple[float, float], ...] | None
+    change: Literal["falls", "rises", "either"]
+    by_norm: bool
+    gain_spread: float = Field(ge=0)
+    copies: int = Field(ge=1)
+    air_samples: int = Field(ge=0)
+    touched: float = Field(ge=0)
+    most_samples: int = Field(ge=100)
+    apart: bool
+    tuned_on: tuple[str, ...]
+    block_mm: float = Field(gt=0)
+    folds: int = Field(ge=2)
+    degree: int = Field(ge=1)
+    rival_samples: int = Field(ge=2)
+    geodesics: GeodesicParameters
+    spaces: LatentSpaceParameters
+    force: ForceParameters | None
+    servo: ServoParameters | None
+
+    def sensor(self, channels: tuple[str, ...]) -> SensorDescription:
+        """The sensor that has these channels."""
+        return SensorDescription(
+            channels=channels,
+            places_mm=self.channels_mm,
+            change=self.change,
+            by_norm=self.by_norm,
+            gain_spread=self.gain_spread,
+        )

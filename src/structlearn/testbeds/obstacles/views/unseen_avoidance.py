@@ -1,0 +1,283 @@
+"""Recordings of unseen spheres (IV.8.7), and of what the text leaves out: moving spheres, pairs, goals."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.avoidance.avoidance_dataset import baseline_axes
+from structlearn.avoidance.learned_models import ENSEMBLE
+from structlearn.palette import BLUE
+from structlearn.primitives.position import PositionPrimitive
+from structlearn.testbeds.obstacles.names import FREE, HIT, SITUATIONS, SOURCES, model_name
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import GOAL_CHANGE, MOVING, PAIR, Situations
+from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
+    Group,
+    Reach,
+    SituationKey,
+    groups_of,
+    of_model,
+    without_avoidance,
+)
+from structlearn.testbeds.obstacles.views.avoidance_scene import (
+    BARE,
+    PALE,
+    in_base_frame,
+    obstacle_colour,
+    send_paths,
+    send_sphere,
+    send_trail,
+)
+from structlearn.viewer.notes import legend, notes_path, notes_view, send_notes
+from structlearn.viewer.rrd import (
+    entity,
+    layout,
+    plot,
+    recording,
+    rgba,
+    scene_view,
+    send_curve,
+    send_series,
+    time_column,
+)
+
+SPHERE = "sphere"  # time line on which each step is another sphere
+
+STEPS_PER_S = 2.0
+
+SHOWN = 3  # reaches per situation, evenly spread over those in which the reach without avoidance hits
+
+EXPLAINED = {
+    MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",
+    PAIR: "Two spheres stand beside the reach; along each axis the strongest push either way acts.",
+    GOAL_CHANGE: "A sphere stands beside the reach, and the goal (the dark blue point) moves on the way.",
+}
+
+
+def write_unseen_avoidance(
+    path: str | Path, situation: Situations, groups: Sequence[Group], baseline: PositionPrimitive, title: str
+) -> None:
+    """Write reaches past unseen spheres as a recording.
+
+    The first tab shows all paths of each ensemble at once; the second one sphere at a time with the paths of
+    all ensembles, and how close they get to every sphere. `baseline`: whose local frame the spheres are in.
+    """
+    centres = in_base_frame(situation.obstacles[0].centre, baseline)
+    ensembles = ensembles_of(groups)
+    with recording(path, title) as stream:
+        send_notes(stream, _notes(title, groups))
+        steps = [rr.TimeColumn(SPHERE, sequence=situation.numbers)]
+        _send_spheres(stream, situation, centres, groups, baseline, steps)
+        bare = [without_avoidance(group) for group in groups]
+        send_paths(stream, entity(BARE.name), [bare[0].position], BARE.colour, width=2.0)
+        _send_closest(stream, bare, steps)
+        for source, its in ensembles.items():
+            positions, colour = [reach.position for reach in its], SOURCES[source].colour
+            send_paths(stream, entity("all", source), positions, colour, 0.7, 0.7)
+            look = rr.LineStrips3D.from_fields(colors=rgba([colour]), radii=-1.5)
+            one = entity("one", "paths", source)
+            stream.log(one, look, static=True)
+            stream.send_columns(one, steps, rr.LineStrips3D.columns(strips=positions))
+            _send_closest(stream, its, steps)
+        texts = [_table(*pair) for pair in zip(situation.numbers, groups, strict=True)]
+        columns = rr.TextDocument.columns(text=texts, media_type=[rr.MediaType.MARKDOWN] * len(texts))
+        stream.send_columns(notes_path(SPHERE), steps, columns)
+        stream.send_blueprint(_blueprint(ensembles, centres))
+
+
+def ensembles_of(groups: Sequence[Group]) -> dict[str, list[Reach]]:
+    """Reaches of ensembles in all situations, by what they learned from in the order of names."""
+    every = [reach for group in groups for reach in of_model(group, ENSEMBLE)]
+    found = {source: [reach for reach in every if reach.learned_from == source] for source in SOURCES}
+    return {source: its for source, its in found.items() if its}
+
+
+def hits_table(groups: Sequence[Group]) -> str:
+    """How often each ensemble hits, and the reach without avoidance, in Markdown."""
+    counts = {BARE.name: sum(without_avoidance(group).hit for group in groups)}
+    for source, its in ensembles_of(groups).items():
+        counts[model_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
+    rows = [f"| {name} | {count} |" for name, count in counts.items()]
+    return f"| hits | of {len(groups)} |\n|---|---|\n" + "\n".join(rows) + "\n"
+
+
+def ensemble_legend(groups: Sequence[Group]) -> str:
+    """Colours of ensembles and spheres, in Markdown."""
+    ensembles = {model_name(ENSEMBLE, source): SOURCES[source].colour for source in ensembles_of(groups)}
+    return legend(ensembles | {look.name: look.colour for look in (BARE, HIT, FREE)})
+
+
+def _send_spheres(
+    stream: rr.RecordingStream,
+    situation: Situations,
+    centres: np.ndarray,
+    groups: Sequence[Group],
+    baseline: PositionPrimitive,
+    steps: Sequence[rr.TimeColumn],
+) -> None:
+    """All centres as small balls, and the sphere of each step in its size."""
+    colours = [obstacle_colour(without_avoidance(group)) for group in groups]
+    labels = [str(number) for number in situation.numbers]
+    balls = rr.Points3D(centres, colors=rgba(colours), radii=0.006, labels=labels, show_labels=False)
+    stream.log("centres", balls, static=True)
+    spheres = situation.obstacles[0]
+    cloud = (spheres.points[0] - spheres.centre[0]) @ baseline_axes(baseline).T
+    path, radius = entity("one", "sphere"), float(spheres.radius[0])
+    send_sphere(stream, path, cloud, radius, steps, centres, colours)
+
+
+def _send_closest(stream: rr.RecordingStream, reaches: Group, steps: Sequence[rr.TimeColumn]) -> None:
+    look, name = SOURCES[reaches[0].learned_from], reaches[0].learned_from or BARE.name
+    closest = np.array([[reach.obstacle_distance] for reach in reaches])
+    send_series(stream, entity("closest", name), steps, closest, [look.name], [look.colour])
+
+
+def _table(number: int, group: Group) -> str:
+    rows = [
+        f"| {SOURCES[one.learned_from].name} | {one.obstacle_distance:.2f} | {'hit' if one.hit else ''} |"
+        for one in [without_avoidance(group), *of_model(group, ENSEMBLE)]
+    ]
+    return f"## Sphere {number}\n\n| path | closest (radii) | |\n|---|---|---|\n" + "\n".join(rows)
+
+
+def _blueprint(ensembles: dict[str, list[Reach]], centres: np.ndarray) -> rrb.Blueprint:
+    points = np.concatenate([centres, *(its[0].position for its in ensembles.values())])
+    one = scene_view(
+        f"one sphere and all ensembles (simulated); step on the time line '{SPHERE}'",
+        ["/one/**", entity(BARE.name), "/centres"],
+        points,
+    )
+    closest = plot("closest approach to each sphere (radii from its surface; below 0: hit)", ["/closest/**"])
+    beside = rrb.Vertical(closest, notes_view(SPHERE, name="this sphere"), row_shares=[1, 1])
+    stepped = rrb.Horizontal(one, beside, column_shares=[4, 3], name="one by one")
+    everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
+    scenes = [
+        scene_view(
+            f"{model_name(ENSEMBLE, source)}: {len(its)} paths (simulated)",
+            [entity("all", source), entity(BARE.name), "/centres"],
+            everything,
+        )
+        for source, its in ensembles.items()
+    ]
+    together = rrb.Horizontal(
+        rrb.Grid(*scenes, grid_columns=2), notes_view(), column_shares=[4, 1], name="all paths"
+    )
+    return layout(rrb.Tabs(together, stepped, active_tab=0), timeline=SPHERE, steps_per_s=STEPS_PER_S)
+
+
+def _notes(title: str, groups: Sequence[Group]) -> str:
+    return (
+        f"# {title}\n\n{len(groups)} spheres close round the reach, which nobody has shown. One is there at "
+        "a time; the balls are the centres of all. Everything is simulated: ensembles of networks that "
+        "learned from a simulated person are unrolled, without a robot.\n\n"
+        f"{ensemble_legend(groups)}\n\n{hits_table(groups)}"
+    )
+
+
+def write_changing_avoidance(
+    path: str | Path,
+    situations: Sequence[Situations],
+    reaches: Mapping[SituationKey, Group],
+    baseline: PositionPrimitive,
+    title: str,
+) -> None:
+    """Write reaches past obstacles that the models never met in training as a recording.
+
+    Each situation has a tab with some of its reaches as scenes over time, and the distance to the nearest
+    sphere below each. `baseline`: whose local frame the spheres are in.
+    """
+    with recording(path, title) as stream:
+        tabs = []
+        for situation in situations:
+            protocol, groups = situation.protocol, groups_of(situation, reaches)
+            send_notes(stream, _changing_notes(title, protocol, groups), protocol)
+            cells = [
+                _send_scene(stream, situation, index, groups[index], baseline)
+                for index in shown_reaches(groups)
+            ]
+            shares = [4] * len(cells) + [3]
+            views: list[rrb.Container | rrb.View] = [*cells, notes_view(protocol)]
+            tabs.append(rrb.Horizontal(*views, column_shares=shares, name=SITUATIONS[protocol]))
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+
+
+def shown_reaches(groups: Sequence[Group], count: int = SHOWN) -> list[int]:
+    """Indices of at most `count` of the reaches, evenly spread over those that hit without avoidance."""
+    hit = [index for index, group in enumerate(groups) if without_avoidance(group).hit]
+    shown = min(count, len(hit))
+    return [hit[(2 * place + 1) * len(hit) // (2 * shown)] for place in range(shown)]
+
+
+def sphere_paths(
+    situation: Situations, index: int, times: np.ndarray, baseline: PositionPrimitive
+) -> list[np.ndarray]:
+    """Centres (T, 3) m of each sphere of a reach at times (T,) in s, base frame."""
+    return [
+        in_base_frame(obstacle.centre[index] + obstacle.path(times)[index], baseline)
+        for obstacle in situation.obstacles
+    ]
+
+
+def surface_distances(
+    position: np.ndarray, centres: Sequence[np.ndarray], radii: Sequence[float]
+) -> np.ndarray:
+    """Distances (S, T) in m of a hand (T, 3) from the surfaces of S spheres with centres (T, 3) each."""
+    apart = [np.linalg.norm(position - path, axis=1) for path in centres]
+    return np.array(apart) - np.array(radii)[:, None]
+
+
+def _send_scene(
+    stream: rr.RecordingStream, situation: Situations, index: int, group: Group, baseline: PositionPrimitive
+) -> rrb.Vertical:
+    """Log one reach past its spheres by every ensemble; a scene and the distances below it."""
+    heading = f"{SITUATIONS[situation.protocol]} {situation.numbers[index]}"
+    if situation.speed[index]:
+        heading += f", {situation.speed[index]:g} m/s"
+    parts = (situation.protocol, heading)
+    scene, bare = entity(*parts), without_avoidance(group)
+    centres = sphere_paths(situation, index, bare.time, baseline)
+    radii = [float(obstacle.radius[index]) for obstacle in situation.obstacles]
+    nearest = surface_distances(bare.position, centres, radii).min(axis=1)
+    for number, (obstacle, path) in enumerate(zip(situation.obstacles, centres, strict=True)):
+        cloud = (obstacle.points[index] - obstacle.centre[index]) @ baseline_axes(baseline).T
+        # a hit between the samples that are kept is one of the nearest sphere
+        hit = bare.hit and nearest[number] <= max(0.0, nearest.min())
+        colours = [(HIT if hit else FREE).colour] * len(bare.time)
+        sphere = f"{scene}/spheres/{number}"
+        send_sphere(stream, sphere, cloud, radii[number], [time_column(bare.time)], path, colours)
+    _send_goal(stream, f"{scene}/goal", situation, baseline)
+    drawn = [bare, *of_model(group, ENSEMBLE)]
+    for reach in drawn:
+        label, colour = SOURCES[reach.learned_from].name, SOURCES[reach.learned_from].colour
+        send_paths(stream, entity(*parts, "ahead", label), [reach.position], colour, PALE)
+        send_trail(stream, entity(*parts, "reaches", label), reach, colour)
+        distance = 1e3 * surface_distances(reach.position, centres, radii).min(axis=0)
+        send_curve(stream, entity(*parts, "distance", label), reach.time, distance, label, colour)
+    points = np.concatenate([*(reach.position for reach in drawn), *centres])
+    contents = [f"{scene}/{part}/**" for part in ("spheres", "reaches", "ahead", "goal")]
+    distances = plot("distance to the nearest surface (mm)", [f"{scene}/distance/**"], legend=False)
+    view = scene_view(f"{heading} (simulated)", contents, points)
+    return rrb.Vertical(view, distances, row_shares=[3, 2])
+
+
+def _send_goal(
+    stream: rr.RecordingStream, path: str, situation: Situations, baseline: PositionPrimitive
+) -> None:
+    change = situation.goal_change
+    times, goals = [0.0], [baseline.goal]
+    if change is not None:
+        times, goals = [0.0, change.time], [baseline.goal, np.reshape(change.goals, (-1, 3))[0]]
+    stream.log(path, rr.Points3D.from_fields(colors=rgba([BLUE]), radii=-5.0), static=True)
+    stream.send_columns(path, [time_column(np.array(times))], rr.Points3D.columns(positions=goals))
+
+
+def _changing_notes(title: str, protocol: str, groups: Sequence[Group]) -> str:
+    return (
+        f"# {title}\n\n{EXPLAINED[protocol]} Play the time line. Everything is simulated: ensembles that "
+        "learned from a simulated person with one sphere, cube or cylinder at rest are unrolled, without a "
+        "robot. Arrows are the coupling term; pale lines are the paths to come.\n\n"
+        f"{ensemble_legend(groups)}\n\nShown are {len(shown_reaches(groups))} of {len(groups)} reaches; "
+        f"without avoidance each of them hits.\n\n{hits_table(groups)}"
+    )

@@ -1,0 +1,198 @@
+"""Recordings of executions on the tilted board: with and without feedback, before and after refinement."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pybullet_data
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.palette import primitive_colour
+from structlearn.testbeds.scraping.names import RUNS
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
+from structlearn.testbeds.scraping.views.scraping_scene import (
+    close_view,
+    full_scale,
+    send_electrode_map,
+    send_scene,
+)
+from structlearn.testbeds.scraping.views.search_recording import searches, send_search
+from structlearn.testbeds.scraping.views.shown_execution import Execution, send_signals
+from structlearn.testbeds.scraping.world.layout import CONTACT_M
+from structlearn.viewer.arm_meshes import arm_contents, send_arm
+from structlearn.viewer.notes import legend, notes_view, origin_sentence, send_notes
+from structlearn.viewer.rrd import (
+    entity,
+    eye_view,
+    lanes,
+    layout,
+    origin_label,
+    plot,
+    recording,
+    send_primitive_lane,
+    send_series,
+    time_column,
+)
+
+FEEDBACK_NOTE = """### Scraping with feedback
+
+The same three movements on a board that was tilted after they were learned: as they were learned, corrected
+by a person who holds the tool flat on the board, and by the feedback model that was trained on such
+corrections (dissertation IV.9.3). A tab per tilt, largest first; the first run of each kind.
+
+The coupling term is what the model adds to the movement's rotation; of the corrected run it is
+the target that the model was trained on.
+"""
+
+REFINEMENT_NOTE = """### Refinement by trial
+
+A feedback model that nobody had corrected at the steepest tilt, and what trials there made of it
+(dissertation IV.9.4): without feedback, and with it before and after the refinement. Pale in the right
+scene: before. A tab per tilt, with the first run of each kind, so costs are of single runs; then a tab per
+refined movement with its search, which steps on the time line `iteration`.
+"""
+
+ROBOT_NOTE = """### The whole arm
+
+One run with feedback: the arm, what its hand does on the board, what its fingers feel, and what the feedback
+makes of it (dissertation IV.9.3).
+"""
+
+FINGERS = """**Fingers**: every electrode's reading against what runs without feedback on the level board
+felt; orange is above, blue below, grey as expected."""
+
+URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
+"""Of the arm with its meshes, among the data that PyBullet brings."""
+
+JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # Of the columns of joint positions
+PALE = {RUNS[BEFORE].name: RUNS[AFTER].name}
+"""What was done before refinement is the shadow of what is done after it, as in figure IV.21."""
+
+
+def write_executions(
+    path: str | Path, settings: Mapping[float, Sequence[Execution]], title: str = "Executions"
+) -> None:
+    """Write executions as a recording, on one time line.
+
+    Each setting has a tab: above every run in 3-D and its electrodes, below the signals of all runs.
+
+    `settings`: executions by roll of the board in degrees; those of one setting are of different kinds. The
+    first tab is that of the first setting.
+    """
+    with recording(path, title) as stream:
+        tabs = _send_settings(stream, settings, FEEDBACK_NOTE)
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0), at_end=True))
+
+
+def write_refinement(
+    path: str | Path,
+    settings: Mapping[float, Sequence[Execution]],
+    history: pd.DataFrame,
+    samples: pd.DataFrame,
+    title: str = "Refinement",
+) -> None:
+    """Write a refinement as a recording.
+
+    Each setting has a tab with the executions without feedback, before and after refinement, and each refined
+    primitive one with its search, in which a step of the time line `search.ITERATION` is an iteration.
+
+    `settings`: of `shown_execution.read_refined_runs`. `history`: one row per rollout, of
+    `refinement.history_rows` with `primitive`. `samples`: what was felt and done, of
+    `refinement.sample_rows` with `primitive`.
+    """
+    origin = origin_label([one.run for group in settings.values() for one in group])
+    with recording(path, title) as stream:
+        tabs = _send_settings(stream, settings, REFINEMENT_NOTE)
+        tabs += [send_search(stream, search, origin) for search in searches(history, samples)]
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=1.0, at_end=True))
+
+
+def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
+    """Write an execution by the robot as a recording.
+
+    Raises ValueError: the run has no joint positions, or not as many as the arm has joints.
+    """
+    angles = one.run.joint_positions
+    if angles is None or angles.shape[1] != len(JOINTS):
+        raise ValueError(f"{one.run.name}: needs the positions of {len(JOINTS)} joints")
+    times = time_column(one.run.time[one.kept])
+    scale = full_scale([one])
+    with recording(path, title) as stream:
+        send_notes(stream, _notes(ROBOT_NOTE, [one]))
+        send_arm(stream, "arm", URDF, JOINTS, times, angles[one.kept])
+        send_scene(stream, "run", one, scale)
+        names = [f"joint {number + 1}" for number in range(len(JOINTS))]
+        colours = [primitive_colour(number) for number in range(len(JOINTS))]
+        moved = np.degrees(angles[one.kept] - angles[0])
+        send_series(stream, "joints", [times], moved, names, colours)
+
+        # the arm from the side that the tool does not turn to
+        target, offset = np.array([0.57 * CONTACT_M[0], 0.0, 0.4]), 1.3 * np.array([0.45, -0.85, 0.3])
+        heading = f"{title}{origin_label([one.run])}"
+        middle = rrb.Vertical(
+            close_view(f"board at {one.board_deg:g} degrees", ["/run/**"]),
+            send_electrode_map(stream, "electrodes", one, scale),
+            notes_view(),
+            row_shares=[6, 3, 4],
+        )
+        moving = plot("joints since the start (degrees)", ["/joints"], legend=False)
+        right = rrb.Vertical(*send_signals(stream, "signals", [one]), moving)
+        whole = eye_view(heading, [arm_contents("arm"), "/run/**"], target, offset)
+        stream.send_blueprint(
+            layout(rrb.Horizontal(whole, middle, right, column_shares=[6, 4, 4]), at_end=True)
+        )
+
+
+def _notes(text: str, executions: Sequence[Execution]) -> str:
+    """A panel's text: what is shown, whence, which colour is which run, and how to read the rest."""
+    colours = legend({one.look.name: one.look.colour for one in executions})
+    origin = origin_sentence([one.run for one in executions])
+    return f"{text}\n**{origin}**\n\n{colours}\n\n{FINGERS}"
+
+
+def _send_lane(stream: rr.RecordingStream, parent: str, one: Execution) -> rrb.StateTimelineView:
+    """Log which primitive runs, and return the view of it."""
+    segments = one.run.signal("true_segments")
+    times = time_column(np.append(segments[:, 0], segments[-1, 1]))
+    send_primitive_lane(stream, entity(parent, "primitive"), [times], [*one.primitives, ""])
+    return lanes([entity(parent, "primitive")])
+
+
+def _send_settings(
+    stream: rr.RecordingStream, settings: Mapping[float, Sequence[Execution]], note: str
+) -> list[rrb.Horizontal]:
+    """Log the executions of all settings; colours of electrodes are comparable among all of them."""
+    everything = [one for group in settings.values() for one in group]
+    scale = full_scale(everything)
+    send_notes(stream, _notes(note, next(iter(settings.values()))))
+    return [
+        _send_setting(stream, f"{setting:g} degrees", group, scale) for setting, group in settings.items()
+    ]
+
+
+def _send_setting(
+    stream: rr.RecordingStream, tab: str, group: Sequence[Execution], scale: float
+) -> rrb.Horizontal:
+    """Log the executions of one setting, and return its tab."""
+    names = [one.look.name for one in group]
+    shadows = {pale: of for pale, of in PALE.items() if {pale, of} <= set(names)}
+    for one in group:
+        send_scene(stream, entity(tab, "runs", one.look.name), one, scale, one.look.name in shadows)
+    scenes = []
+    for name in names:
+        if name not in shadows:
+            shown = [name, *(pale for pale, of in shadows.items() if of == name)]
+            heading = " (pale: ".join(shown) + ")" * (len(shown) - 1)
+            contents = [f"{entity(tab, 'runs', one)}/**" for one in shown]
+            scenes.append(close_view(f"{heading}{origin_label([group[0].run])}", contents))
+    maps = [send_electrode_map(stream, entity(tab, "electrodes", one.look.name), one, scale) for one in group]
+    plots = [*send_signals(stream, tab, group), _send_lane(stream, tab, group[0])]
+    left = rrb.Vertical(
+        rrb.Horizontal(*scenes),
+        rrb.Horizontal(*maps),
+        rrb.Grid(*plots, grid_columns=3),
+        row_shares=[10, 5, 9],
+    )
+    return rrb.Horizontal(left, notes_view(), column_shares=[5, 1], name=tab)

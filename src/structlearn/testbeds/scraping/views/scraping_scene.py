@@ -1,0 +1,171 @@
+"""The scraping testbed in recordings: the tilted board, the hand that pinches the tool, and what it feels.
+
+Frames as in the simulation, all with x along the pinch, y along the scraping direction and z along the
+fingers: `hand` is the recorded frame, where the tool's edge is while nothing pulls at it; the grasp lies
+between the finger tips, and the tool turns about it.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.core import quaternion
+from structlearn.palette import GREY, LIGHT_GREY
+from structlearn.simulation.fingers import HOME_MM, PAD_DISTANCE_MM
+from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
+from structlearn.testbeds.scraping.views.shown_execution import RATE_HZ, Execution
+from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M, GRASP_M, ROLL_AXIS
+from structlearn.viewer.diagram import texts
+from structlearn.viewer.rrd import (
+    deviation_colours,
+    eye_view,
+    flat_view,
+    rgba,
+    send_moving_frame,
+    solid_boxes,
+    thinning,
+    time_column,
+)
+
+WRIST_M, FINGER_M = 0.06, 0.045
+"""From the end of the arm to the hand's root, and from the palm to the start of a finger's round tip."""
+
+BOARD_M = np.array([0.07, 0.14, 0.006])  # Size of the board's part that is drawn, in its own frame
+GRIP_M, BLADE_M = np.array([0.02, 0.012, 0.02]), 0.0015
+"""Size of the tool between the finger tips, and thickness of its blade."""
+
+AXES_M, EYE_M = 0.02, 0.16  # Length of the axes of the hand's frame, and from the camera to what it looks at
+BOARD, SKIN, SHADOW_OPACITY = "#39424e", "#6b7480", 0.3
+"""Colours of the board and of the hand, and opacity of what is drawn pale in the scene of another run."""
+
+FULL_SCALE_QUANTILE = 0.995
+"""Share of the deviations within the colour scale: single electrodes would darken all others."""
+
+MAP_WIDTH, MAP_GAP = 24.0, 3.0  # mm that one finger takes in the flat picture, and between the two
+
+
+def send_scene(
+    stream: rr.RecordingStream, path: str, one: Execution, scale: float, shadow: bool = False
+) -> None:
+    """Log board, path, moving hand with its electrodes, and the tool as it turns between the fingers.
+
+    `scale`: of `full_scale`. `shadow`: only hand and tool, pale and in the run's colour, without electrodes,
+    which would hide those of another hand.
+    """
+    times, colour = [time_column(one.run.time[one.kept])], one.look.colour
+    position, orientation = one.run.position[one.kept], one.run.signal("orientation")[one.kept]
+    opacity = SHADOW_OPACITY if shadow else 1.0
+    send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, AXES_M)
+    send_hand(stream, f"{path}/hand", colour if shadow else SKIN, opacity)
+    pose = rr.Transform3D.columns(
+        translation=one.grasp[one.kept], quaternion=quaternion.to_xyzw(one.tool_orientation[one.kept])
+    )
+    stream.send_columns(f"{path}/tool", times, pose)
+    send_tool(stream, f"{path}/tool", colour, colour if shadow else LIGHT_GREY, opacity)
+    if not shadow:
+        send_board(stream, f"{path}/board", one.board_deg)
+        strip = rr.LineStrips3D([position], colors=rgba([colour]), radii=-1.0)
+        stream.log(f"{path}/path", strip, static=True)
+        points = rr.Points3D(electrodes().reshape(-1, 3) - [0.0, 0.0, EDGE_M], radii=0.0008)
+        stream.log(f"{path}/hand/electrodes", points, static=True)
+        _send_colours(stream, f"{path}/hand/electrodes", rr.Points3D, one, scale)
+
+
+def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) -> None:
+    """Log the board, tilted about its axis, with its top where the tool meets it."""
+    orientation = quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)
+    turn = rr.Quaternion(xyzw=quaternion.to_xyzw(orientation))
+    pose = rr.Transform3D(translation=CONTACT_M, quaternion=turn)
+    stream.log(path, pose, static=True)
+    box = solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
+    stream.log(path, box, static=True)
+
+
+def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: float = 1.0) -> None:
+    """Log the palm and the fingers below the entity of the hand's frame, with which they move."""
+    outwards = 1e-3 * (PAD_DISTANCE_MM + SKIN_RADIUS_MM)
+    tips = -EDGE_M - 1e-3 * np.array(HOME_MM)  # where the round tips start, along z
+    fingers = rr.Capsules3D(
+        lengths=[FINGER_M] * 2,
+        radii=[1e-3 * SKIN_RADIUS_MM] * 2,
+        translations=[[outwards, 0.0, tips[0] - FINGER_M], [-outwards, 0.0, tips[1] - FINGER_M]],
+        colors=rgba([skin], 0.4 * opacity),
+        fill_mode=rr.components.FillMode.Solid,
+    )
+    stream.log(f"{path}/fingers", fingers, static=True)
+    top, bottom = -EDGE_M - GRASP_M, -EDGE_M - FINGER_M
+    sizes = [[0.06, 0.03, bottom - top], [0.04, 0.04, WRIST_M]]
+    centres = [[0.0, 0.0, 0.5 * (top + bottom)], [0.0, 0.0, top - 0.5 * WRIST_M]]
+    stream.log(f"{path}/palm", solid_boxes(sizes, centres, [skin], opacity), static=True)
+
+
+def send_tool(
+    stream: rr.RecordingStream, path: str, colour: str, grip: str = LIGHT_GREY, opacity: float = 1.0
+) -> None:
+    """Log what the fingers hold of the tool, its blade and its edge below the entity of the grasp's frame."""
+    reached = 0.5 * GRIP_M[2]
+    sizes: list[np.ndarray | list[float]] = [GRIP_M, [EDGE_WIDTH_M, BLADE_M, EDGE_M - reached]]
+    centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + EDGE_M)]]
+    stream.log(f"{path}/body", solid_boxes(sizes, centres, [grip, colour], opacity), static=True)
+    ends = [[-0.5 * EDGE_WIDTH_M, 0.0, EDGE_M], [0.5 * EDGE_WIDTH_M, 0.0, EDGE_M]]
+    stream.log(f"{path}/edge", rr.LineStrips3D([ends], colors=rgba([colour]), radii=-2.5), static=True)
+
+
+def close_view(name: str, contents: Sequence[str], distance_m: float = EYE_M) -> rrb.Spatial3DView:
+    """3-D view along the scraping direction, close to where the tool meets the board, that shows roll."""
+    target = CONTACT_M + np.array([0.0, 0.02, 0.028])
+    return eye_view(name, contents, target, distance_m * np.array([0.15, -0.93, 0.33]))
+
+
+def full_scale(executions: Sequence[Execution]) -> float:
+    """Deviation in counts that gets the full colour, the same for all of these."""
+    deviations = np.abs(np.concatenate([one.deviation for one in executions]))
+    return float(np.quantile(deviations, FULL_SCALE_QUANTILE))
+
+
+def electrodes() -> np.ndarray:
+    """Places of the electrodes, (2, 19, 3) m from the grasp, left finger first; axes as the hand's.
+
+    A finger's own x runs to its tip, z into it, and y so that the left finger's is the hand's -y.
+    """
+    along, across, inwards = ELECTRODES_MM.T
+    fingers = []
+    for side, home in zip((1.0, -1.0), HOME_MM, strict=True):
+        outwards = side * (PAD_DISTANCE_MM + SKIN_RADIUS_MM + inwards)
+        fingers.append(np.column_stack([outwards, -side * across, along - home]))
+    return 1e-3 * np.array(fingers)
+
+
+def send_electrode_map(
+    stream: rr.RecordingStream, path: str, one: Execution, scale: float
+) -> rrb.Spatial2DView:
+    """Log the electrodes of both fingers as flat pictures, seen from the back of each finger.
+
+    Drawn in mm: the fingers lie beside each other with their tips to the right, the scraping direction up.
+    """
+    offsets = np.array([[0.0, 0.0], [MAP_WIDTH + MAP_GAP, 0.0]])  # of the fingers
+    flat = 1e3 * electrodes()[:, :, [2, 1]] * [1.0, -1.0] + offsets[:, None]
+    stream.log(path, rr.Points2D(flat.reshape(-1, 2), radii=1.1), static=True)
+    _send_colours(stream, path, rr.Points2D, one, scale)
+    names = texts(offsets + np.array([-5.0, 6.2]), ["left finger", "right finger"], [GREY])
+    stream.log(f"{path}/names", names, static=True)
+    heading = f"{one.look.name}: ±{scale:.0f} counts"
+    return flat_view(heading, path, [-16.0, 2 * MAP_WIDTH + MAP_GAP - 11.0], [-7.0, 11.0])
+
+
+def _send_colours(
+    stream: rr.RecordingStream,
+    path: str,
+    points: type[rr.Points2D] | type[rr.Points3D],
+    one: Execution,
+    scale: float,
+) -> None:
+    """Colours of the electrodes over time; until feedback begins all read as expected."""
+    felt, deviation = one.felt["time_s"].to_numpy(), one.deviation
+    kept = slice(None, None, thinning(float(np.median(np.diff(felt))), RATE_HZ))
+    times = np.append(one.run.time[:1], felt[kept])
+    shown = np.vstack([np.zeros(deviation.shape[1]), deviation[kept]])
+    columns = points.columns(colors=deviation_colours(shown, scale).ravel())
+    stream.send_columns(path, [time_column(times)], columns.partition([shown.shape[1]] * len(shown)))

@@ -1,0 +1,187 @@
+"""Recordings of demonstrated touch (II.4.1.1), and of the latent map beside the skin (figure II.3)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.core import quaternion
+from structlearn.tactile.electrodes import Skin
+from structlearn.testbeds.servoing.names import ESTIMATED, LATENT, TRUE, electrode_colours
+from structlearn.testbeds.servoing.views import servoing_scene as scene
+from structlearn.testbeds.servoing.views.servoing_scene import ShownTouch
+from structlearn.viewer.notes import colour_words, send_notes
+from structlearn.viewer.rrd import entity, layout, origin_label, recording, rgba, send_curve
+
+TITLE = "Touch: demonstrations"
+
+MAP_TITLE = "Touch: latent map"
+EVERY = 10  # every how many samples one is on a path
+POINT_MM, SAMPLE_OPACITY = 0.12, 0.5  # radius of a sample on a flat picture, and how much it covers
+
+PATH = "#ffffff"
+"""Colour of paths among coloured samples."""
+
+PLOTS = {
+    "along": "along the finger (mm): blue map, red skin",
+    "across": "across the finger (mm): blue map, red skin",
+    "latent": "third latent number",
+    "pressure": "pressure (counts)",
+}
+
+
+def write_touch_demonstrations(
+    path: str | Path, shown: Sequence[ShownTouch], skin: Skin, handle_radius: float
+) -> None:
+    """Write demonstrations of touch as a recording, a tab each; the handle's radius in m."""
+    origin = origin_label([one.demonstration for one in shown])
+    scale = scene.full_scale([one.motion.signals for one in shown])
+    with recording(path, TITLE) as stream:
+        stream.send_blueprint(layout(rrb.Tabs(*[_tab(one, skin, origin) for one in shown], active_tab=0)))
+        for one in shown:
+            scene.send_touch(stream, entity(one.name), skin, one.motion, one.contacts, scale)
+            centre, axis = handle_place(one, skin, handle_radius)
+            scene.send_handle(stream, entity(one.name, "handle"), centre, axis, handle_radius)
+            _send_curves(stream, one, skin)
+            send_notes(stream, _notes(origin, one, scale), one.name)
+
+
+def handle_place(one: ShownTouch, skin: Skin, handle_radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where the handle of a demonstration must have been, as its pose is not recorded.
+
+    The finger's x axis lies across the handle; the middle of the handle is behind the contacts.
+    `handle_radius`: m. Returns centre (3,) m and horizontal unit axis (3,), base frame.
+    """
+    behind = one.contact_point + handle_radius * skin.normal(one.contact_point)
+    turned = quaternion.rotate(one.motion.orientation[one.rows], behind)
+    ahead = _finger_x(one)
+    axis = np.array([-ahead[1], ahead[0], 0.0])
+    return np.median(one.motion.position[one.rows] + turned, axis=0), axis / np.linalg.norm(axis)
+
+
+def _finger_x(one: ShownTouch) -> np.ndarray:
+    """Mean direction (3,) of the finger's x axis in the base frame."""
+    return quaternion.rotate(one.motion.orientation, np.array([1.0, 0.0, 0.0])).mean(axis=0)
+
+
+def _send_curves(stream: rr.RecordingStream, one: ShownTouch, skin: Skin) -> None:
+    """Pressure, load, and surface coordinates of the contact; lines end where it does."""
+    pressure = -one.motion.signals.mean(axis=1)
+    send_curve(stream, entity(one.name, "pressure", "raw"), one.motion.time, pressure, "pressure", ESTIMATED)
+    if len(one.truth):
+        time, load = (one.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
+        send_curve(stream, entity(one.name, "load", "true"), time, load, "load", TRUE)
+    for contact in one.contacts:
+        places = np.full((2, len(contact.time)), np.nan)
+        places[:, contact.touching] = 1e3 * np.stack(skin.coordinates(contact.point[contact.touching]))
+        for axis, values in zip(("along", "across"), places, strict=True):
+            place = entity(one.name, axis, contact.name)
+            send_curve(stream, place, contact.time, values, contact.name, contact.colour)
+
+
+def _tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
+    name, plots = one.name, {"pressure": "pressure, -mean of the counts"}
+    if len(one.truth):
+        plots["load"] = "true load (N)"
+    plots |= {axis: f"contact {axis} the finger (mm)" for axis in ("along", "across")}
+    views = rrb.Vertical(
+        scene.close_view(
+            f"finger on the handle{origin}",
+            [f"{entity(name, 'finger')}/**", entity(name, "handle")],
+            np.median(one.motion.position[one.rows], axis=0),
+            _finger_x(one),
+        ),
+        scene.map_view("skin, flat (mm)", [f"{entity(name, 'skin')}/**"], skin),
+        row_shares=[3, 2],
+    )
+    return scene.tab(name, [views], plots, legends=True)
+
+
+def _notes(origin: str, one: ShownTouch, scale: float) -> str:
+    colours = {"orange electrodes": f"counts fell, full colour at {scale:.0f} counts: pressed"}
+    colours |= {"blue electrodes": "counts rose: the fluid bulges", "red point": "estimated contact"}
+    if len(one.truth):
+        colours |= {"green point": "true contact"}
+    return (
+        f"# {TITLE}\n\n{one.name}{origin}: {len(np.unique(one.contact))} contacts, from touching to "
+        f"lifting.\n\n{colour_words(colours)}\n\nThe pose of the handle is not recorded; it is drawn where "
+        "the contacts put it. In flat pictures the tip of the finger is to the right.\n"
+    )
+
+
+def write_latent_maps(
+    path: str | Path,
+    shown: Sequence[ShownTouch],
+    flat_skin: scene.FlatSkin,
+    latent_map: pd.DataFrame,
+    contact_points: np.ndarray,
+    count: int,
+) -> None:
+    """Write the latent map and paths on it as a recording, a tab for each demonstration.
+
+    `latent_map`: see `tactile.latent_evaluation.latent_map`; `contact_points` (N, 3) m of the same samples;
+    `count`: of samples that are drawn.
+    """
+    origin = origin_label([one.demonstration for one in shown])
+    places = {"map": flat_skin.latent(latent_map[["x", "y"]].to_numpy(float))}
+    places["skin"] = flat_skin.places(contact_points.astype(float))
+    electrode = latent_map["electrode"].to_numpy()
+    kept = np.linspace(0, len(electrode) - 1, min(count, len(electrode))).astype(int)
+    every = electrode_colours(len(flat_skin.skin.electrodes))
+    colours = rgba(every, SAMPLE_OPACITY)[electrode[kept] - 1]
+    found = np.unique(electrode)
+    labels: dict[str, Any] = {"labels": [str(number) for number in found], "radii": 0.0, "show_labels": True}
+    with recording(path, MAP_TITLE) as stream:
+        tabs = [_map_tab(one, flat_skin.skin, origin) for one in shown]
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+        for name, drawn in places.items():
+            samples = rr.Points2D(drawn[kept], colors=colours, radii=POINT_MM)
+            stream.log(entity("samples", name), samples, static=True)
+            middle = [np.median(drawn[electrode == number], axis=0) for number in found]
+            stream.log(entity("electrodes", name), rr.Points2D(middle, **labels), static=True)
+        for one in shown:
+            _send_paths(stream, one, flat_skin)
+            send_notes(stream, _map_notes(origin, one), one.name)
+
+
+def _send_paths(stream: rr.RecordingStream, one: ShownTouch, flat_skin: scene.FlatSkin) -> None:
+    """A path for each contact, and the pressure in the latent state and of the counts."""
+    for number in np.unique(one.contact):
+        rows = np.flatnonzero(one.contact == number)[::EVERY]
+        time = one.time[rows]
+        places = {
+            "map": flat_skin.latent(one.latent[rows]),
+            "skin": flat_skin.places(one.contact_point[rows]),
+        }
+        curves = [("latent", "latent", one.latent[rows, 2], LATENT)]
+        curves.append(("pressure", "counts", one.pressure[rows], ESTIMATED))
+        for (part, drawn), colour in zip(places.items(), (LATENT, ESTIMATED), strict=True):
+            scene.send_map_path(stream, entity(one.name, part, str(number)), time, drawn, PATH)
+            curves += [("along", part, drawn[:, 0], colour), ("across", part, -drawn[:, 1], colour)]
+        for group, label, values, colour in curves:
+            send_curve(stream, entity(one.name, group, label, str(number)), time, values, label, colour)
+
+
+def _map_tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
+    maps = [
+        scene.map_view(
+            heading,
+            [entity("samples", part), entity("electrodes", part), f"{entity(one.name, part)}/**"],
+            skin,
+        )
+        for part, heading in (("map", f"latent map (mm){origin}"), ("skin", "contact on the skin (mm)"))
+    ]
+    return scene.tab(one.name, [rrb.Vertical(*maps)], PLOTS)
+
+
+def _map_notes(origin: str, one: ShownTouch) -> str:
+    return (
+        f"# {MAP_TITLE}\n\nAll samples of touch by the electrode whose reading fell most{origin}; numbers "
+        "are of electrodes. Above, where the encoder of the first seed puts them; the map is turned and "
+        f"mirrored onto the skin. Below, where the skin is touched, by estimate.\n\nPaths: {one.name}, a "
+        "path for each contact.\n"
+    )

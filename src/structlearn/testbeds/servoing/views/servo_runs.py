@@ -1,0 +1,176 @@
+"""Recording of closed loops: finger, skin, electrodes, and the latent path to its target (figure II.6)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.core import quaternion
+from structlearn.palette import GREY
+from structlearn.simulation.touch import Handle
+from structlearn.tactile.electrodes import Skin
+from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, LATENT, OURS, TEXT, TRUE
+from structlearn.testbeds.servoing.protocol.servo_scores import rows_of
+from structlearn.testbeds.servoing.views import servoing_scene as scene
+from structlearn.viewer.notes import colour_words, send_notes
+from structlearn.viewer.rrd import entity, layout, recording, rgba, send_curve
+
+TITLE = "Touch: closed loops"
+
+SHOWN = {FORM_NAMES[variant.form]: variant for variant in (TEXT, OURS)}
+"""Controllers that are shown beside each other."""
+
+PLOTS = {
+    "distance": "true contact from its target (mm)",
+    "pressure": "third latent number: pressure",
+    "load": "true load (N)",
+}
+
+
+@dataclass(frozen=True)
+class ServoRun:
+    """A closed loop of N points in time."""
+
+    path: pd.DataFrame  # rows of `protocol.servo_variants.Comparison.paths`
+    trial: pd.Series  # its row of `protocol.servo_variants.Comparison.trials`
+
+    @property
+    def motion(self) -> scene.FingerMotion:
+        """Of the finger."""
+        signals = self.path.filter(like="electrode_").to_numpy(float)
+        time = self.path["time_s"].to_numpy(float)
+        return scene.FingerMotion(
+            time, self.columns("finger_{}_m"), self.columns("finger_q{}", "wxyz"), signals
+        )
+
+    @property
+    def load(self) -> np.ndarray:
+        """(N,) N; zero in the air."""
+        return self.path["load_n"].to_numpy(float)
+
+    def columns(self, names: str, axes: str = "xyz") -> np.ndarray:
+        """Columns (N, D) of the path by a pattern with the axes in it, e.g. `finger_{}_m`."""
+        return self.path[[names.format(axis) for axis in axes]].to_numpy(float)
+
+    def of_trial(self, names: str) -> np.ndarray:
+        """Columns (3,) of the trial by such a pattern."""
+        return self.trial[[names.format(axis) for axis in "xyz"]].to_numpy(float)
+
+
+def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[dict[str, ServoRun]]:
+    """The first trials of the first model, by the names of `SHOWN`.
+
+    `trials`: see `protocol.servo_variants.Comparison`.
+    """
+
+    def rows(table: pd.DataFrame, name: str, number: int) -> pd.DataFrame:
+        first = table[(table["trial"] == number) & (table["seed"] == table["seed"].iloc[0])]
+        return rows_of(first, SHOWN[name])
+
+    numbers = sorted(paths["trial"].unique())[:count]
+    return [
+        {name: ServoRun(rows(paths, name, number), rows(trials, name, number).iloc[0]) for name in SHOWN}
+        for number in numbers
+    ]
+
+
+def write_servo_runs(
+    path: str | Path, shown: Sequence[Mapping[str, ServoRun]], flat_skin: scene.FlatSkin, handle: Handle
+) -> None:
+    """Write closed loops as a recording: a tab per trial, in it a column per controller.
+
+    `shown`: see `shown_runs`; `flat_skin`: of the finger, with the latent map laid onto it.
+    """
+    skin = flat_skin.skin
+    scale = scene.full_scale([run.motion.signals for runs in shown for run in runs.values()])
+    names = [
+        f"{number + 1}, {next(iter(runs.values())).trial['motion']}" for number, runs in enumerate(shown)
+    ]
+    with recording(path, TITLE) as stream:
+        tabs = [_tab(name, runs, skin, handle) for name, runs in zip(names, shown, strict=True)]
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+        scene.send_handle(stream, "handle", handle.centre, handle.axis, handle.radius)
+        for name, runs in zip(names, shown, strict=True):
+            for label, run in runs.items():
+                motion, place = run.motion, entity(name, label)
+                point, target = run.columns("{}_m"), run.of_trial("target_{}_m")
+                contacts = [scene.Contact("contact", TRUE, motion.time, point, run.load > 0)]
+                tiled, always = np.tile(target, (len(point), 1)), np.full(len(point), True)
+                contacts.append(scene.Contact("target", LATENT, motion.time, tiled, always))
+                scene.send_touch(stream, place, skin, motion, contacts, scale)
+                _send_ways(stream, f"{place}/map", run, flat_skin)
+                _send_curves(stream, name, label, run)
+            send_notes(stream, _notes(runs), name)
+
+
+def _send_ways(stream: rr.RecordingStream, path: str, run: ServoRun, flat_skin: scene.FlatSkin) -> None:
+    """Ways of the latent state on its map and of the true contact on the skin, with rings at their ends."""
+    time, touching = run.motion.time, run.load > 0
+    scene.send_map_path(stream, f"{path}/latent", time, flat_skin.latent(run.columns("latent_{}")), LATENT)
+    if touching.any():
+        on_skin = flat_skin.places(run.columns("{}_m")[touching])
+        scene.send_map_path(stream, f"{path}/contact", time[touching], on_skin, TRUE)
+    angle = np.linspace(0.0, 2 * np.pi, 41)[:, None]
+    ring = np.hstack([np.cos(angle), np.sin(angle)])  # of 1 mm: what counts as reached
+    for name, place, colour in (
+        ("latent target", flat_skin.latent(run.of_trial("target_latent_{}")), LATENT),
+        ("target", flat_skin.places(run.of_trial("target_{}_m")), TRUE),
+    ):
+        look: dict[str, Any] = {"colors": rgba([colour]), "radii": -1.5, "draw_order": scene.IN_FRONT}
+        stream.log(f"{path}/{entity(name)}", rr.LineStrips2D([place + ring], **look), static=True)
+
+
+def _send_curves(stream: rr.RecordingStream, name: str, label: str, run: ServoRun) -> None:
+    """Distance of the contact from its target, pressure and load; of both controllers in one plot."""
+    time, colour = run.motion.time, FORM_COLOURS[SHOWN[label].form]
+    away = 1e3 * np.linalg.norm(run.columns("{}_m") - run.of_trial("target_{}_m"), axis=1)
+    away[run.load <= 0] = np.nan
+    curves = (away, run.columns("latent_{}")[:, 2], run.load)
+    for group, values in zip(PLOTS, curves, strict=True):
+        send_curve(stream, entity(name, group, label), time, values, label, colour)
+    for group, column in (("pressure", "target_latent_z"), ("load", "target_load_n")):
+        level = np.full(2, float(run.trial[column]))
+        send_curve(stream, entity(name, group, "target"), time[[0, -1]], level, "target", GREY)
+
+
+def _tab(name: str, runs: Mapping[str, ServoRun], skin: Skin, handle: Handle) -> rrb.Horizontal:
+    columns = []
+    for label, run in runs.items():
+        path = entity(name, label)
+        ahead = quaternion.rotate(run.motion.orientation[:1], np.array([1.0, 0.0, 0.0]))[0]
+        centre = handle.centre + np.array([0.0, 0.0, handle.radius])
+        view = scene.close_view(f"NJ, {label} (simulated)", [f"{path}/finger/**", "handle"], centre, ahead)
+        heading = f"skin and latent path, {label} (mm)"
+        columns.append(
+            rrb.Vertical(view, scene.map_view(heading, [f"{path}/skin/**", f"{path}/map/**"], skin))
+        )
+    return scene.tab(name, columns, PLOTS, legends=True)
+
+
+def _notes(runs: Mapping[str, ServoRun]) -> str:
+    colours = {
+        "orange, blue electrodes": "counts fell: pressed; counts rose",
+        "green": "true contact and, as a ring of 1 mm, its target",
+        "light blue": "latent state, laid onto the skin, and its target",
+        "orange, blue curves": " and ".join(runs),
+    }
+    rows = ["| controller | reached | off | pressure |", "|---|---|---|---|"]
+    for label, run in runs.items():
+        its, short = run.trial, label.removesuffix(" controller")
+        errors = f"{its['position_error_mm']:.2f} mm | {100 * its['pressure_error']:.0f} %"
+        rows.append(f"| {short} | {'yes' if its['success'] else 'no'} | {errors} |")
+    first = next(iter(runs.values())).trial
+    return (
+        f"# {TITLE}\n\nA simulated finger is to be touched at another place and load ({first['motion']}, "
+        f"{first['geodesic_mm']:.1f} mm along the skin). It knows only what that feels like. "
+        "Left the published controller, right the resting controller, this project's own; both with "
+        "the network's Jacobian (NJ) of the same trained model."
+        f"\n\n{colour_words(colours)}\n\n" + "\n".join(rows) + "\n\nThe latent "
+        "state is that of the low-passed electrodes, later than the contact; its place and the true contact "
+        "differ by the error of estimated contact points.\n"
+    )

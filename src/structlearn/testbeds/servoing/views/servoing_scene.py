@@ -1,0 +1,324 @@
+"""The servoing testbed in recordings: the finger, the handle, electrodes in colour, flat maps.
+
+A finger is drawn as the lines of its surface coordinates, so that electrodes under the skin are seen; it may
+be any skin of `tactile.electrodes`. Flat pictures are in mm: x along the finger, y across it, upwards.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+from pydantic import Field
+
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
+from structlearn.readers.demonstration import Demonstration
+from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
+from structlearn.tactile.touch_dataset import TouchDataset
+from structlearn.testbeds.servoing.names import ESTIMATED, TRUE
+from structlearn.viewer.notes import notes_view
+from structlearn.viewer.rrd import (
+    deviation_colours,
+    entity,
+    plot,
+    rgba,
+    send_moving_frame,
+    thinning,
+    time_column,
+)
+
+SKIN, HANDLE = "#6b7480", "#8d7f6b"
+
+HANDLE_M = 0.03  # length of the handle that is drawn
+GRID_LINES, GRID_POINTS = 9, 25  # lines of the skin in either direction, and points of each
+ELECTRODE_M, CONTACT_M = 0.0007, 0.0009  # radii of electrodes and points of contact in 3-D views
+ELECTRODE_MM, CONTACT_MM = 0.75, 0.45  # the same in flat pictures
+IN_FRONT = 50.0  # order of drawing of paths on flat pictures; points have 30
+
+POSE_RATE_HZ, COLOUR_RATE_HZ = 50.0, 25.0
+"""Poses of the finger, and colours of its electrodes, per second; colours are most of a file."""
+
+FULL_SCALE_QUANTILE = 0.97  # share of the signals within the colour scale: most electrodes feel little
+AXES_M, EYE_M = 0.006, 0.055  # length of the finger's axes; from the camera to the handle
+
+
+@dataclass(frozen=True)
+class FingerMotion:
+    """A finger with E electrodes over T samples."""
+
+    time: np.ndarray  # (T,) s
+    position: np.ndarray  # (T, 3) m, base frame
+    orientation: np.ndarray  # (T, 4) finger to base
+    signals: np.ndarray  # (T, E) counts less their offset
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A point of contact over T samples."""
+
+    name: str  # of it, e.g. `true`
+    colour: str  # of it
+    time: np.ndarray  # (T,) s
+    point: np.ndarray  # (T, 3) m, frame of the finger
+    touching: np.ndarray  # (T,) whether there is a contact; the point vanishes otherwise
+
+
+@dataclass(frozen=True)
+class FlatSkin:
+    """A skin in flat pictures, and how the latent map is laid onto it."""
+
+    skin: Skin  # of the finger
+    laying: MapLaying  # of the map, in mm
+    unit_mm: float  # per unit of the map
+
+    def places(self, points: np.ndarray) -> np.ndarray:
+        """Places (..., 2) of points (..., 3) m of the skin."""
+        return flat(self.skin, points)
+
+    def latent(self, states: np.ndarray) -> np.ndarray:
+        """Places (..., 2) of latent states (..., 3) in the networks' units."""
+        return self.laying(self.unit_mm * states[..., :2])
+
+
+def flat_skin(skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> FlatSkin:
+    """Lay the latent map onto a skin.
+
+    `contact_points` (N, 3) m; `latent` (N, 2) map coordinates of the same samples; `map_unit`: m on the skin
+    per unit of the map.
+    """
+    laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
+    return FlatSkin(skin, laying, 1e3 * map_unit)
+
+
+def full_scale(signals: Sequence[np.ndarray]) -> float:
+    """Change of the counts that gets the full colour, of signals (T, E) each."""
+    return float(np.quantile(np.abs(np.concatenate(signals)), FULL_SCALE_QUANTILE))
+
+
+def flat(skin: Skin, points: np.ndarray) -> np.ndarray:
+    """Places (..., 2) in a flat picture of points (..., 3) m of a skin."""
+    along, across = skin.coordinates(points)
+    return 1e3 * np.stack([along, -across], axis=-1)
+
+
+def send_touch(
+    stream: rr.RecordingStream,
+    path: str,
+    skin: Skin,
+    motion: FingerMotion,
+    contacts: Sequence[Contact],
+    scale: float,
+) -> None:
+    """Log a moving finger and its flat picture, both with electrodes in colour and points of contact.
+
+    `path`: above `finger` and `skin`, which have `electrodes` and the contacts by their names below; `scale`:
+    counts with the full colour: orange where pressed, blue where the fluid bulges.
+    """
+    finger, flat_skin = f"{path}/finger", f"{path}/skin"
+    dt = float(np.median(np.diff(motion.time)))
+    kept = slice(None, None, thinning(dt, POSE_RATE_HZ))
+    poses = (motion.position[kept], motion.orientation[kept])
+    send_moving_frame(stream, finger, [time_column(motion.time[kept])], *poses, SKIN, AXES_M)
+    lines = rr.LineStrips3D(skin_lines(skin), colors=rgba([SKIN]), radii=-0.8)
+    stream.log(f"{finger}/skin", lines, static=True)
+    places = flat(skin, skin.project(skin.electrodes))
+    numbers = [str(number + 1) for number in range(len(places))]
+    labels: dict[str, Any] = {"labels": numbers, "colors": rgba([SKIN]), "radii": 0.0, "show_labels": True}
+    stream.log(f"{flat_skin}/numbers", rr.Points2D(places + np.array([0.0, 0.4]), **labels), static=True)
+    kept = slice(None, None, thinning(dt, COLOUR_RATE_HZ))
+    colours = deviation_colours(np.clip(-motion.signals[kept] / scale, -1.0, 1.0), 1.0)
+    for above, electrodes in (
+        (finger, rr.Points3D(skin.electrodes, radii=ELECTRODE_M)),
+        (flat_skin, rr.Points2D(places, radii=ELECTRODE_MM)),
+    ):
+        stream.log(f"{above}/electrodes", electrodes, static=True)
+        columns = electrodes.columns(colors=colours.ravel()).partition([colours.shape[1]] * len(colours))
+        stream.send_columns(f"{above}/electrodes", [time_column(motion.time[kept])], columns)
+    for contact in contacts:
+        _send_contact(stream, path, skin, contact)
+
+
+def _send_contact(stream: rr.RecordingStream, path: str, skin: Skin, contact: Contact) -> None:
+    """Log a point of contact in the frame of the finger and on its flat picture."""
+    if not len(contact.time):
+        return
+    kept = slice(None, None, thinning(float(np.median(np.diff(contact.time))), COLOUR_RATE_HZ))
+    time, touching = contact.time[kept], contact.touching[kept]
+    points = contact.point[kept][touching]
+    for above, kind, places, radius in (
+        ("finger", rr.Points3D, points, CONTACT_M),
+        ("skin", rr.Points2D, flat(skin, points), CONTACT_MM),
+    ):
+        name = f"{path}/{above}/{contact.name}"
+        stream.log(name, kind.from_fields(colors=rgba([contact.colour]), radii=radius), static=True)
+        columns = kind.columns(positions=places).partition(touching.astype(int))
+        stream.send_columns(name, [time_column(time)], columns)
+
+
+def skin_lines(skin: Skin) -> list[np.ndarray]:
+    """Lines of constant surface coordinates, (GRID_POINTS, 3) m each."""
+    ends = (skin.along, skin.across)
+    fine = [np.linspace(*its, GRID_POINTS) for its in ends]
+    coarse = [np.linspace(*its, GRID_LINES) for its in ends]
+    lines = [skin.surface(fine[0], across) for across in coarse[1]]
+    return lines + [skin.surface(along, fine[1]) for along in coarse[0]]
+
+
+def send_map_path(
+    stream: rr.RecordingStream, path: str, time: np.ndarray, places: np.ndarray, colour: str
+) -> None:
+    """Log a point that moves on a flat picture, (T, 2), and the path behind it, in front of all else."""
+    times = [time_column(time)]
+    look: dict[str, Any] = {"colors": rgba([colour]), "draw_order": IN_FRONT}
+    stream.log(f"{path}/now", rr.Points2D.from_fields(radii=CONTACT_MM, **look), static=True)
+    stream.send_columns(f"{path}/now", times, rr.Points2D.columns(positions=places))
+    stream.log(f"{path}/trail", rr.LineStrips2D.from_fields(radii=-2.0, **look), static=True)
+    trails = [places[: max(end, 2)] for end in range(1, len(time) + 1)]
+    stream.send_columns(f"{path}/trail", times, rr.LineStrips2D.columns(strips=trails))
+
+
+def send_handle(
+    stream: rr.RecordingStream, path: str, centre: np.ndarray, axis: np.ndarray, radius: float
+) -> None:
+    """Log a handle: a bar with round ends about its centre (3,) m along its horizontal unit axis (3,)."""
+    turned = quaternion.from_rotation_vector(0.5 * np.pi * np.cross([0.0, 0.0, 1.0], axis))
+    bar = rr.Capsules3D(
+        lengths=[HANDLE_M],
+        radii=[radius],
+        translations=[centre - 0.5 * HANDLE_M * axis],
+        quaternions=[quaternion.to_xyzw(turned)],
+        colors=rgba([HANDLE], 0.5),
+        fill_mode=rr.components.FillMode.Solid,
+    )
+    stream.log(path, bar, static=True)
+
+
+def close_view(
+    name: str, contents: Sequence[str], centre: np.ndarray, finger_x: np.ndarray
+) -> rrb.Spatial3DView:
+    """3-D view from beside and below, where the skin meets the handle.
+
+    `centre` (3,) m, of the handle; `finger_x` (3,) the finger's x axis in the base frame, about horizontal.
+    """
+    ahead = finger_x * [1.0, 1.0, 0.0]
+    ahead = ahead / np.linalg.norm(ahead)
+    aside = np.array([ahead[1], -ahead[0], 0.0])
+    target = centre - 0.004 * ahead + np.array([0.0, 0.0, 0.006])
+    backward = 0.35 * ahead + 0.9 * aside - [0.0, 0.0, 0.25]
+    eye = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=target + EYE_M * backward / np.linalg.norm(backward),
+        look_target=target,
+        eye_up=[0.0, 0.0, 1.0],
+    )
+    contents = list(contents)
+    return rrb.Spatial3DView(name=name, origin="/", contents=contents, eye_controls=eye, line_grid=False)
+
+
+def map_view(name: str, contents: Sequence[str], skin: Skin) -> rrb.Spatial2DView:
+    """View of a flat picture of a skin, or of a latent map in its size."""
+    along, across = (1e3 * np.array(ends) for ends in (skin.along, skin.across))
+    bounds = rrb.VisualBounds2D(
+        x_range=[along[0] - 2.0, along[1] + 2.0], y_range=[-across[1] - 2.0, -across[0] + 2.0]
+    )
+    return rrb.Spatial2DView(name=name, origin="/", contents=list(contents), visual_bounds=bounds)
+
+
+def tab(
+    name: str, columns: Sequence[rrb.Vertical], plots: Mapping[str, str], legends: bool = False
+) -> rrb.Horizontal:
+    """A tab: columns of views, plots over time by entity below its name, and what is shown."""
+    drawn = [plot(heading, [f"{entity(name, group)}/**"], legends) for group, heading in plots.items()]
+    share = 3 if len(columns) > 1 else 4
+    shares = [*[share] * len(columns), share, 2]
+    return rrb.Horizontal(*columns, rrb.Vertical(*drawn), notes_view(name), column_shares=shares, name=name)
+
+
+class ServoingViewParameters(Parameters):
+    """Contents of the recordings of the servoing testbed."""
+
+    demonstrations: tuple[str, ...]
+    map_points: int = Field(ge=1)
+    trials: int = Field(ge=1)
+
+
+@dataclass(frozen=True)
+class ShownTouch:
+    """A demonstration of T samples, of which N are of contacts."""
+
+    demonstration: Demonstration  # on the clock of the samples
+    motion: FingerMotion  # the same, with counts less their offset
+    rows: np.ndarray  # (N,) samples of the demonstration that are of contacts
+    contact: np.ndarray  # (N,) number of the contact, rising
+    contact_point: np.ndarray  # (N, 3) m, estimated, frame of the finger
+    pressure: np.ndarray  # (N,) counts
+    latent: np.ndarray  # (N, 3) in the networks' units: two of the map, one of pressure
+    truth: pd.DataFrame  # true contacts, see `simulation.touch_demonstrator.true_contacts`
+
+    @property
+    def name(self) -> str:
+        """Of the demonstration."""
+        return self.demonstration.name
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times (N,) s of the samples of contacts."""
+        return self.motion.time[self.rows]
+
+    @property
+    def contacts(self) -> list[Contact]:
+        """The estimated contact over the whole time, and the true one."""
+        point, touching = np.zeros((len(self.motion.time), 3)), np.zeros(len(self.motion.time), dtype=bool)
+        point[self.rows], touching[self.rows] = self.contact_point, True
+        time, load = (self.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
+        true = self.truth[["x_m", "y_m", "z_m"]].to_numpy(float)
+        return [
+            Contact("estimated", ESTIMATED, self.motion.time, point, touching),
+            Contact("true", TRUE, time, true, load > 0),
+        ]
+
+
+def shown_touches(
+    demonstrations: Sequence[Demonstration],
+    dataset: TouchDataset,
+    latent_map: pd.DataFrame,
+    truth: pd.DataFrame,
+    names: Sequence[str],
+    air_s: float,
+) -> list[ShownTouch]:
+    """The demonstrations of these names, with their samples.
+
+    `demonstrations`: all of them, in the order in which the dataset numbers them; `dataset`: samples of their
+    contacts; `latent_map`: a row for each sample, see `tactile.latent_evaluation.latent_map`; `names`: which
+    are wanted; see `ServoingViewParameters`; `air_s`: at the start of each, in the air; counts there are the
+    offset. Raises InputError: there is no demonstration of such a name.
+    """
+    numbers = {one.name: number for number, one in enumerate(demonstrations)}
+    if unknown := [name for name in names if name not in numbers]:
+        raise InputError(
+            f"inspect_servoing.demonstrations: there is no '{unknown[0]}', only {', '.join(sorted(numbers))}"
+        )
+    found = []
+    for name in names:
+        one, rows = demonstrations[numbers[name]], np.flatnonzero(dataset.trial == numbers[name])
+        air = max(round(air_s / one.dt), 1)
+        tactile = one.signal("tactile")
+        signals = tactile - tactile[:air].mean(axis=0)
+        found.append(
+            ShownTouch(
+                demonstration=one,
+                motion=FingerMotion(one.time, one.position, one.signal("orientation"), signals),
+                rows=np.rint(dataset.time[rows].astype(float) / one.dt).astype(int),
+                contact=dataset.contact[rows],
+                contact_point=dataset.contact_point[rows].astype(float),
+                pressure=dataset.pressure[rows].astype(float),
+                latent=latent_map.iloc[rows][["x", "y", "z"]].to_numpy(float),
+                truth=truth[truth["trial"] == name],
+            )
+        )
+    return found

@@ -1,0 +1,146 @@
+"""Bags as a user's robot writes them, and small recordings; definitions are not those of the package."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer as McapWriter
+from mcap_ros2.writer import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from structlearn.core import quaternion
+from structlearn.readers import Recording, Stream
+
+STORE = get_typestore(Stores.LATEST)
+"""Definitions of ROS 2 as the library `rosbags` has them."""
+
+
+def write_bag(path, messages, empty=(), **options):
+    """Write (topic, type, message, log time in ns) in the given order; `empty` lists (topic, type).
+
+    Options are those of the library's writer.
+    """
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        if options:
+            file.seek(0)
+            writer._writer = McapWriter(file, **options)
+            writer._writer.start(profile="ros2", library="tests")
+        schemas = {}
+        for message_type in [row[1] for row in (*messages, *empty)]:
+            if message_type not in schemas:
+                name = message_type.replace("/msg/", "/").replace("/", "/msg/")
+                text, _ = STORE.generate_msgdef(name, ros_version=2)
+                schemas[message_type] = writer.register_msgdef(message_type, text)
+        for topic, message_type in empty:
+            writer._writer.register_channel(topic, "cdr", schemas[message_type].id)
+        for topic, message_type, message, log_time in messages:
+            writer.write_message(topic, schemas[message_type], message, log_time, log_time)
+        writer.finish()
+
+
+def header(stamp):
+    return {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "base_link"}
+
+
+def vector(values):
+    return dict(zip("xyz", map(float, values), strict=True))
+
+
+def ros_quaternion(row):
+    """Orientation of a row qw, qx, qy, qz."""
+    w, x, y, z = map(float, row)
+    return {"x": x, "y": y, "z": z, "w": w}
+
+
+def ros_pose(row):
+    """Pose of a row x, y, z, qw, qx, qy, qz."""
+    return {"position": vector(row[:3]), "orientation": ros_quaternion(row[3:])}
+
+
+def pose_messages(stamps, rows, topic="/tool"):
+    return [
+        (topic, "geometry_msgs/msg/PoseStamped", {"header": header(s), "pose": ros_pose(row)}, s)
+        for s, row in zip(stamps, rows, strict=True)
+    ]
+
+
+def joint_messages(stamps, names, positions, topic="/joint_states", **fields):
+    """Joint states; `positions` (T, J), and of the other fields what is given."""
+    rows = {"position": positions} | fields
+    return [
+        (
+            topic,
+            "sensor_msgs/msg/JointState",
+            {"header": header(s), "name": list(names)} | {f: list(map(float, rows[f][i])) for f in rows},
+            s,
+        )
+        for i, s in enumerate(stamps)
+    ]
+
+
+def transform_messages(stamps, parent, child, rows, topic="/tf"):
+    """Transforms with rows x, y, z, qw, qx, qy, qz, a message each."""
+    return [
+        (topic, "tf2_msgs/msg/TFMessage", {"transforms": [transform_stamped(s, parent, child, row)]}, s)
+        for s, row in zip(stamps, rows, strict=True)
+    ]
+
+
+def transform_stamped(stamp, parent, child, row):
+    transform = {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])}
+    return {
+        "header": header(stamp) | {"frame_id": parent},
+        "child_frame_id": child,
+        "transform": transform,
+    }
+
+
+def pose_rows(count, seed=0):
+    rng = np.random.default_rng(seed)
+    path = np.cumsum(rng.normal(scale=1e-3, size=(count, 3)), axis=0)
+    turns = np.array([1.0, 0.0, 0.0, 0.0]) + rng.normal(scale=0.03, size=(count, 4))
+    return np.hstack([path, quaternion.normalised(turns)])
+
+
+def make_recording(name="demo", seed=0, count=40, fingers=2, provenance=None, segments=None, start=5 * 10**9):
+    """A recording with every kind of stream, each with an irregular clock of its own."""
+    rng = np.random.default_rng(seed)
+
+    def clock(rate_hz):
+        steps = rng.uniform(0.5, 1.5, size=count) / rate_hz
+        return start + np.round(np.cumsum(steps) * 1e9).astype(np.int64)
+
+    def stream(topic, kind, width):
+        return Stream(topic, kind, clock(100), rng.normal(size=(count, width)))
+
+    streams = [
+        Stream("/pose", "pose", clock(100), pose_rows(count, seed)),
+        stream("/twist", "twist", 6),
+        stream("/joint_states/positions", "joint_positions", 7),
+        stream("/joint_states/velocities", "joint_velocities", 7),
+        stream("/joint_states/torques", "joint_torques", 7),
+        stream("/wrench", "wrench", 6),
+    ]
+    streams += [
+        Stream(f"/tactile/{f}", "tactile", clock(100), rng.integers(-500, 4000, (count, 19)).astype(float))
+        for f in range(fingers)
+    ]
+    turns = quaternion.normalised(rng.normal(size=(count, 4)))
+    streams.append(Stream("/tool_to_board", "tool_to_board", clock(100), turns))
+    return Recording(name, tuple(streams), segments, provenance or {"origin": "simulated", "seed": str(seed)})
+
+
+def as_recorded(recordings):
+    """The same streams as a robot would have recorded them: nobody knows where the primitives lie."""
+    return [Recording(one.name, one.streams, None, {"origin": "recorded"}) for one in recordings]
+
+
+def recorded_data(name):
+    """Folder of a public data set: below RECORDED_DATA, by default beside the repository in `shared`."""
+    default = Path(__file__).resolve().parents[1] / ".." / "shared"
+    folder = Path(os.environ.get("RECORDED_DATA", default)) / name
+    if not folder.is_dir():
+        pytest.skip(f"no recorded data in {folder}; RECORDED_DATA names their folder")
+    return folder

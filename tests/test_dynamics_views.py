@@ -1,0 +1,157 @@
+"""Recordings of the dynamics testbed, on made-up results."""
+
+import numpy as np
+import pytest
+from committed import committed
+from dynamics_tables import IIWA, iiwa, payload_table, tracking_tables
+from viewer_files import colour_of, contents, note, values, view_names
+
+from structlearn.readers.joint_log import JointLog
+from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.inertia_parameters import free_parameters
+from structlearn.rigid_body.model_names import DEFAULT, model_name
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.operational_space_velocity import tool_motion
+from structlearn.rigid_body.training_grid import OURS
+from structlearn.testbeds.dynamics.names import ROBOT, colour
+from structlearn.testbeds.dynamics.protocol.tracking import tracked_reaches
+from structlearn.testbeds.dynamics.views.log_recordings import (
+    DynamicsViewParameters,
+    shown_payload,
+    shown_torques,
+    write_payload,
+    write_torques,
+)
+from structlearn.testbeds.dynamics.views.reaches_recording import write_reaches
+from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
+from structlearn.viewer.arm_meshes import send_arm
+from structlearn.viewer.notes import COLOUR_NAMES
+from structlearn.viewer.rrd import recording, time_column
+
+TREE = iiwa().tree
+TOOL_M = (0.0, 0.0, 0.1)
+TITLE = "Dynamics: made up (simulated)"
+
+
+def chosen(**changes):
+    return committed(DynamicsViewParameters, "inspect_dynamics", **changes)
+
+
+@pytest.fixture(scope="module")
+def shown():
+    scores, paths = tracking_tables()
+    models = (DEFAULT, "mlp", "delan", "cov_coulomb", "never tracked")
+    return tracked_reaches(paths, scores, ROBOT, OURS, models, TREE.names)
+
+
+@pytest.fixture(scope="module")
+def reaches(shown, tmp_path_factory):
+    path = tmp_path_factory.mktemp("dynamics") / "reaches.rrd"
+    write_reaches(path, IIWA, TREE.names, shown, TITLE)
+    return path
+
+
+def test_a_reach_is_that_of_the_shown_seed(shown):
+    assert [one.model for one in shown] == [DEFAULT, "mlp", "delan", "cov_coulomb"]
+    first = shown[0]
+    assert len(first.time) == 50
+    # the made-up tool is off by 0.01 error m along each axis
+    assert first.off_mm == pytest.approx(10.0 * 0.01 * np.sqrt(3.0))
+    own, wanted = first.speeds
+    assert own[0] == 0.0
+    assert own == pytest.approx(wanted)
+    assert wanted[1] == pytest.approx(np.sqrt(3.0) * 0.1 * np.sin(0.04) / 0.04)
+
+
+def test_every_model_has_an_arm_and_a_colour_of_its_own(shown, reaches):
+    _, still, _ = contents(reaches)
+    for one in shown:
+        assert f"/arm_{one.model}/lbr_iiwa/visual_geometries/lbr_iiwa_link_3/visual_0" in still
+        frames = values(reaches, f"/arm_{one.model}/frames/{TREE.names[3]}", "Transform3D:child_frame")
+        assert len(frames) == len(one.time)
+        for curve in ("off", "speed"):
+            assert colour_of(reaches, f"/{curve}/{one.model}") == colour(one.model)
+        assert f"| {COLOUR_NAMES[colour(one.model)]} | {model_name(one.model)} |" in note(reaches)
+    assert len({colour(one.model) for one in shown}) == len(shown)
+
+
+def test_arms_stand_where_their_joints_say(shown, reaches):
+    """The quaternion of the first joint's frame, which turns about z."""
+    angles = shown[0].joints[:, 0]
+    found = values(reaches, f"/arm_{DEFAULT}/frames/{TREE.names[0]}", "Transform3D:quaternion")
+    found = np.array(found).reshape(-1, 4)
+    assert np.abs(found[:, 2]) == pytest.approx(np.abs(np.sin(0.5 * angles)), abs=1e-5)
+
+
+def test_plots_and_headings_say_who_was_stopped(shown, reaches):
+    assert "DeLaN (stopped: speed limit)" in view_names(reaches)
+    assert "Simulated" in note(reaches)
+    off = np.ravel(values(reaches, "/off/mlp", "Scalars:scalars"))
+    assert off == pytest.approx(shown[1].off_mm)
+    wanted = np.ravel(values(reaches, "/speed/wanted", "Scalars:scalars"))
+    assert wanted == pytest.approx(shown[0].speeds[1])
+
+
+def test_torques_are_shown_per_joint_beside_the_measured_ones(tmp_path):
+    arm, time = iiwa(), np.arange(20) / 10.0
+    q = np.column_stack([np.sin(time + joint) for joint in range(7)])
+    motion = Motion(q, np.gradient(q, axis=0), np.zeros_like(q), np.cos(q))
+    state = {
+        "inertia": free_parameters("cov", arm.inertias)[None].numpy(),
+        "friction": np.full((1, 7, 2), 0.5),
+    }
+    models = {"cov_coulomb": DynamicsModels("cov", TREE.names, ("viscous", "coulomb"), (), state)}
+    torques = shown_torques(arm, motion, 0.1, models, TOOL_M, chosen(torques_s=1.5, rate_hz=5.0))
+    kept = motion.part(slice(0, 15, 2))
+    assert torques.time == pytest.approx(0.2 * np.arange(8))
+    # the same links, and friction on top
+    extra = torques.predicted["cov_coulomb"] - torques.predicted[DEFAULT]
+    assert extra == pytest.approx(0.25 * (kept.qd + np.tanh(kept.qd / 0.02)), abs=1e-4)
+    assert torques.tool == pytest.approx(tool_motion(TREE, TOOL_M, kept.q, kept.qd)[0])
+    path = tmp_path / "torques.rrd"
+    write_torques(path, IIWA, torques, TITLE, "Simulated.")
+    joint = TREE.names[4]
+    measured = np.ravel(values(path, f"/torque/{joint}/_measured", "Scalars:scalars"))
+    assert measured == pytest.approx(kept.torque[:, 4])
+    assert f"/torque/{joint}/{DEFAULT}" in contents(path)[0]
+    assert "Simulated." in note(path)
+
+
+def test_a_payload_appears_when_it_is_picked_up(tmp_path):
+    stamps = (np.arange(0.0, 60.0, 0.5) * 1e9).astype(np.int64)
+    still = np.zeros((len(stamps), 7))
+    log = JointLog("payload", TREE.names, stamps, still, still, still, provenance={})
+    carried = committed(PayloadParameters, "record_motion.payload")
+    learned = payload_table().query("seed == 11")
+    one = shown_payload(TREE, log, learned, carried, chosen(payload_s=10.1))
+    assert [one.time[0], one.pick_up_s, one.time[-1]] == pytest.approx([20.0, 30.0, 40.0])
+    path = tmp_path / "payload.rrd"
+    write_payload(path, IIWA, one, TITLE)
+    points = np.array(values(path, "/payload", "Points3D:positions")).reshape(-1, 3)
+    assert points == pytest.approx(one.body[one.time >= 30.0], abs=1e-6)
+    mass = np.ravel(values(path, "/mass/carried", "Scalars:scalars"))
+    assert (mass == np.where(one.time >= 30.0, carried.mass_kg, 0.0)).all()
+    learned = np.ravel(values(path, "/mass/learned", "Scalars:scalars"))
+    assert learned == pytest.approx(one.learned["mass_kg"].to_numpy())
+    assert "Simulated" in note(path)
+
+
+def test_meshes_of_packages_are_found_beside_the_urdf_and_other_joints_stand_still(tmp_path):
+    """A plate on a joint that moves and one on a joint that does not."""
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "plate.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    visual = '<visual><geometry><mesh filename="package://meshes/plate.obj"/></geometry></visual>'
+    links = '<link name="base"/>' + "".join(f'<link name="{name}">{visual}</link>' for name in "ab")
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+        for name, parent, child in (("moves", "base", "a"), ("rests", "a", "b"))
+    )
+    (tmp_path / "arm.urdf").write_text(f'<robot name="two">{links}{joints}</robot>')
+    path = tmp_path / "arm.rrd"
+    with recording(path, "Arm") as stream:
+        time = time_column(np.arange(3.0))
+        send_arm(stream, "one", tmp_path / "arm.urdf", ["moves"], time, np.ones((3, 1)))
+    assert values(path, "/one/two/visual_geometries/a/visual_0", "Asset3D:blob")
+    assert len(values(path, "/one/frames/moves", "Transform3D:quaternion")) == 3
+    assert len(values(path, "/one/frames/rests", "Transform3D:quaternion")) == 1

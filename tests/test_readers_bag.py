@@ -1,0 +1,270 @@
+import json
+
+import lz4.frame
+import numpy as np
+import pytest
+import zstandard
+from committed import topic_map
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
+from mcap.reader import make_reader
+from mcap.records import Chunk, Footer
+from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType
+from mcap.writer import Writer as PlainWriter
+from mcap_ros2.decoder import DecoderFactory
+from readers_bags import make_recording, pose_messages, pose_rows, write_bag
+
+from structlearn.core.errors import InputError
+from structlearn.readers import OWN_TOPICS, Recording, Stream, read_recording, write_recording
+from structlearn.readers.bag import LARGEST_CHUNK
+from structlearn.readers.messages import MESSAGE_TYPES
+from structlearn.readers.topics import OptionalTopicMap
+
+STAMPS = [10**9 + row * 10**7 for row in range(4)]
+POSES = pose_messages(STAMPS, pose_rows(4))
+JOINTS = {"name": ["a"], "position": [1.0]}
+JOINT_STATES = [(f"/{one}", "sensor_msgs/msg/JointState", JOINTS, s) for one in "ab" for s in STAMPS]
+THERE = r"it has /tool \(geometry_msgs/msg/PoseStamped\)"
+
+
+SEGMENTS = np.array([[0.0, 0.1], [0.1, 1 / 3]])
+TOOL = topic_map(pose="/tool")
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "demo.mcap"
+    write_recording(make_recording(segments=SEGMENTS), path)
+    return path
+
+
+def foreign_bag(path, schema, messages, encoding="cdr", **options):
+    """A bag as other programs write one: its schema, and (stamp, bytes) on /tool."""
+    with open(path, "wb") as stream:
+        writer = PlainWriter(stream, **options)
+        writer.start()
+        channel = writer.register_channel("/tool", encoding, writer.register_schema(*schema))
+        for stamp, content in messages:
+            writer.add_message(channel, stamp, content, stamp)
+        writer.finish()
+    return path
+
+
+def test_what_is_written_is_read_back_exactly(file):
+    written = make_recording()
+    recording = read_recording(file)
+    assert recording.name == "demo"
+    assert recording.provenance == {"origin": "simulated", "seed": "0"}
+    np.testing.assert_array_equal(recording.true_segments, SEGMENTS)
+    assert [(s.topic, s.kind) for s in recording.streams] == [(s.topic, s.kind) for s in written.streams]
+    for ours, theirs in zip(recording.streams, written.streams, strict=True):
+        np.testing.assert_array_equal(ours.stamps, theirs.stamps)
+        np.testing.assert_array_equal(ours.values, theirs.values)
+        assert ours.values.flags.c_contiguous  # sums over it do not depend on how it was read
+
+
+def test_the_same_recording_gives_the_same_bytes(file, tmp_path):
+    turned = {"seed": "0", "origin": "simulated"}  # another order of keys
+    write_recording(make_recording(segments=SEGMENTS, provenance=turned), tmp_path / "again.mcap")
+    assert (tmp_path / "again.mcap").read_bytes() == file.read_bytes()
+
+
+def test_other_ros_tools_find_standard_messages_in_order_of_time(file):
+    with open(file, "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        rows = list(reader.iter_decoded_messages(log_time_order=False))
+        (record,) = reader.iter_metadata()
+    times = [row.message.log_time for row in rows]
+    assert times == sorted(times)
+    assert all(row.message.log_time == row.message.publish_time for row in rows)
+    assert {row.schema.name for row in rows} == set(MESSAGE_TYPES.values())
+    joints = next(row for row in rows if row.channel.topic == "/joint_states/positions").decoded_message
+    assert joints.name == [f"joint_{joint}" for joint in range(1, 8)]
+    assert (joints.velocity, joints.effort) == ([], [])
+    assert record.name == "structlearn"
+    assert json.loads(record.metadata["provenance"])["origin"] == "simulated"
+
+
+NUMBERS = {
+    "pose": lambda m: [*vector(m.pose.position), *turn(m.pose.orientation)],
+    "twist": lambda m: [*vector(m.twist.linear), *vector(m.twist.angular)],
+    "joint_positions": lambda m: m.position,
+    "joint_velocities": lambda m: m.velocity,
+    "joint_torques": lambda m: m.effort,
+    "wrench": lambda m: [*vector(m.wrench.force), *vector(m.wrench.torque)],
+    "tactile": lambda m: m.data,
+    "tool_to_board": lambda m: turn(m.quaternion),
+}
+
+
+def vector(v):
+    return v.x, v.y, v.z
+
+
+def turn(q):
+    return q.w, q.x, q.y, q.z
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), start=st.integers(0, 2 * 10**18))
+def test_the_library_decodes_every_number_and_stamp_that_was_written(tmp_path_factory, seed, start):
+    recording = make_recording(seed=seed, count=3, start=start)
+    path = tmp_path_factory.mktemp("any") / "any.mcap"
+    write_recording(recording, path)
+    back = read_recording(path).streams
+    with open(path, "rb") as stream:
+        rows = list(make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages())
+    for stream, read in zip(recording.streams, back, strict=True):
+        mine = [row for row in rows if row.channel.topic == stream.topic]
+        assert [row.message.log_time for row in mine] == stream.stamps.tolist()
+        found = [list(NUMBERS[stream.kind](row.decoded_message)) for row in mine]
+        np.testing.assert_array_equal(found, stream.values)
+        np.testing.assert_array_equal(read.stamps, stream.stamps)
+        np.testing.assert_array_equal(read.values, stream.values)
+        if stream.kind != "tactile":
+            headers = [row.decoded_message.header.stamp for row in mine]
+            assert [one.sec * 10**9 + one.nanosec for one in headers] == stream.stamps.tolist()
+
+
+@pytest.mark.parametrize(("compression", "pack"), [("zstd", zstandard.compress), ("lz4", lz4.frame.compress)])
+@pytest.mark.parametrize("said", [100, LARGEST_CHUNK + 1])
+def test_a_chunk_that_grows_beyond_what_it_says_is_refused(tmp_path, compression, pack, said):
+    builder = RecordBuilder()
+    Chunk(compression, pack(bytes(10**7)), 0, 0, 0, said).write(builder)
+    Footer(0, 0, 0).write(builder)
+    (tmp_path / "bomb.mcap").write_bytes(MCAP0_MAGIC + builder.end() + MCAP0_MAGIC)
+    with pytest.raises(InputError, match=r"bomb\.mcap: damaged MCAP file: a chunk of \d+ bytes"):
+        read_recording(tmp_path / "bomb.mcap")
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (lambda s: (s[1],), "demo: has no pose stream"),
+        (lambda s: (s[0], s[0]), "demo: pose comes from several topics: /pose, /pose"),
+        (lambda s: (Stream("/pose", "pose", s[0].stamps - 6 * 10**9, s[0].values),), "stamps before 0"),
+        (lambda s: (s[0], *s[6:8] * 6), "demo: has more than 10 tactile streams"),
+        (lambda s: (Stream("/pose", "pose", s[0].stamps[:0], s[0].values[:0]),), "two samples, has 0"),
+    ],
+)
+def test_what_cannot_be_read_back_is_not_written(tmp_path, change, complaint):
+    recording = make_recording()
+    with pytest.raises(InputError, match=complaint):
+        write_recording(Recording("demo", change(recording.streams)), tmp_path / "demo.mcap")
+
+
+def test_a_topic_that_is_optional_may_be_absent(tmp_path):
+    write_bag(tmp_path / "bag.mcap", POSES)
+    optional = OptionalTopicMap(**topic_map(pose="/tool", wrench="/wrist").model_dump(), obstacles=None)
+    assert len(read_recording(tmp_path / "bag.mcap", optional).streams) == 1
+
+
+POSE = "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"
+POSE += f"{'=' * 80}\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n"
+POSE += f"{'=' * 80}\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+ROW = [1, 2, 3, 0, 0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"use_chunking": False, "repeat_channels": False, "use_statistics": False},
+        {"index_types": IndexType.NONE},
+        {"repeat_channels": False},
+        {"repeat_schemas": False},
+        {"compression": CompressionType.LZ4, "chunk_size": 100},
+        {"compression": CompressionType.NONE, "enable_crcs": False},
+    ],
+)
+@pytest.mark.parametrize("order", ["<", ">", "mixed"])
+def test_bags_of_other_makers_give_the_same_values(tmp_path, options, order):
+    """Without index, chunks or a whole summary, compressed otherwise, big-endian, or of both byte orders."""
+    little = b"\x00\x01\x00\x00" + np.array(ROW, dtype="<f8").tobytes()
+    big = b"\x00\x00\x00\x00" + np.array(ROW, dtype=">f8").tobytes()
+    rows = {"<": [little] * 4, ">": [big] * 4, "mixed": [little, big] * 2}[order]
+    path = foreign_bag(
+        tmp_path / "bag.mcap",
+        ("geometry_msgs/msg/Pose", "ros2msg", POSE.encode()),
+        list(zip(STAMPS, rows, strict=True)),
+        **options,
+    )
+    (stream,) = read_recording(path, TOOL).streams
+    np.testing.assert_array_equal(stream.stamps, STAMPS)
+    np.testing.assert_array_equal(stream.values, [[1, 2, 3, 1, 0, 0, 0]] * 4)
+
+
+def test_a_topic_of_two_publishers_comes_in_the_order_of_its_log_times(tmp_path):
+    with open(tmp_path / "bag.mcap", "wb") as stream:
+        writer = PlainWriter(stream)
+        writer.start()
+        for place in (1, 0):  # with a definition each
+            schema = writer.register_schema("geometry_msgs/msg/Pose", "ros2msg", POSE.encode())
+            channel = writer.register_channel("/tool", "cdr", schema)
+            for stamp in STAMPS[place::2]:
+                row = np.array([stamp, *ROW[1:]], dtype="<f8")
+                writer.add_message(channel, stamp, b"\x00\x01\x00\x00" + row.tobytes(), stamp)
+        writer.finish()
+    (pose,) = read_recording(tmp_path / "bag.mcap", TOOL).streams
+    np.testing.assert_array_equal(pose.stamps, STAMPS)
+    np.testing.assert_array_equal(pose.values[:, 0], STAMPS)
+
+
+def no_bag(content):
+    return lambda path: path.write_bytes(content)
+
+
+def bag(messages, empty=()):
+    return lambda path: write_bag(path, messages, empty)
+
+
+def foreign(definition, content, kind=("geometry_msgs/msg/Pose", "ros2msg", "cdr")):
+    name, language, encoding = kind
+    return lambda path: foreign_bag(path, (name, language, definition), [(1, content)], encoding)
+
+
+def cut_off(length):
+    row = (b"\x00\x01\x00\x00" + np.array(ROW, dtype="<f8").tobytes())[:length]
+    return foreign(POSE.encode(), row)
+
+
+EMPTY, WRENCHES = topic_map(pose="/tool", wrench="/empty"), [("/empty", "geometry_msgs/msg/WrenchStamped")]
+
+
+@pytest.mark.parametrize(
+    ("write", "topics", "complaint"),
+    [
+        (lambda path: None, TOOL, "cannot be read: No such file"),
+        (lambda path: path.mkdir(), TOOL, "cannot be read: not a file"),
+        *((no_bag(one), TOOL, "not an MCAP file") for one in (b"", b"\x89MCAP", b"time,x\n0,1\n" * 100)),
+        (bag([]), OWN_TOPICS, "has no topic '/pose' for pose; it has no topics"),
+        (bag(POSES), OWN_TOPICS, f"has no topic '/pose' for pose; {THERE}"),
+        (
+            bag(POSES, [("/empty", "geometry_msgs/msg/WrenchStamped")]),
+            EMPTY,
+            "topic '/empty' has no messages",
+        ),
+        (
+            bag(POSES + JOINT_STATES),
+            topic_map(pose="/tool", joint_states=("/a", "/b")),
+            "joint_positions come from several topics: /a, /b",
+        ),
+        (
+            foreign(b"{}", b"{}", ("Pose", "jsonschema", "json")),
+            TOOL,
+            r"topic '/tool' has messages of type Pose \[json, jsonschema: not ROS 2",
+        ),
+        (
+            foreign(b"float64 x\n", b"\x00\x01\x00\x00" + bytes(8)),
+            TOOL,
+            "topic '/tool': a message lacks a field of its type",
+        ),
+        *((cut_off(length), TOOL, "topic '/tool': damaged message: error: unpack") for length in (4, 12, 59)),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_named_with_its_fault(tmp_path, write, topics, complaint):
+    write(tmp_path / "bag.mcap")
+    with pytest.raises(InputError, match=rf"bag\.mcap: {complaint}"):
+        read_recording(tmp_path / "bag.mcap", topics)

@@ -1,0 +1,223 @@
+"""Bags of every format and compression, written by other programs, give what the same MCAP file gives."""
+
+import os
+import sys
+
+import numpy as np
+import pytest
+import zstandard
+from committed import topic_map
+from mcap.writer import CompressionType
+from mcap.writer import Writer as PlainWriter
+from readers_bags import joint_messages, pose_messages, pose_rows, write_bag
+
+from structlearn.core.errors import InputError
+from structlearn.readers import read_recording, read_recordings
+from structlearn.readers.bag_files import as_recording_file, open_bag, recording_files
+from structlearn.readers.messages import definition
+
+STAMPS = [1_700_000_000 * 10**9 + 5_000_001 * row for row in range(12)]
+POSES = pose_rows(12)
+ANGLES = np.arange(24.0).reshape(12, 2)
+TOPICS = topic_map(pose="/tool", joint_states="/joint_states")
+
+
+@pytest.fixture
+def plain(tmp_path):
+    """The bag as MCAP: poses, and joint states."""
+    path = tmp_path / "plain.mcap"
+    write_bag(path, [*pose_messages(STAMPS, POSES), *joint_messages(STAMPS, ["a", "b"], ANGLES)])
+    return path
+
+
+def assert_same(recording):
+    pose, joints = recording.streams
+    for stream in (pose, joints):
+        np.testing.assert_array_equal(stream.stamps, STAMPS)
+    np.testing.assert_array_equal(pose.values, POSES)
+    np.testing.assert_array_equal(joints.values, ANGLES)
+    assert joints.joints == ("a", "b")
+
+
+def test_a_file_that_is_compressed_as_a_whole(plain, tmp_path):
+    packed = zstandard.compress(plain.read_bytes())
+    path = tmp_path / "take.mcap.zstd"
+    path.write_bytes(packed)
+    recording = read_recording(path, TOPICS)
+    assert_same(recording)
+    assert (recording.name, recording.provenance["source"]) == ("take", "take.mcap.zstd")
+    assert [file.name for file in recording_files(tmp_path)] == ["plain", "take"]
+    path.write_bytes(packed[:-9])
+    with pytest.raises(InputError, match=r"take\.mcap\.zstd: (the zstd file is cut off|damaged)"):
+        read_recording(path, TOPICS)
+    path.write_bytes(b"no frame at all")
+    with pytest.raises(InputError, match=r"take\.mcap\.zstd: damaged zstd file"):
+        read_recording(path, TOPICS)
+    path.write_bytes(zstandard.compress(b"no MCAP"))
+    with pytest.raises(InputError, match=r"take\.mcap\.zstd: not an MCAP file"):
+        read_recording(path, TOPICS)
+
+
+@pytest.mark.parametrize("compression", CompressionType)
+def test_messages_that_are_compressed_one_by_one(plain, tmp_path, compression):
+    bag = open_bag(as_recording_file(plain), ["/tool"])
+    raw = bag.messages["/tool"]
+    packed = [zstandard.compress(message) for message in raw.data]
+
+    def write(path, data):
+        with open(path, "wb") as file:
+            writer = PlainWriter(file, compression=compression)
+            writer.start("ros2")
+            kind = "geometry_msgs/msg/PoseStamped"
+            schema = writer.register_schema(kind, "ros2msg", definition(kind).encode())
+            channel = writer.register_channel("/tool", "cdr", schema)
+            for stamp, message in zip(STAMPS, data, strict=True):
+                writer.add_message(channel, stamp, message, stamp)
+            writer.finish()
+        return path
+
+    (pose,) = read_recording(write(tmp_path / "take.mcap", packed), topic_map(pose="/tool")).streams
+    np.testing.assert_array_equal(pose.values, POSES)
+    packed[3] = packed[3][:-5]
+    with pytest.raises(InputError, match="topic '/tool': row 3: damaged compressed message"):
+        read_recording(write(tmp_path / "take.mcap", packed), topic_map(pose="/tool"))
+    bomb = b"\x28\xb5\x2f\xfd\xe0" + (2**60).to_bytes(8, "little")
+    with pytest.raises(InputError, match="row 0: damaged compressed message: it grows beyond"):
+        read_recording(write(tmp_path / "take.mcap", [bomb, *packed[1:]]), topic_map(pose="/tool"))
+
+
+def test_files_are_taken_by_their_kind(plain, tmp_path):
+    for name in ("take.db3", "old.bag", "extra.csv", ".hidden.mcap", "notes.md", "obstacles.csv"):
+        (tmp_path / name).touch()
+    found = {file.name: file.format for file in recording_files(tmp_path)}
+    assert found == {"plain": "mcap", "take": "db3", "old": "bag"}  # a table beside bags is none of them
+    for path in [*tmp_path.glob("*.db3"), *tmp_path.glob("*.bag"), plain]:
+        path.unlink()
+    assert [(file.name, file.format) for file in recording_files(tmp_path)] == [("extra", "table")]
+    (tmp_path / "take").mkdir()
+    for name in ("metadata.yaml", "take_0.db3", "take_0.mcap"):
+        (tmp_path / "take" / name).touch()
+    with pytest.raises(InputError, match="take: the bag has files of several kinds: db3, mcap"):
+        recording_files(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["take.mcap", "take.csv", "take.bag"])
+def test_nobody_waits_for_a_pipe(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    for source in (tmp_path, tmp_path / name):
+        with pytest.raises(InputError, match=rf"{name}: cannot be read: not a file"):
+            read_recordings(source, TOPICS)
+
+
+def test_no_description_of_a_bag_ends_the_process(tmp_path):
+    (tmp_path / "metadata.yaml").write_text("a: " + "[" * 100_000 + "]" * 100_000)
+    with pytest.raises(InputError, match=r"metadata\.yaml: not a YAML file: nested too deeply"):
+        recording_files(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["take.db3", "take.bag"])
+def test_without_the_extra_it_is_said_how_to_get_it(tmp_path, monkeypatch, name):
+    for module in ("rosbags", "rosbags.highlevel", "rosbags.rosbag1"):
+        monkeypatch.setitem(sys.modules, module, None)
+    (tmp_path / name).touch()
+    with pytest.raises(InputError, match=rf"{name}: .* `rosbags`, .*: `make own` installs it, or `pip inst"):
+        read_recordings(tmp_path, TOPICS)
+
+
+class Older:
+    """Bags as the library `rosbags` writes them, with its own definitions."""
+
+    def __init__(self, ros1):
+        pytest.importorskip("rosbags")
+        from rosbags.typesys import Stores, get_typestore
+
+        self.ros1 = ros1
+        self.store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+
+    def type(self, name):
+        return self.store.types[name]
+
+    def header(self, stamp):
+        time = self.type("builtin_interfaces/msg/Time")(*divmod(stamp, 10**9))
+        counter = (7,) if self.ros1 else ()
+        return self.type("std_msgs/msg/Header")(*counter, time, "base_link")
+
+    def messages(self):
+        """(topic, type, message, log time), with a message that nobody asks for."""
+        point, turn, pose = (
+            self.type(f"geometry_msgs/msg/{name}") for name in ("Point", "Quaternion", "Pose")
+        )
+        nothing = np.zeros(0)
+        for stamp, (x, y, z, qw, *q), angles in zip(STAMPS, POSES.tolist(), ANGLES, strict=True):
+            placed = pose(point(x, y, z), turn(*q, qw))
+            yield "/tool", self.type("geometry_msgs/msg/PoseStamped")(self.header(stamp), placed), stamp
+            state = self.type("sensor_msgs/msg/JointState")
+            joints = state(self.header(stamp), ["a", "b"], angles, nothing, nothing)
+            yield "/joint_states", joints, stamp
+            yield "/chatter", self.type("std_msgs/msg/String")("hello"), stamp
+
+    def write(self, writer):
+        connections = {}
+        with writer:
+            for topic, message, stamp in self.messages():
+                name = message.__msgtype__
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, name, typestore=self.store)
+                serialise = self.store.serialize_ros1 if self.ros1 else self.store.serialize_cdr
+                writer.write(connections[topic], stamp, serialise(message, name))
+
+
+@pytest.mark.parametrize("mode", ["plain", "message", "file", "old"])
+def test_a_bag_in_the_older_storage_of_ros_2(tmp_path, mode):
+    older = Older(ros1=False)
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, Writer
+
+    writer = Writer(tmp_path / "take", version=9)
+    if mode in ("message", "file"):
+        writer.set_compression(CompressionMode[mode.upper()], CompressionFormat.ZSTD)
+    older.write(writer)
+    (path,) = (tmp_path / "take").glob("take*.db3*")
+    if mode == "old":  # before Iron there were no definitions in the file
+        import apsw
+
+        apsw.Connection(str(path)).execute("DELETE FROM message_definitions")
+    (recording,) = read_recordings(tmp_path, TOPICS)
+    assert_same(recording)
+    assert recording.name == "take"
+    assert_same(read_recording(path, TOPICS))  # without its folder
+    assert set(open_bag(as_recording_file(path), []).topics) == {"/tool", "/joint_states", "/chatter"}
+
+
+def test_a_bag_of_ros_1(tmp_path):
+    older = Older(ros1=True)
+    from rosbags.rosbag1 import Writer
+
+    older.write(Writer(tmp_path / "take.bag"))
+    (recording,) = read_recordings(tmp_path, TOPICS)
+    assert_same(recording)
+    assert recording.provenance == {"origin": "recorded", "source": "take.bag"}
+    with pytest.raises(
+        InputError, match=r"take\.bag: has no topic '/wrist' for wrench; it has /chatter \(std"
+    ):
+        read_recordings(tmp_path, topic_map(pose="/tool", wrench="/wrist"))
+
+
+@pytest.mark.parametrize("name", ["take.db3", "take.bag"])
+def test_older_bags_that_are_damaged(tmp_path, name):
+    older = Older(ros1=name.endswith("bag"))
+    if older.ros1:
+        from rosbags.rosbag1 import Writer
+
+        older.write(Writer(tmp_path / name))
+    else:
+        from rosbags.rosbag2 import Writer
+
+        older.write(Writer(tmp_path / "bag", version=9))
+        (tmp_path / "bag" / "bag.db3").rename(tmp_path / name)
+    content = (tmp_path / name).read_bytes()
+    for cut in (0, 20, len(content) // 2, len(content) - 100):
+        (tmp_path / name).write_bytes(content[:cut])
+        with pytest.raises(InputError, match=rf"{name}: "):
+            read_recording(tmp_path / name, TOPICS)
+    with pytest.raises(InputError, match=r"none\.\w+: cannot be read"):
+        read_recording(tmp_path / f"none.{name.partition('.')[2]}", TOPICS)

@@ -1,0 +1,249 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from readers_bags import make_recording, pose_rows
+
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.readers import Recording, Stream, synchronise
+from structlearn.readers.clock import shared_stamps
+
+UNIX = 1581238055_716234152
+
+
+def irregular(rng, count, rate_hz, start=UNIX):
+    """(count,) ns: steps from a tenth to twice the mean one."""
+    return start + np.cumsum(rng.uniform(0.1, 1.9, size=count) * 1e9 / rate_hz).astype(np.int64)
+
+
+def pose_stream(stamps, position=None, orientation=None):
+    values = np.zeros((len(stamps), 7))
+    values[:, 3] = 1.0
+    if position is not None:
+        values[:, :3] = position
+    if orientation is not None:
+        values[:, 3:] = orientation
+    return Stream("/tool", "pose", stamps, values)
+
+
+def seconds(stamps, origin=UNIX):
+    return (np.asarray(stamps) - origin) * 1e-9
+
+
+@pytest.mark.parametrize("frequency_hz", [0.5, 3.0])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_error_of_interpolation_stays_below_its_bound(frequency_hz, seed):
+    rng = np.random.default_rng(seed)
+    omega = 2 * np.pi * frequency_hz
+    stamps, other = irregular(rng, 400, 150), irregular(rng, 300, 100)
+    wave = 0.1 * np.sin(omega * seconds(stamps))
+    wrench = np.cos(omega * seconds(other))[:, None] * np.ones(6)
+    streams = (pose_stream(stamps, wave[:, None] * np.ones(3)), Stream("/wrist", "wrench", other, wrench))
+    demonstration = synchronise(Recording("waves", streams), rate_hz=333.0)
+    time = demonstration.time + seconds(max(stamps[0], other[0]))
+    for values, clock, exact in (
+        (10 * demonstration.position, stamps, np.sin(omega * time)),
+        (demonstration.wrench, other, np.cos(omega * time)),
+    ):
+        bound = (np.diff(clock).max() * 1e-9) ** 2 / 8 * omega**2  # max|x''| = omega^2
+        error = np.abs(values - exact[:, None]).max()
+        assert 0.05 * bound < error <= bound
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), rate_hz=st.floats(20, 2000), late_ms=st.integers(0, 60))
+def test_the_clock_covers_what_all_streams_share(seed, rate_hz, late_ms):
+    rng = np.random.default_rng(seed)
+    stamps = irregular(rng, 50, 200)
+    other = irregular(rng, 40, 200, UNIX + late_ms * 10**6)
+    line = seconds(stamps)[:, None] * [1.0, -2.0, 0.5]
+    twist = seconds(other)[:, None] * np.arange(6)
+    streams = (pose_stream(stamps, line), Stream("/twist", "twist", other, twist))
+    demonstration = synchronise(Recording("lines", streams), rate_hz)
+    start, end = max(stamps[0], other[0]), min(stamps[-1], other[-1])
+    time = demonstration.time
+    assert time[0] == 0
+    np.testing.assert_allclose(np.diff(time), 1 / rate_hz, rtol=1e-6)
+    assert time[-1] <= seconds(end, start) + 1e-5 / rate_hz
+    assert time[-1] + 1 / rate_hz > seconds(end, start)
+    absolute = time[:, None] + seconds(start)
+    np.testing.assert_allclose(demonstration.position, absolute * [1.0, -2.0, 0.5], atol=1e-7)
+    np.testing.assert_allclose(demonstration.velocity, absolute * [0, 1, 2], atol=1e-7)
+    np.testing.assert_allclose(demonstration.angular_velocity, absolute * [3, 4, 5], atol=1e-7)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_a_steady_turn_is_met_exactly_whatever_the_signs(seed):
+    rng = np.random.default_rng(seed)
+    stamps = irregular(rng, 60, 100)
+    axis = rng.normal(size=3)
+    axis *= 2.0 / np.linalg.norm(axis)  # rad/s
+    turn = quaternion.from_rotation_vector(seconds(stamps)[:, None] * axis)
+    signs = rng.choice([-1.0, 1.0], size=(60, 1))
+    scale = rng.uniform(0.9995, 1.0005, size=(60, 1))
+    seen = Stream("/mocap", "tool_to_board", stamps, turn * signs[::-1] * scale)
+    streams = (pose_stream(stamps, orientation=turn * signs * scale), seen)
+    demonstration = synchronise(Recording("turn", streams), rate_hz=250.0)
+    time = demonstration.time + seconds(stamps[0])
+    exact = quaternion.from_rotation_vector(time[:, None] * axis)
+    for path in (demonstration.orientation, demonstration.tool_to_board):
+        assert quaternion.angle_between(path, exact).max() < 1e-7
+        np.testing.assert_allclose(np.linalg.norm(path, axis=1), 1, atol=1e-12)
+        assert (np.sum(path[1:] * path[:-1], axis=1) > 0).all()
+
+
+def test_every_kind_of_stream_finds_its_signal():
+    recording = make_recording(fingers=2)
+    demonstration = synchronise(recording)
+    assert demonstration.name == "demo"
+    assert demonstration.simulated
+    widths = {"position": 3, "orientation": 4, "velocity": 3, "angular_velocity": 3, "joint_positions": 7}
+    widths |= {"joint_velocities": 7, "joint_torques": 7, "wrench": 6, "tactile": 38, "tool_to_board": 4}
+    for signal, width in widths.items():
+        assert getattr(demonstration, signal).shape == (len(demonstration.time), width)
+    left, right = (stream for stream in recording.streams if stream.kind == "tactile")
+    start = max(stream.stamps[0] for stream in recording.streams)
+    expected = np.interp(demonstration.time, seconds(right.stamps, start), right.values[:, 18])
+    np.testing.assert_allclose(demonstration.tactile[:, 37], expected, rtol=1e-6)
+    expected = np.interp(demonstration.time, seconds(left.stamps, start), left.values[:, 0])
+    np.testing.assert_allclose(demonstration.tactile[:, 0], expected, rtol=1e-6)
+
+
+def test_a_uniform_recording_keeps_its_samples_and_its_rate():
+    stamps = UNIX + np.round(np.arange(200) * (1e9 / 300)).astype(np.int64)
+    rows = pose_rows(200)
+    demonstration = synchronise(Recording("own", (Stream("/tool", "pose", stamps, rows),)))
+    assert len(demonstration.time) == 200
+    assert demonstration.dt == pytest.approx(1 / 300, rel=1e-6)
+    np.testing.assert_allclose(demonstration.position, rows[:, :3], atol=1e-4)
+
+
+def test_the_median_rate_ignores_a_hole():
+    stamps = UNIX + np.r_[0:50, 64:100] * 10**7  # 0.15 s without samples
+    demonstration = synchronise(Recording("hole", (pose_stream(stamps),)))
+    assert demonstration.dt == pytest.approx(0.01)
+    assert len(demonstration.time) == 100
+
+
+def test_true_segments_move_with_the_start_and_stay_on_the_clock():
+    pose = pose_stream(UNIX + np.arange(101) * 10**7)
+    wrist = Stream("/wrist", "wrench", UNIX + 2 * 10**8 + np.arange(71) * 10**7, np.zeros((71, 6)))
+    segments = np.array([[0.0, 0.4], [0.4, 0.75], [0.75, 1.0]])
+    demonstration = synchronise(Recording("cut", (pose, wrist), segments))
+    np.testing.assert_allclose(demonstration.true_segments, [[0, 0.2], [0.2, 0.55], [0.55, 0.7]], atol=1e-12)
+
+
+def test_an_orientation_that_was_not_recorded_is_none():
+    stamps = UNIX + np.arange(10) * 10**6
+    streams = (pose_stream(stamps), Stream("/twist", "twist", stamps, np.ones((10, 6))))
+    provenance = {"origin": "recorded", "orientation": "not recorded"}
+    demonstration = synchronise(Recording("reach", streams, provenance=provenance))
+    assert demonstration.orientation is None
+    assert demonstration.angular_velocity is None
+    assert demonstration.velocity.shape == (10, 3)
+
+
+def test_a_gap_is_bridged_up_to_its_limit_and_named_beyond():
+    recording = Recording("hole", (pose_stream(UNIX + np.r_[0:20, 35:60] * 10**7),))
+    assert len(synchronise(recording, max_gap_s=0.16).time) == 60
+    place = r"^hole: /tool: row 19 \(stamp 1581238055\.906234152 s\)"
+    with pytest.raises(InputError, match=rf"{place} is followed by a gap of 0\.16 s, longer than 0\.15 s"):
+        synchronise(recording, max_gap_s=0.15)
+
+
+def test_a_gap_outside_the_shared_time_does_no_harm():
+    pose = pose_stream(UNIX + np.r_[0:5, 100:200, 300:303] * 10**7)
+    wrist = Stream("/wrist", "wrench", UNIX + np.arange(100, 200) * 10**7, np.zeros((100, 6)))
+    assert synchronise(Recording("hole", (pose, wrist))).time[-1] == pytest.approx(0.99)
+
+
+def test_streams_that_do_not_overlap_are_named():
+    pose = pose_stream(UNIX + np.arange(10) * 10**7)
+    wrist = Stream("/wrist", "wrench", np.arange(10) * 10**7, np.zeros((10, 6)))
+    complaint = r"^apart: /tool starts at row 0 \(stamp 1581238055\.7.*\), when /wrist has ended at row 9"
+    with pytest.raises(InputError, match=complaint):
+        synchronise(Recording("apart", (pose, wrist)))
+
+
+def line_stream(count=200, rate_hz=100.0):
+    stamps = UNIX + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
+    return pose_stream(stamps, 0.1 * seconds(stamps)[:, None] * [1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("row", "jump_s"), [(0, -1_581_238_055), (199, 10**5), (100, 10**5), (100, 2 * 10**9)]
+)
+def test_a_stamp_far_off_is_named_at_once(row, jump_s):
+    """A header that is 0 before the clock is known, or a clock that is set: ticks would fill terabytes."""
+    stream = line_stream()
+    stream.stamps[row if row != 100 else slice(100, None)] += jump_s * 10**9
+    with pytest.raises(InputError, match=r"far: /tool: row \d+ .* is followed by a gap of"):
+        synchronise(Recording("far", (stream,)), rate_hz=300.0)
+
+
+@pytest.mark.parametrize("size_m", [0.2, 2.0, 100.0, 1e308])
+def test_a_pose_that_jumps_is_named(size_m):
+    stream = line_stream()
+    stream.values[70, 1] += size_m
+    with pytest.raises(
+        InputError, match=r"spike: /tool: row 70 .*: position jumps at .* m/s, more than 10 m/s"
+    ):
+        synchronise(Recording("spike", (stream,)))
+
+
+def test_an_orientation_that_jumps_is_named_and_one_with_the_other_sign_is_none():
+    stream = line_stream()
+    stream.values[50:, 3:] *= -1.0
+    synchronise(Recording("signs", (stream,)))
+    stream.values[60, 3:] = [0.0, 1.0, 0.0, 0.0]
+    with pytest.raises(InputError, match=r"turns: /tool: row 60 .*: orientation jumps at 314 rad/s"):
+        synchronise(Recording("turns", (stream,)))
+
+
+def test_bursts_of_messages_are_no_jumps():
+    """Samples of a steady motion whose stamps come in pairs 0.1 ms apart."""
+    stream = line_stream()
+    stream.stamps[1::2] = stream.stamps[::2] + 100_000
+    stream.values[:, 0] *= 10.0  # 1 m/s
+    assert synchronise(Recording("bursts", (stream,)), rate_hz=100.0).position.shape[1] == 3
+
+
+def test_poses_closer_than_any_robot_sends_them_are_named():
+    stream = line_stream()
+    stream.stamps[:] = UNIX + np.arange(200)
+    stream.values[:, :3] = 0.0
+    with pytest.raises(InputError, match=r"dense: /tool: poses come at 1e\+09 Hz, more than 10000 Hz"):
+        synchronise(Recording("dense", (stream,)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    sources=st.lists(
+        st.lists(st.integers(0, 60), min_size=2, max_size=25, unique=True).map(sorted), min_size=1, max_size=3
+    )
+)
+def test_sources_share_the_stamps_of_the_slowest_but_for_holes(sources):
+    arrays = [np.array(one) for one in sources]
+    start, end = max(one[0] for one in sources), min(one[-1] for one in sources)
+    inside = [[stamp for stamp in one if start <= stamp <= end] for one in sources]
+    slowest = min(inside, key=len)
+    shared = shared_stamps(arrays).tolist()
+    if len(slowest) < 2:
+        assert shared == slowest
+        return
+    longest = 2 * (slowest[-1] - slowest[0]) / (len(slowest) - 1)
+    for tick in slowest:
+        bridged = []
+        for one in sources:
+            before, after = max(s for s in one if s <= tick), min(s for s in one if s >= tick)
+            bridged.append(after - before <= longest)
+        assert (tick in shared) == all(bridged)
+
+
+def test_bursts_are_no_holes():
+    """Log times often come in bursts of ten, a millisecond apart, though the samples do not."""
+    bursts = (np.arange(20)[:, None] * 10**8 + np.arange(10) * 10**6).ravel()
+    even = np.arange(400) * 5 * 10**6
+    assert len(shared_stamps([even, bursts])) == len(bursts)

@@ -1,0 +1,123 @@
+"""Several publishers on one topic of joint states, told apart by the names of the joints."""
+
+import numpy as np
+import pytest
+from committed import topic_map
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from readers_bags import joint_messages, make_recording, pose_messages, pose_rows, write_bag
+
+from structlearn.core.errors import InputError
+from structlearn.readers import Recording, Stream, read_recording, synchronise, write_recording
+from structlearn.readers.joint_log import read_joint_log
+
+STEP = 10**7
+STAMPS = [10**9 + row * STEP for row in range(12)]
+POSES = pose_messages(STAMPS, pose_rows(12))
+HAND = [stamp + 1_000 for stamp in STAMPS[::3]]
+ARM_POSITIONS = np.arange(24.0).reshape(12, 2)
+HAND_POSITIONS = -np.arange(4.0)[:, None]
+
+
+def joints(messages, path, **topics):
+    write_bag(path, [*POSES, *messages])
+    return read_recording(path, topic_map(pose="/tool", joint_states="/joint_states", **topics))
+
+
+def arm_and_hand():
+    arm = joint_messages(STAMPS, ["a", "b"], ARM_POSITIONS, velocity=ARM_POSITIONS, effort=ARM_POSITIONS)
+    return [*arm, *joint_messages(HAND, ["f"], HAND_POSITIONS)]
+
+
+def test_the_publisher_of_most_joints_is_the_robot_and_the_other_one_is_told_of(tmp_path):
+    recording = joints(arm_and_hand(), tmp_path / "bag.mcap")
+    assert recording.joint_names == ("a", "b")
+    assert recording.provenance["joints"] == "/joint_states: without f"
+    for stream in recording.streams[1:]:
+        np.testing.assert_array_equal(stream.stamps, STAMPS)
+        np.testing.assert_array_equal(stream.values, ARM_POSITIONS)
+    assert synchronise(recording).joint_names == ("a", "b")
+
+
+def test_joints_that_are_named_are_taken_from_whoever_publishes_them(tmp_path):
+    recording = joints(arm_and_hand(), tmp_path / "bag.mcap", joints=("f", "b"))
+    assert recording.joint_names == ("f", "b")
+    hand, arm = recording.streams[1:]
+    np.testing.assert_array_equal(hand.stamps, HAND)
+    np.testing.assert_array_equal(arm.values, ARM_POSITIONS[:, 1:])
+    assert recording.provenance["joints"].startswith("joint_velocities are not of f and left out")
+    with pytest.raises(InputError, match="has no joint g; it has a, b, f"):
+        joints(arm_and_hand(), tmp_path / "bag.mcap", joints=("a", "g"))
+
+
+def test_joints_of_two_clocks_stand_side_by_side_and_survive_our_own_file(tmp_path):
+    recording = joints(arm_and_hand(), tmp_path / "bag.mcap", joints=("a", "b", "f"))
+    demonstration = synchronise(recording, max_gap_s=1.0)
+    assert demonstration.joint_positions.shape[1] == 3
+    write_recording(recording, tmp_path / "own.mcap")
+    back = read_recording(tmp_path / "own.mcap")
+    assert back.joint_names == ("a", "b", "f")
+    again = synchronise(back, max_gap_s=1.0)
+    np.testing.assert_array_equal(again.joint_positions, demonstration.joint_positions)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    sets=st.lists(
+        st.permutations(["a", "b", "c", "d"]).flatmap(lambda p: st.integers(1, 4).map(lambda n: p[:n])),
+        min_size=2,
+        max_size=12,
+    )
+)
+def test_every_joint_has_the_samples_of_the_messages_that_name_it(tmp_path_factory, sets):
+    """Messages may have any of the joints in any order; each value tells its joint and its message."""
+    messages = []
+    for row, names in enumerate(sets):
+        values = [[100.0 * ord(name) + row for name in names]]
+        messages += joint_messages([STAMPS[row]], names, values)
+    wanted = tuple(dict.fromkeys(name for names in sets for name in names))
+    recording = joints(messages, tmp_path_factory.mktemp("any") / "bag.mcap", joints=wanted)
+    seen = {}
+    for stream in recording.streams[1:]:
+        for name, column in zip(stream.joints, stream.values.T, strict=True):
+            seen[name] = (stream.stamps.tolist(), column.tolist())
+    for name in wanted:
+        rows = [row for row, names in enumerate(sets) if name in names]
+        assert seen[name] == ([STAMPS[row] for row in rows], [100.0 * ord(name) + row for row in rows])
+
+
+def test_joints_that_sometimes_come_together_are_one_publisher(tmp_path):
+    """All of the arm at one pace, its wrist in between as well."""
+    between = [stamp + STEP // 2 for stamp in STAMPS]
+    messages = [
+        *joint_messages(STAMPS, ["a", "b", "w"], np.ones((12, 3))),
+        *joint_messages(between, ["w"], np.ones((12, 1))),
+        *joint_messages(HAND, ["f", "g"], np.ones((4, 2))),
+    ]
+    recording = joints(messages, tmp_path / "bag.mcap")
+    assert recording.joint_names == ("a", "b", "w")
+    assert [len(stream.stamps) for stream in recording.streams[1:]] == [12, 24]
+    assert recording.provenance["joints"] == "/joint_states: without f, g"
+
+
+def test_a_log_of_an_arm_with_a_hand_on_its_topic(tmp_path):
+    write_bag(tmp_path / "log.mcap", arm_and_hand())
+    log = read_joint_log(tmp_path / "log.mcap")
+    assert log.joints == ("a", "b")
+    assert log.provenance["joints"] == "/joint_states: without f"
+    np.testing.assert_array_equal(log.torques, ARM_POSITIONS)
+    assert read_joint_log(tmp_path / "log.mcap", joints=["b"]).joints == ("b",)
+    with pytest.raises(InputError, match="joints that come at different times: b and f"):
+        read_joint_log(tmp_path / "log.mcap", joints=["b", "f"])
+
+
+def test_signals_of_one_robot_may_name_joints_in_another_order(tmp_path):
+    pose, *_ = make_recording().streams
+    positions = Stream("/p", "joint_positions", pose.stamps, np.tile([1.0, 2.0], (40, 1)), ("a", "b"))
+    torques = Stream("/t", "joint_torques", pose.stamps, np.tile([20.0, 10.0], (40, 1)), ("b", "a"))
+    demonstration = synchronise(Recording("one", (pose, positions, torques)))
+    assert demonstration.joint_names == ("a", "b")
+    np.testing.assert_array_equal(demonstration.joint_torques[0], [10.0, 20.0])
+    others = Stream("/t", "joint_torques", pose.stamps, torques.values, ("b", "c"))
+    with pytest.raises(InputError, match="joint_torques are of the joints b, c, other signals of a, b"):
+        synchronise(Recording("one", (pose, positions, others)))

@@ -1,0 +1,233 @@
+"""Bags of a user's robot, with every supported message type."""
+
+import numpy as np
+import pytest
+from committed import topic_map
+from readers_bags import header, pose_messages, pose_rows, ros_pose, ros_quaternion, vector, write_bag
+
+from structlearn.core.errors import InputError
+from structlearn.readers import read_recording
+
+STAMPS = [10**9 + 7_000_001 * row for row in range(5)]
+ROWS = pose_rows(5)
+LATE = 3_000_000  # ns from header stamp to log time
+
+
+def transform(row):
+    return {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])}
+
+
+def pose_stamped(h, row):
+    return {"header": h, "pose": ros_pose(row)}
+
+
+def transform_stamped(h, row):
+    return {"header": h, "child_frame_id": "tool", "transform": transform(row)}
+
+
+POSES = {
+    "geometry_msgs/msg/PoseStamped": pose_stamped,
+    "geometry_msgs/PoseStamped": pose_stamped,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda h, row: {
+        "header": h,
+        "pose": {"pose": ros_pose(row), "covariance": [0.1] * 36},
+    },
+    "geometry_msgs/msg/TransformStamped": transform_stamped,
+    "nav_msgs/msg/Odometry": lambda h, row: {
+        "header": h,
+        "child_frame_id": "tool",
+        "pose": {"pose": ros_pose(row)},
+        "twist": {"twist": {"linear": vector([9, 9, 9])}},
+    },
+    "geometry_msgs/msg/Pose": lambda _, row: ros_pose(row),
+}
+
+
+def read(path, messages, **topics):
+    """Streams besides the pose, read from a bag that has a pose too."""
+    write_bag(path, [*pose_messages(STAMPS, ROWS), *messages])
+    return read_recording(path, topic_map(pose="/tool", **topics)).streams[1:]
+
+
+def read_pose(path, messages):
+    write_bag(path, messages)
+    (pose,) = read_recording(path, topic_map(pose="/tool")).streams
+    return pose
+
+
+@pytest.mark.parametrize("message_type", POSES)
+def test_every_pose_type_gives_the_same_scalar_first_pose(tmp_path, message_type):
+    messages = [
+        ("/tool", message_type, POSES[message_type](header(s), row), s + LATE)
+        for s, row in zip(STAMPS, ROWS, strict=True)
+    ]
+    write_bag(tmp_path / "bag.mcap", messages)
+    recording = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool"))
+    (pose,) = recording.streams
+    assert (pose.kind, pose.topic, recording.name) == ("pose", "/tool", "bag")
+    np.testing.assert_array_equal(pose.values, ROWS)
+    late = LATE if message_type.endswith("/Pose") else 0  # no header: the log time is the stamp
+    np.testing.assert_array_equal(pose.stamps, np.array(STAMPS) + late)
+    assert recording.provenance == {"origin": "recorded", "source": "bag.mcap"}
+
+
+@pytest.mark.parametrize(
+    ("role", "message_type", "first", "second"),
+    [
+        ("twist", "geometry_msgs/msg/TwistStamped", "linear", "angular"),
+        ("wrench", "geometry_msgs/msg/WrenchStamped", "force", "torque"),
+    ],
+)
+def test_twist_and_wrench(tmp_path, role, message_type, first, second):
+    messages = []
+    for s in STAMPS:
+        both = {first: vector([1, 2, s]), second: vector([4, 5, 6])}
+        messages.append(("/x", message_type, {"header": header(s), role: both}, s))
+    (stream,) = read(tmp_path / "bag.mcap", messages, **{role: "/x"})
+    assert stream.kind == role
+    np.testing.assert_array_equal(stream.values, [[1, 2, s, 4, 5, 6] for s in STAMPS])
+
+
+ORIENTATIONS = {
+    "geometry_msgs/msg/QuaternionStamped": lambda h, row: {
+        "header": h,
+        "quaternion": ros_quaternion(row[3:]),
+    },
+    "geometry_msgs/msg/PoseStamped": pose_stamped,
+    "geometry_msgs/msg/TransformStamped": transform_stamped,
+}
+
+
+@pytest.mark.parametrize("message_type", ORIENTATIONS)
+def test_the_tool_on_the_board_is_a_scalar_first_quaternion_from_every_type(tmp_path, message_type):
+    """Motion capture publishes a pose or a transform; only how the tool is turned counts."""
+    messages = [
+        ("/mocap", message_type, ORIENTATIONS[message_type](header(s), row), s + LATE)
+        for s, row in zip(STAMPS, ROWS[::-1], strict=True)
+    ]
+    (stream,) = read(tmp_path / "bag.mcap", messages, tool_to_board="/mocap")
+    assert stream.kind == "tool_to_board"
+    np.testing.assert_array_equal(stream.values, ROWS[::-1, 3:])
+    np.testing.assert_array_equal(stream.stamps, STAMPS)
+
+
+@pytest.mark.parametrize("number", ["Float32", "Float64", "Int16", "Int32", "UInt16"])
+def test_every_tactile_type_is_stamped_by_its_log_time(tmp_path, number):
+    counts = [[row, 2 * row, 4095] for row in range(5)]
+    messages = [
+        ("/finger", f"std_msgs/msg/{number}MultiArray", {"data": data}, s + LATE)
+        for s, data in zip(STAMPS, counts, strict=True)
+    ]
+    (stream,) = read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
+    np.testing.assert_array_equal(stream.values, counts)
+    np.testing.assert_array_equal(stream.stamps, np.array(STAMPS) + LATE)
+
+
+def test_header_stamps_that_nobody_set_give_way_to_log_times(tmp_path):
+    messages = [
+        (topic, kind, message | {"header": header(0)}, logged)
+        for topic, kind, message, logged in pose_messages(STAMPS, ROWS)
+    ]
+    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", messages).stamps, STAMPS)
+
+
+def test_a_clock_that_starts_at_zero_is_kept(tmp_path):
+    simulated = [0, 10**7, 2 * 10**7]
+    messages = [(*m[:3], 10**18 + i) for i, m in enumerate(pose_messages(simulated, ROWS[:3]))]
+    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", messages).stamps, simulated)
+
+
+def test_frames_that_change_make_no_difference(tmp_path):
+    messages = pose_messages(STAMPS, ROWS)
+    for number, (_, _, message, _) in enumerate(messages):
+        message["header"]["frame_id"] = "base" * (number % 3)
+    pose = read_pose(tmp_path / "bag.mcap", messages)
+    np.testing.assert_array_equal(pose.stamps, STAMPS)
+    np.testing.assert_array_equal(pose.values, ROWS)
+
+
+def joint_message(stamp, **fields):
+    return ("/joints", "sensor_msgs/msg/JointState", {"header": header(stamp), **fields}, stamp)
+
+
+def test_joint_states_give_a_stream_per_filled_field_in_the_first_order_of_names(tmp_path):
+    messages = [
+        joint_message(STAMPS[0], name=["a", "b"], position=[1, 2], effort=[3, 4]),
+        joint_message(STAMPS[1], name=["b", "a"], position=[20, 10], effort=[40, 30]),
+    ]
+    positions, torques = read(tmp_path / "bag.mcap", messages, joint_states="/joints")
+    assert (positions.kind, torques.kind) == ("joint_positions", "joint_torques")
+    np.testing.assert_array_equal(positions.values, [[1, 2], [10, 20]])
+    np.testing.assert_array_equal(torques.values, [[3, 4], [30, 40]])
+
+
+def test_joint_fields_that_the_driver_does_not_measure_are_left_out(tmp_path):
+    messages = [
+        joint_message(s, name=["a", "b"], position=[1, 2], velocity=[3, 4], effort=[np.nan, np.nan])
+        for s in STAMPS
+    ]
+    streams = read(tmp_path / "bag.mcap", messages, joint_states="/joints")
+    assert [stream.kind for stream in streams] == ["joint_positions", "joint_velocities"]
+
+
+def test_joint_states_without_names_keep_their_order(tmp_path):
+    (stream,) = read(
+        tmp_path / "bag.mcap", [joint_message(s, velocity=[5, 6]) for s in STAMPS], joint_states="/joints"
+    )
+    np.testing.assert_array_equal(stream.values, [[5, 6]] * 5)
+
+
+FIRST = {"name": ["a", "b"], "position": [1, 2]}
+
+
+@pytest.mark.parametrize(
+    ("messages", "complaint"),
+    [
+        (
+            [FIRST, {"name": ["a", "a"], "position": [1, 2]}],
+            r"row 1 \(stamp 1\.007000001 s\) names joint 'a'",
+        ),
+        ([FIRST, {"position": [1, 2]}], "row 1 .* names no joints, other messages do"),
+        ([FIRST, {"name": ["a", "b"], "position": [1]}], r"row 1 .* has 1 values, the first has 2"),
+        ([FIRST, {"name": ["a", "b"]}], r"row 1 .* has 0 values, the first has 2"),
+        ([{"name": ["a"]}], "without position, velocity and effort"),
+        ([FIRST | {"position": [1, 2, 3]}], "names 2 joints and has 3 joint_positions per message"),
+    ],
+)
+def test_joint_states_that_change_or_lack_values_are_refused(tmp_path, messages, complaint):
+    messages = [joint_message(s, **one) for s, one in zip(STAMPS, messages, strict=False)]
+    with pytest.raises(InputError, match=rf"bag\.mcap: topic '/joints'.* {complaint}"):
+        read(tmp_path / "bag.mcap", messages, joint_states="/joints")
+
+
+@pytest.mark.parametrize(
+    ("lengths", "complaint"),
+    [
+        ((3, 3, 2), r": row 2 \(stamp 1\.014000002 s\) has 2 values, the first has 3"),
+        ((0, 0, 0), ": messages have no values"),
+    ],
+)
+def test_tactile_messages_need_values_and_one_length(tmp_path, lengths, complaint):
+    messages = [
+        ("/finger", "std_msgs/msg/Int16MultiArray", {"data": [1] * n}, s)
+        for n, s in zip(lengths, STAMPS, strict=False)
+    ]
+    with pytest.raises(InputError, match=f"topic '/finger'{complaint}"):
+        read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
+
+
+@pytest.mark.parametrize(
+    ("role", "understood"),
+    [
+        ("pose", "geometry_msgs/PoseStamped.*nav_msgs/Odometry"),
+        ("tactile", "std_msgs/Float32MultiArray"),
+        ("tool_to_board", "geometry_msgs/QuaternionStamped.*geometry_msgs/TransformStamped"),
+    ],
+)
+def test_an_unknown_type_is_named_with_those_that_are_understood(tmp_path, role, understood):
+    text = [("/words", "std_msgs/msg/String", {"data": "hello"}, s) for s in STAMPS]
+    write_bag(tmp_path / "bag.mcap", [*pose_messages(STAMPS, ROWS), *text])
+    topics = {"pose": "/tool"} | {role: ("/words",) if role == "tactile" else "/words"}
+    complaint = rf"bag\.mcap: topic '/words' has messages of type std_msgs/msg/String; {role} .*{understood}"
+    with pytest.raises(InputError, match=complaint):
+        read_recording(tmp_path / "bag.mcap", topic_map(**topics))

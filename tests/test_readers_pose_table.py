@@ -1,0 +1,132 @@
+"""Tables of poses and of shapes, for those without ROS."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from committed import topic_map
+from readers_bags import pose_messages, pose_rows, write_bag
+
+from structlearn.core.errors import InputError
+from structlearn.readers import read_demonstrations, read_recording, read_recordings
+from structlearn.readers.pose_table import TABLE_TOPICS
+
+TIMES = ["1700000000.000000001", "1700000000.01", "1700000000.02", "1700000000.03"]
+POSES = pose_rows(4)
+POSE = ["x", "y", "z", "qw", "qx", "qy", "qz"]
+ALL = topic_map(**TABLE_TOPICS)
+SHAPES = "name,form,x,y,z,qw,qx,qy,qz,sx,sy,sz\n"
+
+
+def csv(path, columns, rows, times=TIMES):
+    lines = [",".join(["time_s", *columns])]
+    lines += [",".join([time, *map(repr, map(float, row))]) for time, row in zip(times, rows, strict=True)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_a_table_with_everything(tmp_path):
+    wrench, angles = np.arange(24.0).reshape(4, 6), np.arange(8.0).reshape(4, 2)
+    columns = [*POSE, "fx", "fy", "fz", "tx", "ty", "tz", "position.a", "effort.a", "effort.b", "position.b"]
+    rows = np.hstack([POSES, wrench, angles[:, :1], -angles, angles[:, 1:]])
+    csv(tmp_path / "take.csv", columns, rows)
+    recording = read_recording(tmp_path / "take.csv", ALL)
+    pose, positions, torques, force = recording.streams
+    nanoseconds = [1_700_000_000 * 10**9 + late for late in (1, 10**7, 2 * 10**7, 3 * 10**7)]
+    for stream in recording.streams:
+        np.testing.assert_array_equal(stream.stamps, nanoseconds)
+    np.testing.assert_array_equal(pose.values, POSES)
+    np.testing.assert_array_equal(force.values, wrench)
+    np.testing.assert_array_equal(positions.values, angles)
+    np.testing.assert_array_equal(torques.values, -angles)
+    assert recording.joint_names == ("a", "b")
+    assert recording.provenance == {"origin": "recorded", "source": "take.csv"}
+
+
+def test_a_table_without_quaternions_has_no_orientation(tmp_path):
+    csv(tmp_path / "take.csv", ["z", "y", "x"], POSES[:, 2::-1])
+    (demonstration,) = read_demonstrations(tmp_path, topic_map(pose="/pose"), rate_hz=100)
+    assert demonstration.orientation is None
+    assert demonstration.provenance["orientation"] == "not recorded"
+    np.testing.assert_allclose(demonstration.position[0], POSES[0, :3], atol=1e-9)
+
+
+def test_parquet_is_the_same_table(tmp_path):
+    table = pd.DataFrame(POSES, columns=POSE)
+    table.insert(0, "time_s", [0.5, 0.51, 0.52, 0.53])
+    table.to_parquet(tmp_path / "take.parquet")
+    (recording,) = read_recordings(tmp_path, topic_map(pose="/pose"))
+    np.testing.assert_array_equal(recording.streams[0].stamps, [5 * 10**8 + row * 10**7 for row in range(4)])
+    np.testing.assert_array_equal(recording.streams[0].values, POSES)
+    table.loc[2, "y"] = np.nan
+    table.to_parquet(tmp_path / "take.parquet")
+    with pytest.raises(InputError, match=r"take\.parquet: row 2: y is nan"):
+        read_recordings(tmp_path, topic_map(pose="/pose"))
+    (tmp_path / "take.parquet").write_bytes(b"PAR1 no more")
+    with pytest.raises(InputError, match=r"take\.parquet: not a Parquet file"):
+        read_recordings(tmp_path, topic_map(pose="/pose"))
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("t,x,y,z\n0,0,0,0\n", "the first column is 't', not time_s; behind it columns may be x, y"),
+        ("time_s,x,y\n0,0,0\n", "has no column z"),
+        ("time_s,x,y,z,qw\n0,0,0,0,1\n", "has no column qx, qy, qz; qw, qx, qy, qz come together"),
+        ("time_s,x,y,z,fx\n0,0,0,0,1\n", "has no column fy, fz, tx, ty, tz"),
+        ("time_s,x,y,z,gripper\n0,0,0,0,1\n", "column 'gripper' is not understood; columns may be x, y, z"),
+        ("time_s,x,y,z,x\n0,0,0,0,1\n", "column 'x' stands 2 times"),
+        ("time_s,x,y,z,effort.a,position.b\n0,0,0,0,1,1\n", "has position.b, but not position.a"),
+        ("time_s,x,y,z\n0,0,0\n", "line 2 has 3 columns, expected 4"),
+        ("time_s,x,y,z\n0,0,0,high\n", "line 2: not a number: 'high'"),
+        ("time_s,x,y,z\nnoon,0,0,0\n", "line 2: not a time in s: 'noon'|not a number"),
+        ("time_s,x,y,z\n-1,0,0,0\n", "row 0: time_s is -1, not between 0 and"),
+        ("time_s,x,y,z\n", "has no rows"),
+        ("", "the first column is ''"),
+    ],
+)
+def test_a_table_that_is_not_one_is_told_of(tmp_path, text, complaint):
+    (tmp_path / "take.csv").write_text(text)
+    with pytest.raises(InputError, match=rf"take\.csv: .*{complaint}|take\.csv: {complaint}"):
+        read_recording(tmp_path / "take.csv", topic_map(pose="/pose"))
+
+
+def bag(path):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bag(path, pose_messages([1, 2, 3], pose_rows(3)))
+
+
+def test_shapes_come_from_the_nearest_table(tmp_path):
+    for name in ("one.mcap", "two.mcap", "three/three_0.mcap", "four/four_0.mcap"):
+        bag(tmp_path / name)
+        if "/" in name:
+            (tmp_path / name).with_name("metadata.yaml").touch()
+    (tmp_path / "obstacles.csv").write_text(
+        SHAPES + "post,cylinder,0.1,0.2,0.3,1,0,0,0,0.1,0.1,0.5\nball,sphere,1,0,0,1,0,0,0,0.2,0.2,0.2\n"
+    )
+    (tmp_path / "two.obstacles.csv").write_text(SHAPES + "box,cube,0,0,0,0,0,0,1,1,2,3\n")
+    (tmp_path / "four" / "obstacles.csv").write_text(SHAPES)
+    found = {one.name: one.shapes for one in read_recordings(tmp_path, topic_map(pose="/tool"))}
+    names = {name: [shape.name for shape in shapes] for name, shapes in found.items()}
+    assert names == {"one": ["post", "ball"], "two": ["box"], "three_0": ["post", "ball"], "four_0": []}
+    post, _ = found["one"]
+    assert post.form == "cylinder"
+    np.testing.assert_array_equal(post.position, [0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(post.size, [0.1, 0.1, 0.5])
+    np.testing.assert_array_equal(found["two"][0].orientation, [0, 0, 0, 1])
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("name,form\n", "has no column x, y, z"),
+        (SHAPES + "a,cone,0,0,0,1,0,0,0,1,1,1\n", "line 2: form is 'cone', not one of cube, sphere, cyl"),
+        (SHAPES + "a,cube,0,0,0,2,0,0,0,1,1,1\n", "line 2: quaternion has norm 2, not 1"),
+        (SHAPES + "a,cube,0,0,0,1,0,0,0,1,1,0\n", "line 2: a shape needs a positive size"),
+        (SHAPES + "a,cube,0,0,0,1,0,0,0,1,1,wide\n", "line 2: not a number: 'wide'"),
+        (SHAPES + "a,cube,0\n", "line 2 has 3 columns, expected 12"),
+    ],
+)
+def test_a_table_of_shapes_that_is_none_is_told_of(tmp_path, text, complaint):
+    bag(tmp_path / "one.mcap")
+    (tmp_path / "obstacles.csv").write_text(text)
+    with pytest.raises(InputError, match=rf"obstacles\.csv: {complaint}"):
+        read_recordings(tmp_path, topic_map(pose="/tool"))

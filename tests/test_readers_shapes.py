@@ -1,0 +1,122 @@
+"""Shapes beside a movement: written as markers, read from ours and from a user's bag."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from committed import topic_map
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from mcap_ros2.writer import Writer
+from readers_bags import header, make_recording, ros_pose
+
+from structlearn.core.errors import InputError
+from structlearn.readers import read_recording, synchronise, write_recording
+from structlearn.readers.recording import NamedShape
+from structlearn.readers.topics import SceneTopicMap
+
+SHAPES = (
+    NamedShape(
+        "box", "cube", np.array([0.1, 0.2, 0.3]), np.array([0.6, 0.0, 0.0, 0.8]), np.array([0.2, 0.1, 0.3])
+    ),
+    NamedShape("ball", "sphere", np.array([-0.1, 0.0, 1.0]), np.array([1.0, 0, 0, 0]), np.full(3, 0.05)),
+)
+
+OLDER = """std_msgs/Header header
+string ns
+int32 id
+int32 type
+geometry_msgs/Pose pose
+geometry_msgs/Vector3 scale
+string text"""
+"""A marker of another release: other fields at other places."""
+
+NESTED = {
+    "visualization_msgs/Marker": OLDER,
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose",
+}
+
+
+def marker(space, number, kind, size=0.1, text=""):
+    row = [0.5, 0.0, 0.1 * number, 2.0, 0.0, 0.0, 0.0]  # a quaternion that is not of unit length
+    scale = dict.fromkeys("xyz", size)
+    return {"ns": space, "id": number, "type": kind, "pose": ros_pose(row), "scale": scale, "text": text}
+
+
+def user_bag(path, messages):
+    """Two poses and messages of markers, as another program writes them."""
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        nested = "".join(f"\n{'=' * 80}\nMSG: {name}\n{text}" for name, text in NESTED.items())
+        pose = writer.register_msgdef(
+            "geometry_msgs/msg/PoseStamped", NESTED["geometry_msgs/PoseStamped"] + nested
+        )
+        array = "visualization_msgs/Marker[] markers"
+        markers = writer.register_msgdef("visualization_msgs/msg/MarkerArray", array + nested)
+        for stamp in (10**9, 2 * 10**9):
+            message = {"header": header(stamp), "pose": ros_pose([0, 0, 0, 1, 0, 0, 0])}
+            writer.write_message("/tool", pose, message, stamp, stamp)
+        for stamp, message in enumerate(messages, start=10**9):
+            writer.write_message("/world", markers, {"markers": message}, stamp, stamp)
+        writer.finish()
+    return read_recording(path, SceneTopicMap(**topic_map(pose="/tool").model_dump(), obstacles="/world"))
+
+
+def test_shapes_survive_the_file_and_the_clock(tmp_path):
+    recording = replace(make_recording(), shapes=SHAPES)
+    write_recording(recording, tmp_path / "demo.mcap")
+    for found in (
+        read_recording(tmp_path / "demo.mcap"),
+        synchronise(read_recording(tmp_path / "demo.mcap")),
+    ):
+        for one, shape in zip(found.shapes, SHAPES, strict=True):
+            assert (one.name, one.form) == (shape.name, shape.form)
+            for field in ("position", "orientation", "size"):
+                assert np.array_equal(getattr(one, field), getattr(shape, field))
+
+
+def test_other_programs_read_our_markers(tmp_path):
+    write_recording(replace(make_recording(), shapes=SHAPES), tmp_path / "demo.mcap")
+    with open(tmp_path / "demo.mcap", "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        ((schema, _, _, message),) = reader.iter_decoded_messages(topics=["/obstacles"])
+    assert schema.name == "visualization_msgs/msg/MarkerArray"
+    first, second = message.markers
+    assert (first.ns, first.type, second.ns, second.type) == ("box", 1, "ball", 2)
+    assert (first.pose.orientation.w, first.pose.orientation.z) == (0.6, 0.8)
+    assert first.color.a == 1.0
+    assert second.scale.x == 0.05
+
+
+def test_a_users_markers_are_read(tmp_path):
+    solids = [
+        marker("wall", 1, 1),
+        marker("wall", 2, 1),
+        marker("can", 0, 3),
+        marker("label", 0, 9, text="hello"),
+    ]
+    found = user_bag(tmp_path / "bag.mcap", [solids, []])  # the first message counts
+    assert [(shape.name, shape.form) for shape in found.shapes] == [
+        ("wall 1", "cube"),
+        ("wall 2", "cube"),
+        ("can", "cylinder"),
+    ]
+    assert found.shapes[1].position.tolist() == [0.5, 0.0, 0.2]
+    assert found.shapes[0].orientation.tolist() == [1.0, 0.0, 0.0, 0.0]
+
+
+def test_a_shape_without_extent_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"'/world': shape 'can' needs a finite pose and a positive size"):
+        user_bag(tmp_path / "bag.mcap", [[marker("can", 0, 3, size=0.0)]])
+
+
+def test_names_are_unique(tmp_path):
+    twice = replace(make_recording(), shapes=(SHAPES[0], SHAPES[0]))
+    with pytest.raises(InputError, match="demo: several shapes have the name box"):
+        write_recording(twice, tmp_path / "demo.mcap")

@@ -1,0 +1,198 @@
+"""Poses from chains of transforms, against closed form."""
+
+import numpy as np
+import pytest
+from committed import topic_map
+from readers_bags import transform_messages, transform_stamped, write_bag
+
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.readers import StampPolicy, read_demonstrations, read_recording
+
+START = 10**9
+TURN_RAD_S, SLIDE_M_S = 0.7, 0.2
+ARM_M = 0.3
+UPRIGHT = quaternion.from_rotation_vector([np.pi / 2, 0.0, 0.0])
+TOOL_ON_LINK = [ARM_M, 0.0, 0.0, *UPRIGHT]
+SLOW, FAST = 10**9 // 40, 10**9 // 90
+
+
+def clock(step, count, late=0):
+    return [START + late + row * step for row in range(count)]
+
+
+def turns(stamps):
+    """A link that turns about z at constant rate, which slerp meets exactly."""
+    angle = TURN_RAD_S * (np.array(stamps) - START) * 1e-9
+    turned = quaternion.from_rotation_vector(angle[:, None] * [0.0, 0.0, 1.0])
+    return np.hstack([np.zeros((len(stamps), 3)), turned])
+
+
+def slides(stamps):
+    """A carriage that slides along y at constant speed."""
+    way = SLIDE_M_S * (np.array(stamps) - START) * 1e-9
+    return np.array([[0.0, y, 0.5, 1.0, 0.0, 0.0, 0.0] for y in way])
+
+
+def tool_at(stamps):
+    """The tool in the rail's frame, (T, 7)."""
+    time = (np.array(stamps) - START) * 1e-9
+    angle = TURN_RAD_S * time
+    turned = quaternion.product(quaternion.from_rotation_vector(angle[:, None] * [0, 0, 1.0]), UPRIGHT)
+    position = np.stack(
+        [ARM_M * np.cos(angle), SLIDE_M_S * time + ARM_M * np.sin(angle), np.full_like(angle, 0.5)], axis=1
+    )
+    return np.hstack([position, turned])
+
+
+def messages(carriage, link):
+    return [
+        *transform_messages(carriage, "rail", "carriage", slides(carriage)),
+        *transform_messages(link, "/carriage", "/link", turns(link)),  # ROS 1 puts slashes before frames
+        *transform_messages([START], "link", "tool", [TOOL_ON_LINK], "/tf_static"),
+        *transform_messages(link, "link", "elsewhere", slides(link)),
+    ]
+
+
+def pose_of(path, parent, child, rows, stamps=None):
+    write_bag(path, rows)
+    topics = topic_map(pose={"parent": parent, "child": child, "topic": "/tf"})
+    policy = stamps or StampPolicy(clock="header", disorder="error")
+    return read_recording(path, topics, policy)
+
+
+def assert_same_poses(values, expected):
+    np.testing.assert_allclose(values[:, :3], expected[:, :3], atol=1e-12)
+    assert quaternion.angle_between(values[:, 3:], expected[:, 3:]).max() < 1e-7
+
+
+def test_moving_and_static_transforms_are_composed_on_the_clock_of_the_slowest(tmp_path):
+    carriage, link = clock(SLOW, 40), clock(FAST, 91, late=3_000_001)
+    recording = pose_of(tmp_path / "bag.mcap", "rail", "tool", messages(carriage, link))
+    (pose,) = recording.streams
+    inside = [stamp for stamp in carriage if link[0] <= stamp <= link[-1]]
+    np.testing.assert_array_equal(pose.stamps, inside)
+    assert_same_poses(pose.values, tool_at(inside))
+    assert (pose.topic, pose.kind) == ("/tf", "pose")
+
+
+def test_the_other_way_round_is_the_inverse(tmp_path):
+    stamps = clock(SLOW, 20)
+    (pose,) = pose_of(tmp_path / "bag.mcap", "tool", "rail", messages(stamps, stamps)).streams
+    tool = tool_at(stamps)
+    turned = quaternion.conjugate(tool[:, 3:])
+    back = np.hstack([-quaternion.rotate(turned, tool[:, :3]), turned])
+    assert_same_poses(pose.values, back)
+
+
+def test_a_common_ancestor_may_lie_between(tmp_path):
+    """A camera on the rail sees the tool: up from the camera, down to the tool."""
+    stamps = clock(SLOW, 20)
+    camera = [1.0, 2.0, 3.0, *quaternion.from_rotation_vector([0.0, np.pi, 0.0])]
+    rows = [*messages(stamps, stamps), *transform_messages([0], "rail", "camera", [camera], "/tf_static")]
+    (pose,) = pose_of(tmp_path / "bag.mcap", "camera", "tool", rows).streams
+    seen = tool_at(stamps)
+    expected = np.hstack(
+        [
+            quaternion.rotate(quaternion.conjugate(camera[3:]), seen[:, :3] - camera[:3]),
+            quaternion.product(quaternion.conjugate(camera[3:]), seen[:, 3:]),
+        ]
+    )
+    assert_same_poses(pose.values, expected)
+
+
+def test_several_transforms_of_one_message(tmp_path):
+    """With a layout that changes: how a message is decoded makes no difference."""
+    stamps = clock(SLOW, 12)
+    pairs = zip(stamps, slides(stamps), turns(stamps), strict=True)
+    rows = [
+        (
+            "/tf",
+            "tf2_msgs/msg/TFMessage",
+            {
+                "transforms": [
+                    transform_stamped(s, "rail", "carriage", slid),
+                    transform_stamped(s, "carriage", "link", turned),
+                ]
+                + [transform_stamped(s, "rail", "other" * (number % 3), slid)] * (number % 2)
+            },
+            s,
+        )
+        for number, (s, slid, turned) in enumerate(pairs)
+    ]
+    rows += transform_messages([0], "link", "tool", [TOOL_ON_LINK], "/tf_static")
+    (pose,) = pose_of(tmp_path / "bag.mcap", "rail", "tool", rows).streams
+    np.testing.assert_array_equal(pose.stamps, stamps)
+    assert_same_poses(pose.values, tool_at(stamps))
+
+
+def test_what_never_changes_on_tf_has_no_clock(tmp_path):
+    stamps = clock(SLOW, 20)
+    rows = messages(stamps, stamps)
+    fixed = transform_messages([START], "tool", "tip", [[0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0]])
+    (pose,) = pose_of(tmp_path / "bag.mcap", "rail", "tip", rows + fixed).streams
+    np.testing.assert_array_equal(pose.stamps, stamps)
+    tool = tool_at(stamps)
+    np.testing.assert_allclose(
+        pose.values[:, :3], tool[:, :3] + quaternion.rotate(tool[:, 3:], [0.0, 0.0, 0.1]), atol=1e-12
+    )
+
+
+def test_a_hole_in_the_faster_transform_is_not_hidden(tmp_path):
+    carriage, link = clock(SLOW, 40), clock(FAST, 91)
+    hole = [stamp for stamp in link if not 0.3 < (stamp - START) * 1e-9 < 0.7]
+    topics = topic_map(pose={"parent": "rail", "child": "tool", "topic": "/tf"})
+    write_bag(tmp_path / "bag.mcap", messages(carriage, hole))
+    with pytest.raises(InputError, match=r"/tf: row \d+ .* is followed by a gap of 0\.[45]"):
+        read_demonstrations(tmp_path / "bag.mcap", topics)
+    (demonstration,) = read_demonstrations(tmp_path / "bag.mcap", topics, max_gap_s=0.6)
+    assert demonstration.time[-1] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "complaint"),
+    [
+        ("rail", "hand", "has no frame 'hand'; it has carriage, elsewhere, island, link, rail, sea, tool"),
+        ("rail", "island", "no transforms lead from 'rail' to 'island', only to carriage, elsewhere"),
+        ("link", "tool", "'tool' does not move in 'link'"),
+    ],
+)
+def test_frames_that_cannot_be_had_are_named(tmp_path, parent, child, complaint):
+    stamps = clock(SLOW, 5)
+    rows = [*messages(stamps, stamps), *transform_messages(stamps, "sea", "island", slides(stamps))]
+    with pytest.raises(InputError, match=rf"bag\.mcap: topic '/tf': {complaint}"):
+        pose_of(tmp_path / "bag.mcap", parent, child, rows)
+
+
+def test_a_frame_with_two_parents_and_a_quaternion_of_no_norm(tmp_path):
+    stamps = clock(SLOW, 5)
+    rows = [*messages(stamps, stamps), *transform_messages(stamps, "mocap", "link", slides(stamps))]
+    with pytest.raises(InputError, match="frame 'link' has several parents: carriage, mocap"):
+        pose_of(tmp_path / "bag.mcap", "rail", "tool", rows)
+    rows = transform_messages(stamps, "rail", "tool", np.zeros((5, 7)))
+    with pytest.raises(InputError, match="transform from 'rail' to 'tool': quaternion has norm 0, not 1"):
+        pose_of(tmp_path / "bag.mcap", "rail", "tool", rows)
+
+
+def test_transforms_at_different_times_do_not_meet(tmp_path):
+    rows = messages(clock(SLOW, 10), clock(FAST, 10, late=10**9))
+    with pytest.raises(InputError, match="'rail' to 'carriage', 'carriage' to 'link' are not there at one"):
+        pose_of(tmp_path / "bag.mcap", "rail", "tool", rows)
+
+
+def test_transforms_published_twice_follow_the_policy(tmp_path):
+    stamps = clock(SLOW, 10)
+    rows = messages(stamps, stamps)
+    rows += rows[10:11]
+    with pytest.raises(InputError, match=r"transform from 'carriage' to 'link': row 1 .* repeats"):
+        pose_of(tmp_path / "bag.mcap", "rail", "tool", rows)
+    drop = StampPolicy(clock="header", disorder="drop")
+    recording = pose_of(tmp_path / "bag.mcap", "rail", "tool", rows, drop)
+    assert recording.provenance["stamps"] == "/tf: 1 dropped of 11 of transform from 'carriage' to 'link'"
+    assert_same_poses(recording.streams[0].values, tool_at(stamps))
+
+
+def test_a_bag_without_the_topic_says_what_it_has(tmp_path):
+    rows = transform_messages([START], "link", "tool", [TOOL_ON_LINK], "/tf_static")
+    with pytest.raises(InputError, match=r"has no topic '/tf' for transforms; it has /tf_static \(tf2_msgs"):
+        pose_of(tmp_path / "bag.mcap", "link", "tool", rows)

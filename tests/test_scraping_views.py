@@ -1,0 +1,293 @@
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pandas as pd
+import pytest
+from committed import committed
+from rerun.chunk import RrdReader
+from scipy.spatial.transform import Rotation
+from viewer_files import PRIMITIVES as MOVEMENTS
+from viewer_files import colour_of, contents, demonstration, note, values, view_names
+
+from structlearn.core import quaternion
+from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.readers.demonstration import Demonstration
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import cut
+from structlearn.tactile.electrodes import SKIN_RADIUS_MM
+from structlearn.testbeds.scraping.files import ScrapingFiles
+from structlearn.testbeds.scraping.names import CORRECTED, CUT_METHODS, ROLLOUTS, RUNS
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.views.executions_recording import (
+    write_executions,
+    write_refinement,
+    write_robot,
+)
+from structlearn.testbeds.scraping.views.nominal_recordings import write_alignment, write_demonstrations
+from structlearn.testbeds.scraping.views.scraping_scene import electrodes
+from structlearn.testbeds.scraping.views.search_recording import CHEAP, Search, cost_colours, searches
+from structlearn.testbeds.scraping.views.shown_execution import (
+    Execution,
+    read_feedback_runs,
+    read_refined_runs,
+)
+from structlearn.testbeds.scraping.world import scraping_robot
+from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
+from structlearn.viewer.rrd import entity, rgba
+
+PRIMITIVES = ("down", "turn", "scrape")
+SEGMENTS = np.array([[0.0, 0.3], [0.3, 0.9], [0.9, 1.2]])
+RATE_HZ = 200
+FELT = (("turn", 0.6), ("scrape", 0.3))
+LENGTH = 40  # samples of a rollout, at 100 Hz
+
+
+def about_roll(degrees):
+    return quaternion.from_rotation_vector(np.radians(degrees)[..., None] * ROLL_AXIS)
+
+
+def board_run(name="01", hand_deg=10.0, tool_on_board_deg=0.0):
+    """The hand turns to `hand_deg` about the roll axis and slides along the board; the tool lies as asked."""
+    time = np.arange(1 + int(1.3 * RATE_HZ)) / RATE_HZ
+    share = time / time[-1]
+    position = CONTACT_M + 0.06 * share[:, None] * ROLL_AXIS
+    orientation = quaternion.product(about_roll(hand_deg * share), FLAT_ORIENTATION)
+    rotations = Rotation.from_quat(quaternion.to_xyzw(orientation)).as_matrix()
+    joints = [scraping_robot.joint_angles(position[at], rotations[at]) for at in (0, -1)]
+    return Demonstration(
+        name,
+        time,
+        position,
+        orientation=quaternion.sign_continuous(orientation),
+        joint_positions=joints[0] + share[:, None] * (joints[1] - joints[0]),
+        wrench=np.tile([0.0, 0.0, -1.0, 0.0, -0.003, 0.0], (len(time), 1)),
+        tool_to_board=about_roll(np.full(len(time), tool_on_board_deg)),
+        true_segments=SEGMENTS,
+        provenance={"origin": "simulated"},
+    )
+
+
+def traces(coupling=2.0):
+    """Ten samples per primitive with feedback; channel k deviates by k - 19 counts."""
+    channels = {f"channel_{channel:02d}": channel - 19.0 for channel in range(38)} | {"coupling": coupling}
+    tables = [
+        pd.DataFrame({"primitive": name, "time_s": np.linspace(0.0, duration, 10)} | channels)
+        for name, duration in FELT
+    ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def shown(kind=POINTWISE, board_deg=10.0, cost=None, **run):
+    return Execution(RUNS[kind], board_run(**run), board_deg, PRIMITIVES, traces(), cost)
+
+
+def refined(board_deg=10.0):
+    """The tool lies the flatter the more feedback there is; costs are shorter than the runs."""
+    return [
+        shown(
+            kind, board_deg, np.full(200, np.radians(off)), hand_deg=board_deg - off, tool_on_board_deg=-off
+        )
+        for kind, off in ((NOMINAL, board_deg), (BEFORE, 4.0), (AFTER, 1.0))
+    ]
+
+
+def rollouts(primitives=("turn", "scrape"), iterations=2, samples=3, failed=()):
+    """Constant coupling terms; `failed` has (primitive, iteration, kind, number)."""
+    history, felt = [], []
+    counts = {"sample": samples, "improved": 2, "feedback": 2}
+    for primitive, iteration, (kind, count) in product(primitives, range(iterations + 1), counts.items()):
+        for number in range(count if iteration or kind == "feedback" else 0):
+            keys = {"primitive": primitive, "iteration": iteration, "kind": kind, "number": number}
+            bad = tuple(keys.values()) in failed
+            cost = 10.0 - iteration + number
+            history.append(keys | {"cost_rad": np.nan if bad else cost, "fault": "x" * bad})
+            if not bad:
+                columns = {"time_s": np.arange(LENGTH) / 100, "target": 10.0 * iteration + number}
+                felt.append(pd.DataFrame(columns | {"cost_rad": cost / LENGTH} | keys))
+    return pd.DataFrame(history), pd.concat(felt, ignore_index=True)
+
+
+def test_traces_of_the_primitives_lie_on_the_clock_of_the_run():
+    one = shown()
+    assert one.felt["time_s"].iloc[[0, 9, 10, 19]].tolist() == pytest.approx([0.3, 0.9, 0.9, 1.2])
+    assert one.deviation.shape == (20, 38)
+    assert one.deviation[0, [0, 37]] == pytest.approx([-19.0, 18.0])
+
+
+def test_a_tool_flat_on_the_board_is_parallel_to_it_and_meets_the_hand_that_turned_as_far():
+    one = shown(hand_deg=10.0, tool_on_board_deg=0.0)
+    normal = quaternion.rotate(one.board_orientation, np.array([0.0, 0.0, 1.0]))
+    down = quaternion.rotate(one.tool_orientation, np.array([0.0, 0.0, 1.0]))
+    assert normal == pytest.approx([np.sin(np.radians(10.0)), 0.0, np.cos(np.radians(10.0))])
+    assert down == pytest.approx(np.tile(-normal, (len(down), 1)))
+    assert one.hand_roll[[0, -1]] == pytest.approx([0.0, 10.0], abs=1e-9)
+    assert one.roll_on_board == pytest.approx(0.0, abs=1e-9)
+    edge = one.grasp + EDGE_M * down  # with the hand turned as far as the board it is where the hand says
+    assert edge[-1] == pytest.approx(one.run.position[-1])
+
+
+def test_a_tool_that_gives_way_is_drawn_with_its_own_roll():
+    one = shown(hand_deg=0.0, tool_on_board_deg=-7.0)
+    across = quaternion.rotate(one.tool_orientation, np.array([1.0, 0.0, 0.0]))
+    lies = np.radians(10.0 - 7.0)  # of the edge in the base frame; the flat tool's x points to -x
+    assert across[-1] == pytest.approx([-np.cos(lies), 0.0, np.sin(lies)])
+    assert one.roll_on_board[-1] == pytest.approx(-7.0)
+
+
+def test_electrodes_lie_under_the_skin_and_face_each_other():
+    left, right = 1e3 * electrodes()
+    for side, finger in ((1.0, left), (-1.0, right)):
+        depth = side * finger[:, 0] - 10.0  # from the pad, into the finger; the axis is at the skin's radius
+        assert depth.min() > 0.0
+        assert (np.hypot(depth - SKIN_RADIUS_MM, finger[:, 1]) < SKIN_RADIUS_MM).all()
+        assert depth[18] < SKIN_RADIUS_MM / 2  # electrode 19 is among those under the flat of the pad
+    assert left[0, 1] == -right[0, 1]  # electrode 1 is at the side, and the two fingers are turned
+
+
+def test_executions_in_several_settings_share_one_time_line(tmp_path):
+    path, kinds = tmp_path / "feedback.rrd", (NOMINAL, CORRECTED, POINTWISE)
+    settings = {deg: [shown(kind, deg, hand_deg=deg) for kind in kinds] for deg in (10.0, 2.5)}
+    write_executions(path, settings, "Executions")
+    rows, entities, timelines = contents(path)
+    assert timelines == {"time"}
+    samples = -(-len(settings[10.0][0].run.time) // 4)  # 50 Hz of 200
+    for tab in ("10 degrees", "2.5 degrees"):
+        for look in (RUNS[kind] for kind in kinds):
+            scene = entity(tab, "runs", look.name)
+            assert f"{scene}/board" in entities
+            assert rows[f"{scene}/hand"] == rows[f"{scene}/tool"] == samples
+            assert colour_of(path, f"{scene}/path", "LineStrips3D") == look.colour
+            for signal in ("roll on board", "hand roll", "force", "torque"):
+                assert rows[entity(tab, signal, look.name)] == samples, signal
+                assert colour_of(path, entity(tab, signal, look.name)) == look.colour
+            assert f"{look.name} (simulated)" in view_names(path)
+            assert look.name in note(path)
+    assert "simulated" in note(path)
+
+
+def test_runs_before_and_after_share_a_scene_and_the_search_has_a_time_line_of_its_own(tmp_path):
+    path = tmp_path / "refinement.rrd"
+    group = refined(5.0)
+    write_refinement(path, {5.0: group}, *rollouts(), "Test")
+    rows, entities, timelines = contents(path)
+    assert timelines == {"time", "iteration"}
+    samples = -(-len(group[0].run.time) // 4)  # 50 Hz of 200
+    tab = "5 degrees"
+    after, before = (entity(tab, "runs", RUNS[kind].name) for kind in (AFTER, BEFORE))
+    assert {f"{after}/board", f"{after}/path", f"{after}/hand/electrodes"} <= entities
+    assert not {f"{before}/board", f"{before}/path", f"{before}/hand/electrodes"} & entities  # a shadow
+    assert rows[f"{before}/hand"] == rows[f"{before}/tool"] == rows[f"{after}/tool"] == samples
+    for kind in (NOMINAL, BEFORE, AFTER):
+        cost = entity(tab, "cost", RUNS[kind].name)
+        assert rows[cost] == 50  # of 200 costs at 200 Hz
+        assert colour_of(path, cost) == RUNS[kind].colour
+    assert entity(tab, "force", RUNS[AFTER].name) not in entities
+    for name in ("turn", "scrape"):
+        for column, kind in product(("target", "cost_rad"), ("sample", "improved", "feedback")):
+            assert rows[f"/search/{name}/{column}/{kind}"] == (3 if kind == "feedback" else 2)
+        for kind, look in ROLLOUTS.items():
+            assert colour_of(path, f"/search/{name}/costs/all/{kind}", "Points2D") == look.colour
+        assert f"/search/{name}/costs/failed" not in entities
+    names = view_names(path)
+    assert all("(simulated)" in name for name in names if "every rollout" in name)
+    assert "simulated" in note(path)
+
+
+def test_the_search_of_one_primitive_with_failures_and_the_cheapest_on_top(tmp_path):
+    path = tmp_path / "refinement.rrd"
+    failed = [("turn", 1, "sample", 0), ("turn", 1, "improved", 1)]
+    history, samples = rollouts(("turn",), failed=failed)
+    write_refinement(path, {10.0: refined()}, history, samples)
+    _, entities, _ = contents(path)
+    assert not any(name.startswith("/search/scrape") for name in entities)
+    assert values(path, "/search/turn/costs/failed", "Points2D:labels") == [[], ["2 failed"], []]
+    strips = values(path, "/search/turn/target/sample", "LineStrips2D:strips")
+    assert [len(curves) for curves in strips] == [2, 3]
+    means = values(path, "/search/turn/costs/sample/mean", "Points2D:labels")
+    assert means == [["10.5"], ["9.0"]]  # of the two and of the three that did not fail
+    heights = [strip[0][1] for strip in strips[1]]
+    assert heights == sorted(heights)  # downwards: number 2, which costs most, is the highest and drawn first
+    drawn = values(path, "/search/turn/target/sample", "LineStrips2D:colors")[1]
+    (search,) = searches(history, samples)
+    assert drawn == cost_colours(np.array([10.0, 9.0, 8.0]), search.cost_range).tolist()
+    assert drawn[-1] == rgba([CHEAP])[0]
+
+
+def test_curves_of_rollouts_that_were_not_cut_alike():
+    history, samples = rollouts(("turn",), iterations=1)
+    kept = ~((samples["kind"] == "sample") & (samples["number"] == 1) & (samples["time_s"] > 0.2))
+    curves = Search("turn", history, samples[kept]).curves(1, "sample", "target")
+    assert curves.shape == (LENGTH, 3)
+    assert curves[1].count() == 21
+    assert curves[2].tolist() == [12.0] * LENGTH
+
+
+def test_the_arm_of_the_robot_holds_the_hand(tmp_path):
+    path = tmp_path / "robot.rrd"
+    one = shown()
+    write_robot(path, one, "Robot")
+    rows, _, timelines = contents(path)
+    assert timelines == {"time"}
+    samples = -(-len(one.run.time) // 4)  # 50 Hz of 200
+    assert rows["/joints"] == rows["/run/hand"] == samples
+    assert "Robot (simulated)" in view_names(path)
+    assert "simulated" in note(path)
+    assert colour_of(path, "/run/path", "LineStrips3D") == RUNS[POINTWISE].colour
+
+    pose = np.eye(4)  # of the first sample, down the chain of frames as the viewer goes
+    joints = arm_transforms(path)
+    assert joints["arm/lbr_iiwa_link_0"][0] == "tf#/"
+    for number in range(1, 8):
+        parent, transform = joints[f"arm/lbr_iiwa_link_{number}"]
+        assert parent == f"arm/lbr_iiwa_link_{number - 1}"
+        pose = pose @ transform
+    flange_to_edge = scraping_robot.HAND_TO_FLANGE_M + scraping_robot.GRASP_M + scraping_robot.EDGE_M
+    assert (pose @ [0.0, 0.0, flange_to_edge, 1.0])[:3] == pytest.approx(one.run.position[0], abs=1e-5)
+
+
+def arm_transforms(path):
+    """By frame: the frame that it is in, and the first transform (4, 4) between them."""
+    found = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        if chunk.entity_path.startswith("/arm/frames/"):
+            columns = chunk.to_record_batch().to_pydict()
+            first = {name.split(":")[-1]: values[0] for name, values in columns.items() if values[0]}
+            transform = np.eye(4)
+            if "quaternion" in first:
+                transform[:3, :3] = Rotation.from_quat(first["quaternion"][0]).as_matrix()
+                transform[:3, 3] = first["translation"][0]
+            found[first["child_frame"][0]] = (first["parent_frame"][0], transform)
+    return found
+
+
+def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonstration(tmp_path):
+    path = tmp_path / "alignment.rrd"
+    parameters = committed(SegmentParameters, "segment", primitives=MOVEMENTS)
+    demonstrations = [demonstration("1"), demonstration("2", delay=0.1), demonstration("3", delay=-0.1)]
+    segmentation = cut(demonstrations, parameters)
+    write_alignment(path, demonstrations, segmentation, parameters, "Alignment")
+    rows, entities, timelines = contents(path)
+    assert timelines == {"demonstration"}
+    for primitive in ("down", "along"):
+        assert rows[f"/{primitive}/guess/curve"] == rows[f"/{primitive}/pairs"] == 2
+        assert f"/{primitive}/reference/curve" in entities
+        for method in ("zvc", "wls"):
+            bars = f"/{primitive}/guess/{method}"
+            assert colour_of(path, bars, "LineStrips2D") == CUT_METHODS[method].colour
+    assert "simulated" in note(path)
+
+    over_the_board = tmp_path / "demonstrations.rrd"
+    write_demonstrations(over_the_board, demonstrations, segmentation, "Demonstrations")
+    assert "/scenery/board" in contents(over_the_board)[1]
+    assert "simulated" in note(over_the_board)
+
+    kept = segmentation.cuts[segmentation.cuts["demonstration"] != "3"]
+    left = replace(segmentation, cuts=kept, left_out=pd.DataFrame())
+    write_alignment(path, demonstrations, left, parameters)
+    assert contents(path)[0]["/down/guess/curve"] == 1
+
+
+def test_without_executions_nothing_is_shown(tmp_path):
+    files = ScrapingFiles(tmp_path)
+    assert read_feedback_runs(files) == read_refined_runs(files) == {}
