@@ -85,7 +85,7 @@ STARTS = {
     ),
     "pages with stills": (
         ("matplotlib", "pybullet"),
-        "obstacles/report.py servoing/report.py",
+        "obstacles/report.py servoing/report.py scraping/loop.py",
     ),
     "pages with a robot": (("matplotlib", "pybullet", "pinocchio"), "scraping/report.py"),
     "pages of dynamics": (("matplotlib", "pybullet", "pinocchio", "torch"), "dynamics/report.py"),
