@@ -86,9 +86,7 @@ def _frame(
     return frame
 
 
-def _solids(
-    run: Demonstration, moment: int, board_deg: float, drawn_deg: float | None = None
-) -> list[Solid]:
+def _solids(run: Demonstration, moment: int, board_deg: float, drawn_deg: float | None = None) -> list[Solid]:
     """Board, hand and tool at one sample of a run on a board of this tilt; it may be drawn with another."""
     down = np.array([0.0, 0.0, 1.0])
     board, drawn = (
