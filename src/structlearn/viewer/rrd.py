@@ -181,16 +181,21 @@ def send_moving_frame(
     stream.send_columns(path, indexes, rr.Transform3D.columns(**pose))
 
 
-def send_axes(stream: rr.RecordingStream, path: str, origin: Sequence[float]) -> None:
-    """Log labelled arrows along x, y and z, as long as a square of the floor, from a place (3,) in m."""
+def send_floor_axes(stream: rr.RecordingStream, path: str, points: np.ndarray) -> float:
+    """Log x, y and z as arrows of a square's length at the corner of a floor below points (N, 3) in m.
+
+    Returns the height of the floor, for `scene_view`.
+    """
+    corner = points.min(axis=0)
     arrows = rr.Arrows3D(
-        origins=[origin] * 3,
+        origins=[corner] * 3,
         vectors=FLOOR_SQUARE_M * np.eye(3),
         colors=rgba(AXIS_COLOURS),
         labels=["x", "y", "z"],
         show_labels=True,
     )
     stream.log(path, arrows, static=True)
+    return float(corner[2])
 
 
 def solid_boxes(
