@@ -38,7 +38,8 @@ from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.public.page import assembly, calibration_results
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
-from structlearn.testbeds.obstacles.page.evidence import evidence as obstacles_evidence
+from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
+from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
 from structlearn.testbeds.scraping.page.people_results import (
     People,
     feedback_evidence,
@@ -166,7 +167,7 @@ PAGES = {
         "structlearn.testbeds.obstacles.page",
         "claims.yaml",
         lambda get: [get("obstacles_results")],
-        partial(obstacles_evidence, largest_nmse=0.1, largest_goal_m=0.152),
+        partial(obstacles_findings, published=obstacles_published()),
     ),
     "servoing": Page(
         "structlearn.testbeds.servoing.page",
