@@ -18,10 +18,10 @@ from structlearn.readers.recording import Stream
 from structlearn.readers.stamps import StampPolicy
 from structlearn.readers.survey import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.readers.topics import JointPose, TopicMap, TransformPose
-from structlearn.readers.transforms import TransformSeries, chain, transform_series
+from structlearn.readers.transforms import TransformSeries, transform_series
 from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
-from structlearn.tasks.own.protocol.hand_paths import HandPath, PoseSource, hand_path
-from structlearn.tasks.task_entry import local_path
+from structlearn.tasks.inspection.hand_paths import HandPath, PoseSource, hand_path
+from structlearn.tasks.task_files import local_path
 
 BEHIND_STAMP = 12
 """Bytes of a message's encapsulation and of its header's stamp; of an array without one, of its layout."""
@@ -45,8 +45,8 @@ class TopicSeen:
         clocks: its stamps; None where there are no messages, or none that are ROS 2 messages.
         joints: of a topic of joint states, those that share a clock together.
         links: of a topic of transforms.
-        series: stamps of the joints of whoever publishes the most, or of each link that moves; else those of
-            the topic, on which several may publish and each be in order.
+        series: stamps of the joints of whoever publishes the most; else those of the topic, on which several
+            may publish and each be in order.
         fault: why joint states or transforms cannot be read; empty where they can.
         frozen: whether all messages say the same, but for their stamps.
     """
@@ -59,27 +59,10 @@ class TopicSeen:
     fault: str = ""
     frozen: bool = False
 
-    @property
-    def type(self) -> str:
-        """The type, or all of them."""
-        return " and ".join(self.types)
-
-    @property
-    def foreign(self) -> bool:
-        """Whether messages are in an encoding that is not read; the type says which (`bag`)."""
-        return any("[" in name for name in self.types)
-
 
 @dataclass(frozen=True)
 class FileSeen:
-    """A file that could be opened.
-
-    Attributes:
-        file: it.
-        topics: by name.
-        hands: path of each source of poses.
-        no_hands: why a source of poses has no path.
-    """
+    """A file that could be opened: topics by name, the path of each source of poses, or why it has none."""
 
     file: RecordingFile
     topics: Mapping[str, TopicSeen]
@@ -91,23 +74,10 @@ class FileSeen:
         """Of the recording."""
         return self.file.name
 
-    @property
-    def span_s(self) -> tuple[float, float]:
-        """First and last log time of all messages in s; equal where there are none."""
-        logs = [seen.clocks.log for seen in self.topics.values() if seen.clocks]
-        return min((log.first_s for log in logs), default=0.0), max((log.last_s for log in logs), default=0.0)
-
 
 @dataclass(frozen=True)
 class SourceSeen:
-    """All files of a source.
-
-    Attributes:
-        source: as it was given.
-        urdf: of the robot, where given.
-        files: that could be opened, in natural order.
-        damaged: reason in one line by name of the others.
-    """
+    """All files of a source in natural order; of those that could not be opened the reason."""
 
     source: str
     urdf: str | None
@@ -116,7 +86,7 @@ class SourceSeen:
 
 
 def look_at(source: str, urdf: str | None = None) -> SourceSeen:
-    """Open every file of a source.
+    """Open every file of a source; `urdf`: of the robot, to compute poses from joints.
 
     Raises:
         InputError: the source is missing or empty, none of its files can be opened, or the URDF is no robot.
@@ -147,8 +117,7 @@ def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
             topics[topic] = _topic_seen(where, topic, present[topic], messages.get(topic))
     topics = {topic: topics[topic] for topic in sorted(topics)}
     hands, no_hands = {}, {}
-    sources = pose_sources(topics, urdf)
-    for source in sources:
+    for source in pose_sources(topics, urdf):
         try:
             hands[source] = hand_path(_poses(file, source))
         except InputError as error:
@@ -179,7 +148,6 @@ def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessa
         elif set(names) <= READERS["transforms"].keys():
             found = transform_series(where, messages, AS_THEY_COME)
             links = [found[edge] for edge in sorted(found)]
-            series = [stamps_of(link.stamps) for link in links if link.moves] or series
     except InputError as error:
         fault = str(error)
     first, *others = messages.data
@@ -195,9 +163,8 @@ def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[Pose
     for topic, seen in topics.items():
         if seen.links and not topic.endswith("_static"):
             static = topics[f"{topic}_static"].links if f"{topic}_static" in topics else ()
-            found += [
-                TransformPose(parent=a, child=b, topic=topic) for a, b in frame_pairs(seen.links, static)
-            ]
+            pairs = frame_pairs(seen.links, static)
+            found += [TransformPose(parent=parent, child=child, topic=topic) for parent, child in pairs]
     if urdf and (arm := arm_of(topics)):
         topic, joints = arm
         found += [
@@ -244,23 +211,19 @@ def clocks_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[st
 def series_of(
     files: Sequence[FileSeen], topics: Sequence[str], pose: PoseSource
 ) -> list[tuple[str, str, Stamps]]:
-    """Stamps of every series on the topics, with its file and topic; of links those that lead to the pose."""
-    return [
-        (file.name, topic, stamps)
-        for file in files
-        for topic in topics
-        if topic in file.topics
-        for stamps in _series(file, topic, pose)
-    ]
-
-
-def _series(file: FileSeen, topic: str, pose: PoseSource) -> Sequence[Stamps]:
-    seen = file.topics[topic]
-    if not (isinstance(pose, TransformPose) and pose.topic == topic and pose in file.hands):
-        return seen.series
-    links = [link for name in pose.topics if name in file.topics for link in file.topics[name].links]
-    way = chain(file.name, [(link.parent, link.child) for link in links], pose.parent, pose.child)
-    return [stamps_of(link.stamps) for link in seen.links if link.moves and (link.parent, link.child) in way]
+    """Stamps of every series on the topics, with its file and topic; of transforms those of the pose."""
+    found = []
+    for file in files:
+        of_links = (
+            {pose.topic: (file.hands[pose].stamps,)}
+            if isinstance(pose, TransformPose) and pose in file.hands
+            else {}
+        )
+        for topic in topics:
+            if topic in file.topics:
+                its = of_links.get(topic) or file.topics[topic].series
+                found += [(file.name, topic, stamps) for stamps in its]
+    return found
 
 
 def _poses(file: RecordingFile, source: PoseSource) -> Stream:

@@ -4,18 +4,17 @@ Nothing has been configured yet, so bounds are those of the readers and of the m
 else rules of thumb with their reason beside them. A doubtful answer is no obstacle; it says where to look.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from structlearn.readers.checks import NORM_TOLERANCE
 from structlearn.readers.clock import MAX_GAP_S
 from structlearn.readers.survey import Stamps
-from structlearn.tasks.own.protocol.hand_paths import Candidate, PoseSource
-from structlearn.tasks.own.protocol.inspection import FileSeen, SourceSeen, arm_of, clocks_of, series_of
-from structlearn.tasks.own.protocol.motion_survey import MotionSurvey
+from structlearn.tasks.inspection.hand_paths import Candidate, PoseSource
+from structlearn.tasks.inspection.motion_survey import MotionSurvey
+from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, arm_of, clocks_of, series_of
 
 Verdict = Literal["yes", "doubtful", "no"]
 Bounds = tuple[float, float]
@@ -47,16 +46,8 @@ MOST_TURNED = 4.0 * np.pi
 """rad, of a joint: only those that wind go further, and all that are in degrees."""
 
 
-@dataclass(frozen=True)
-class Answer:
-    """One question about the recordings.
-
-    Attributes:
-        question: what is asked; yes is good.
-        verdict: the answer.
-        number: what it rests on, with units.
-        advice: what to do about it; empty where there is nothing to do.
-    """
+class Answer(NamedTuple):
+    """One question about the recordings, to which yes is good, the number it rests on, and what to do."""
 
     question: str
     verdict: Verdict
@@ -71,7 +62,7 @@ def at_least(value: float, bounds: Bounds) -> Verdict:
 
 def at_most(value: float, bounds: Bounds) -> Verdict:
     """NaN is no."""
-    return "yes" if value <= bounds[0] else "doubtful" if value <= bounds[1] else "no"
+    return at_least(-value, (-bounds[0], -bounds[1]))
 
 
 def fitness(
@@ -79,11 +70,8 @@ def fitness(
 ) -> list[Answer]:
     """All questions that can be asked of the files.
 
-    Args:
-        seen: the files.
-        hand: whose poses are taken for the hand's; None where there are none.
-        motion: its runs; None where it does not move.
-        topics: which are to be read.
+    `hand`: whose poses are taken for the hand's; `motion`: its runs, None where it does not move; `topics`:
+    which are to be read.
     """
     count, total = len(seen.files), len(seen.files) + len(seen.damaged)
     readable: Verdict = "doubtful" if seen.damaged else "yes"
@@ -93,50 +81,52 @@ def fitness(
         Answer("Are there enough demonstrations?", at_least(count, ENOUGH), str(count), more),
     ]
     if hand is None:
-        foreign = sorted({one.type for file in seen.files for one in file.topics.values() if one.foreign})
-        number = "no poses or moving frames that can be read"
-        advice = f"convert to ROS 2 messages, or to a table of poses: {'; '.join(foreign)}" if foreign else ""
-        if arms := [(file.name, *arm) for file in seen.files if (arm := arm_of(file.topics))]:
-            _, topic, joints = arms[0]
-            advice = f"there are joints in {topic} ({', '.join(joints.names)}): name their robot, URDF=..."
-        answers.append(Answer("Is there a pose of the hand?", "no", number, advice))
+        answers.append(_no_hand(seen))
     else:
-        answers += list(_of_hand(seen, hand))
+        answers += _of_hand(seen, hand)
     if motion is not None:
-        answers.append(_agreement(motion))
-    answers += list(_of_signals(seen.files, topics))
+        agree, others = len(motion.agreeing), [name for name in motion.runs if name not in motion.agreeing]
+        verdict: Verdict = "no" if 2 * agree <= len(motion.runs) else "doubtful" if others else "yes"
+        number = f"{motion.number} in {agree} of {len(motion.runs)}, above {motion.threshold:.2g} m/s"
+        advice = "; ".join(f"{name} has {len(motion.counted(name))}" for name in others)
+        answers.append(Answer("Do runs of motion agree in number?", verdict, number, advice))
+    answers += _of_signals(seen.files, topics)
     if hand is not None and clocks_of(seen.files, topics):
-        answers += list(_of_clocks(seen.files, topics, hand.source))
+        answers += _of_clocks(seen.files, topics, hand.source)
     return answers
+
+
+def _no_hand(seen: SourceSeen) -> Answer:
+    types = {name for file in seen.files for one in file.topics.values() for name in one.types}
+    foreign = sorted(name for name in types if "[" in name)  # an encoding that is not read, see `bag`
+    advice = f"convert to ROS 2 messages, or to a table of poses: {'; '.join(foreign)}" if foreign else ""
+    if arms := [arm for file in seen.files if (arm := arm_of(file.topics))]:
+        topic, joints = arms[0]
+        advice = f"there are joints in {topic} ({', '.join(joints.names)}): name their robot, URDF=..."
+    return Answer("Is there a pose of the hand?", "no", "no poses or moving frames that can be read", advice)
 
 
 def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
     paths = hand.paths
     if missing := [file.name for file in seen.files if file.name not in paths]:
         reasons = [file.no_hands[hand.source] for file in seen.files if hand.source in file.no_hands]
-        yield Answer(
-            "Does every file have the hand's pose?",
-            "no",
-            f"{hand.words}: {len(paths)} of {len(seen.files)}",
-            "; ".join(reasons) or f"not in {', '.join(missing)}",
-        )
+        number = f"{hand.words}: {len(paths)} of {len(seen.files)}"
+        advice = "; ".join(reasons) or f"not in {', '.join(missing)}"
+        yield Answer("Does every file have the hand's pose?", "no", number, advice)
     least = min(paths, key=lambda name: paths[name].extent_m)
     verdict = at_least(paths[least].extent_m, EXTENT_M)
     advice = "" if verdict == "yes" else f"look at {least}"
     if hand.extent > FARTHEST_M:
         verdict, advice = "doubtful", "positions are read as m; were they written in mm?"
-    yield Answer(
-        "Does the hand move in all?",
-        verdict,
-        f"{1e3 * hand.extent:.4g} mm in the median, least {1e3 * paths[least].extent_m:.4g} mm",
-        advice,
-    )
+    number = f"{1e3 * hand.extent:.4g} mm in the median, least {1e3 * paths[least].extent_m:.4g} mm"
+    yield Answer("Does the hand move in all?", verdict, number, advice)
     worst = max(paths, key=lambda name: paths[name].norm_error)
     off = paths[worst].norm_error
-    unit_norm = off <= NORM_TOLERANCE
-    advice = "" if unit_norm else f"look at {worst}: the reader refuses more than {NORM_TOLERANCE:g}"
-    number = f"off by {off:.1g} at most"
-    yield Answer("Are quaternions of unit norm?", "yes" if unit_norm else "no", number, advice)
+    sound = off <= NORM_TOLERANCE
+    advice = "" if sound else f"look at {worst}: the reader refuses more than {NORM_TOLERANCE:g}"
+    yield Answer(
+        "Are quaternions of unit norm?", "yes" if sound else "no", f"off by {off:.1g} at most", advice
+    )
     faults = [f"{name}: {path.fault}" for name, path in paths.items() if path.fault]
     number = f"{len(paths) - len(faults)} of {len(paths)}"
     yield Answer("Are poses free of jumps?", "no" if faults else "yes", number, "; ".join(faults))
@@ -155,25 +145,26 @@ def _alike(hand: Candidate) -> Answer:
         turned = np.median(2.0 * np.arccos(np.minimum(np.abs(turns @ turns.T), 1.0)), axis=1)
     odd = (away > ELSEWHERE * hand.extent) | (turned > ELSEWHERE_RAD)
     listed = ", ".join(name for name, one in zip(names, odd, strict=True) if one)
-    return Answer(
-        "Does the hand start alike?",
-        "doubtful" if listed else "yes",
-        f"off the others by {1e3 * away.max():.3g} mm and {turned.max():.2g} rad at most",
-        f"another frame, or order of quaternions? look at {listed}" if listed else "",
-    )
+    number = f"off the others by {1e3 * away.max():.3g} mm and {turned.max():.2g} rad at most"
+    advice = f"another frame, or order of quaternions? look at {listed}" if listed else ""
+    return Answer("Does the hand start alike?", "doubtful" if listed else "yes", number, advice)
 
 
 def _of_signals(files: Sequence[FileSeen], topics: Sequence[str]) -> Iterator[Answer]:
-    read = [(file, topic, file.topics[topic]) for file in files for topic in topics if topic in file.topics]
-    if not read:
-        return
-    frozen = [f"{topic} in {file.name}" for file, topic, one in read if one.frozen]
-    advice = f"always the same: {', '.join(frozen)}" if frozen else ""
-    number = f"{len(read) - len(frozen)} of {len(read)}"
-    yield Answer("Do all signals change?", "doubtful" if frozen else "yes", number, advice)
+    read = {
+        f"{topic} in {file.name}": file.topics[topic]
+        for file in files
+        for topic in topics
+        if topic in file.topics
+    }
+    if read:
+        frozen = [where for where, one in read.items() if one.frozen]
+        advice = f"always the same: {', '.join(frozen)}" if frozen else ""
+        number = f"{len(read) - len(frozen)} of {len(read)}"
+        yield Answer("Do all signals change?", "doubtful" if frozen else "yes", number, advice)
     turned = {
-        f"{topic} in {file.name}": float(np.abs(joints.values["joint_positions"]).max())
-        for file, topic, one in read
+        where: float(np.abs(joints.values["joint_positions"]).max())
+        for where, one in read.items()
         for joints in one.joints
         if "joint_positions" in joints.values
     }
@@ -181,59 +172,35 @@ def _of_signals(files: Sequence[FileSeen], topics: Sequence[str]) -> Iterator[An
         largest = max(turned, key=turned.__getitem__)
         sound = turned[largest] <= MOST_TURNED
         advice = "" if sound else f"degrees? look at {largest}"
-        verdict: Verdict = "yes" if sound else "doubtful"
-        yield Answer("Are joints' positions in rad?", verdict, f"to {turned[largest]:.3g}", advice)
-
-
-def _agreement(motion: MotionSurvey) -> Answer:
-    total, agree = len(motion.runs), len(motion.agreeing)
-    others = [
-        f"{name} has {len(motion.counted(name))}" for name in motion.runs if name not in motion.agreeing
-    ]
-    threshold = f"{motion.thresholds[motion.chosen]:.2g} m/s"
-    return Answer(
-        "Do runs of motion agree in number?",
-        "yes" if agree == total else "doubtful" if 2 * agree > total else "no",
-        f"{motion.number} in {agree} of {total}, above {threshold}",
-        "; ".join(others),
-    )
+        number = f"to {turned[largest]:.3g}"
+        yield Answer("Are joints' positions in rad?", "yes" if sound else "doubtful", number, advice)
 
 
 def _of_clocks(files: Sequence[FileSeen], topics: Sequence[str], pose: PoseSource) -> Iterator[Answer]:
     clocks = clocks_of(files, topics)
     stamped = {topic for _, topic, one in clocks if one.header}
     names = sorted({topic for _, topic, _ in clocks})
-    unstamped = [topic for topic in names if topic not in stamped]
-    yield Answer(
-        "Do messages say when they were taken?",
-        "doubtful" if unstamped else "yes",
-        f"{len(names) - len(unstamped)} of {len(names)} topics have header stamps",
-        f"the log time stands in for {', '.join(unstamped)}" if unstamped else "",
-    )
+    without = [topic for topic in names if topic not in stamped]
+    number = f"{len(names) - len(without)} of {len(names)} topics have header stamps"
+    advice = f"the log time stands in for {', '.join(without)}" if without else ""
+    yield Answer("Do messages say when they were taken?", "doubtful" if without else "yes", number, advice)
     if stamped:
         off, where = max((out_of_step(file, topics), file.name) for file in files)
         verdict = at_most(off, IN_STEP_S)
         advice = "" if verdict == "yes" else f"look at {where}: delays of topics differ, or drift"
         yield Answer("Are the clocks in step?", verdict, f"to {1e3 * off:.3g} ms", advice)
     series = series_of(files, topics, pose)
-
-    def worst(measure: Callable[[Stamps], float]) -> tuple[str, str, Stamps]:
-        return max(series, key=lambda item: np.nan_to_num(measure(item[2]), nan=np.inf))
-
-    name, topic, one = worst(_disorder)
+    name, topic, one = max(series, key=lambda item: _disorder(item[2]))
     share = _disorder(one)
-    yield Answer(
-        "Do stamps increase?",
-        at_most(share, DISORDERED),
-        f"all but {share:.2g} of them" if share else "all do",
-        f"in {name}, {topic}, {one.repeated} repeat and {one.backward} run back" if share else "",
-    )
-    name, topic, one = worst(lambda stamps: stamps.largest_gap_s)
+    number = f"all but {share:.2g} of them" if share else "all do"
+    advice = f"in {name}, {topic}, {one.repeated} repeat and {one.backward} run back" if share else ""
+    yield Answer("Do stamps increase?", at_most(share, DISORDERED), number, advice)
+    name, topic, one = max(series, key=lambda item: np.nan_to_num(item[2].largest_gap_s, nan=np.inf))
     whole = one.largest_gap_s <= MAX_GAP_S
-    advice = "" if whole else f"in {name}, {topic}, at {one.gap_at_s:.3g} s"
+    advice = "" if whole else f"in {name}, {topic}, at {one.gap_at_s:.3g} s; `clock: {{max_gap_s: ...}}`"
     number = f"largest {one.largest_gap_s:.3g} s"
     yield Answer("Are streams without gaps?", "yes" if whole else "no", number, advice)
-    name, topic, one = worst(lambda stamps: -stamps.rate_hz)
+    name, topic, one = min(series, key=lambda item: np.nan_to_num(item[2].rate_hz, nan=0.0))
     verdict = at_least(one.rate_hz, RATES_HZ)
     advice = "" if verdict == "yes" else f"in {name}, {topic}"
     yield Answer("Are topics fast enough?", verdict, f"slowest {one.rate_hz:.4g} Hz", advice)
@@ -249,8 +216,7 @@ def out_of_step(file: FileSeen, topics: Sequence[str]) -> float:
 
     A delay that all share harms nobody: what comes from one clock is in step with itself.
     """
-    clocks = [file.topics[topic].clocks for topic in topics if topic in file.topics]
-    delays = [one.delay for one in clocks if one and one.delay]
+    delays = [one.delay for _, _, one in clocks_of([file], topics) if one.delay]
     if not delays:
         return 0.0
     medians = [delay.median_s for delay in delays]

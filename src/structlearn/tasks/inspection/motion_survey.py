@@ -2,18 +2,20 @@
 
 A threshold that is right for one task is wrong for the next, so those are tried that the cutting tries. At
 each, a demonstration is a row of long and short runs. What most demonstrations show alike is the task; short
-runs count as long as they, too, stand at the same places.
+runs count if they, too, stand at the same places.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
-from structlearn.tasks.own.protocol.hand_paths import HandPath
+from structlearn.tasks.inspection.hand_paths import HandPath
 
 PREFERRED = 1
 """Which threshold is taken where they serve alike: low, so that no slow move is lost, and above the sway."""
@@ -22,19 +24,11 @@ BRIDGE_S = 0.2
 """s; a shorter dip in speed is a hesitation: people who stop on purpose do for longer."""
 
 SHORT_SHARE = 0.1
-"""Of the longest way of a demonstration's runs, below which a run is short: idle, unless all have it."""
+"""Of the longest run of a demonstration, below which a run is short: idle, unless all have it."""
 
 
-@dataclass(frozen=True)
-class MotionRun:
-    """Speed above a threshold for a while.
-
-    Attributes:
-        start_s: s since the recording's first pose.
-        end_s: s, likewise.
-        way: m that is gone.
-        short: less than `SHORT_SHARE` of the longest.
-    """
+class MotionRun(NamedTuple):
+    """Speed above a threshold from start to end (s since the first pose) over a distance in m."""
 
     start_s: float
     end_s: float
@@ -44,51 +38,38 @@ class MotionRun:
 
 @dataclass(frozen=True)
 class MotionSurvey:
-    """Runs of motion of all demonstrations.
+    """Runs of motion of all demonstrations at the threshold (m/s) at which most agree.
 
-    Attributes:
-        thresholds: m/s that were tried.
-        runs: (thresholds,) of each demonstration by name.
-        chosen: place of the threshold at which most demonstrations agree.
-        with_short: whether short runs are counted.
-        number: of runs in most demonstrations.
-        agreeing: names of these demonstrations.
-        turns_deg: degrees by which the hand turns between one of these runs and the next, median over these
-            demonstrations; none where orientations are not known.
+    `number` of runs in most of them, whose names are `agreeing`; `turns_deg`: by which the hand turns between
+    one of these runs and the next, medians; none where orientations are not known.
     """
 
-    thresholds: tuple[float, ...]
-    runs: Mapping[str, Sequence[Sequence[MotionRun]]]
-    chosen: int
+    threshold: float
+    runs: Mapping[str, Sequence[MotionRun]]
     with_short: bool
     number: int
     agreeing: tuple[str, ...]
     turns_deg: tuple[float, ...] = ()
 
     def counted(self, name: str) -> list[MotionRun]:
-        """Runs of a demonstration at the chosen threshold, without short ones where they do not count."""
-        return [run for run in self.runs[name][self.chosen] if self.with_short or not run.short]
+        """Runs of a demonstration, without short ones where they do not count."""
+        return [run for run in self.runs[name] if self.with_short or not run.short]
 
 
 def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
     """Runs of motion of demonstrations by name, and the number in which most agree."""
     moved = [Motion(path.position, path.speed, path.speed, False) for path in paths.values()]
-    thresholds = tuple(fraction * pace(moved) for fraction in FRACTIONS)
-    runs = {
-        name: tuple(tuple(motion_runs(path, threshold)) for threshold in thresholds)
-        for name, path in paths.items()
-    }
     choices = []
-    for place in range(len(thresholds)):
-        for with_short in (True, False):
-            rows = {
-                name: tuple(run.short for run in tried[place] if with_short or not run.short)
-                for name, tried in runs.items()
-            }
-            row, count = max(Counter(rows.values()).items(), key=lambda item: (item[1], len(item[0])))
-            agreeing = tuple(name for name in rows if rows[name] == row)
-            rank = (count, len(row) > 0, with_short, -abs(place - PREFERRED))
-            choices.append((rank, MotionSurvey(thresholds, runs, place, with_short, len(row), agreeing)))
+    for (place, fraction), with_short in product(enumerate(FRACTIONS), (True, False)):
+        threshold = fraction * pace(moved)
+        runs = {name: motion_runs(path, threshold) for name, path in paths.items()}
+        rows = {
+            name: tuple(run.short for run in its if with_short or not run.short) for name, its in runs.items()
+        }
+        row, count = max(Counter(rows.values()).items(), key=lambda item: (item[1], len(item[0])))
+        agreeing = tuple(name for name in rows if rows[name] == row)
+        rank = (count, len(row) > 0, with_short, -abs(place - PREFERRED))
+        choices.append((rank, MotionSurvey(threshold, runs, with_short, len(row), agreeing)))
     best = max(choices, key=lambda choice: choice[0])[1]
     turns = [turns_between(paths[name], best.counted(name)) for name in best.agreeing]
     return replace(best, turns_deg=tuple(np.median(turns, axis=0).tolist()))

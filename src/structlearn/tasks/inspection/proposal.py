@@ -1,4 +1,4 @@
-"""An entry of `stages/tasks/own.yaml` for recordings without an entry, with its warnings.
+"""An entry of `stages/tasks/own.yaml` for recordings of a movement, with its warnings.
 
 It holds what the files tell and the defaults do not. What was chosen among several, and what may go wrong, is
 said beside the key that it is about.
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from structlearn.readers.clock import MAX_GAP_S
 from structlearn.readers.messages import READERS
 from structlearn.readers.topics import JointPose
 from structlearn.rigid_body.urdf import moving_joints
-from structlearn.tasks.own.protocol.fitness import IN_STEP_S, out_of_step
-from structlearn.tasks.own.protocol.hand_paths import Candidate
-from structlearn.tasks.own.protocol.inspection import (
+from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
+from structlearn.tasks.inspection.hand_paths import Candidate
+from structlearn.tasks.inspection.motion_survey import MotionSurvey
+from structlearn.tasks.inspection.source_survey import (
     FileSeen,
     SourceSeen,
     TopicSeen,
@@ -24,8 +24,7 @@ from structlearn.tasks.own.protocol.inspection import (
     clocks_of,
     series_of,
 )
-from structlearn.tasks.own.protocol.motion_survey import MotionSurvey
-from structlearn.tasks.task_entry import local_path
+from structlearn.tasks.task_files import local_path
 
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
 """What topics of tactile arrays are mostly called; other arrays are commands and the like."""
@@ -68,15 +67,9 @@ def propose(
         known = [name for file in seen.files if (arm := arm_of(file.topics)) for name in arm[1].names]
         locked = [joint for joint in moving_joints(local_path(seen.urdf)) if joint not in known]
         entry["robot"] = {"urdf": from_home(seen.urdf), "tip": hand.source.tip, "locked_joints": locked}
-    damaged = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"] if seen.damaged else []
-    doubts["source"] = damaged + [
-        f"{topic} of {name} has a gap of {one.largest_gap_s:.3g} s at {one.gap_at_s:.3g} s: refused where "
-        "it is longer than `clock: {max_gap_s: ...}`"
-        for name, topic, one in series_of(seen.files, read, hand.source)
-        if one.largest_gap_s > MAX_GAP_S
-    ]
-    doubts = {key: said for key, said in doubts.items() if said}
-    return Proposal(task_name(seen.source), entry, doubts, read)
+    if seen.damaged:
+        doubts["source"] = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"]
+    return Proposal(task_name(seen.source), entry, {key: said for key, said in doubts.items() if said}, read)
 
 
 def task_name(source: str) -> str:
@@ -96,31 +89,27 @@ def _read(hand: Candidate, topics: Mapping[str, Any]) -> list[str]:
     """Topics that are named, but those of transforms at rest, whose stamps say nothing."""
     pose = hand.source if isinstance(hand.source, str) else hand.source.topic
     joints = topics.get("joint_states", [])
-    rest = [
-        *([joints] if isinstance(joints, str) else joints),
-        topics.get("wrench"),
-        *topics.get("tactile", []),
-    ]
-    return list(dict.fromkeys([pose, *(topic for topic in rest if topic)]))
+    joints = [joints] if isinstance(joints, str) else joints
+    rest = [*joints, *([topics["wrench"]] if "wrench" in topics else []), *topics.get("tactile", [])]
+    return list(dict.fromkeys([pose, *rest]))
 
 
 def _topics(
     seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]
 ) -> tuple[dict[str, Any], dict[str, list[str]]]:
-    source = hand.source
+    source, files = hand.source, seen.files
     topics: dict[str, Any] = {"pose": source if isinstance(source, str) else source.model_dump()}
     doubts: dict[str, list[str]] = {"topics.pose": list(_pose_doubts(seen, hand, others))}
-    arms = [found[0] for file in seen.files if (found := arm_of(file.topics))]
-    if arms:
-        arm = max(sorted(set(arms)), key=arms.count)
-        if arm in _of_types(seen.files, READERS["joint_states"]):
-            parts = [arm, *_other_kinds(seen.files, arm)]
-            topics["joint_states"] = parts if parts[1:] else arm
-            doubts["topics.joint_states"] = list(_joint_doubts(seen.files, parts))
-    if wrenches := _of_types(seen.files, READERS["wrench"]):
+    arms = [found[0] for file in files if (found := arm_of(file.topics))]
+    states = _of_types(files, READERS["joint_states"])
+    if arms and (arm := max(sorted(set(arms)), key=arms.count)) in states:
+        parts = [arm, *_other_kinds(files[0].topics, arm, states)]
+        topics["joint_states"] = parts if parts[1:] else arm
+        doubts["topics.joint_states"] = list(_joint_doubts(files, parts, states))
+    if wrenches := _of_types(files, READERS["wrench"]):
         topics["wrench"] = wrenches[0]
         doubts["topics.wrench"] = [f"also there: {', '.join(wrenches[1:])}"] if wrenches[1:] else []
-    arrays = _of_types(seen.files, READERS["tactile"])
+    arrays = _of_types(files, READERS["tactile"])
     if touch := [topic for topic in arrays if TOUCH.search(topic)]:
         topics["tactile"] = touch
         doubts["topics.tactile"] = ["by their names; are these tactile sensors?"]
@@ -132,31 +121,24 @@ def _topics(
 
 
 def _pose_doubts(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
-    files = seen.files
     if not hand.moves:
         yield "it does not move"
-    missing = [file.name for file in files if file.name not in hand.paths]
-    if missing:
+    if missing := [file.name for file in seen.files if file.name not in hand.paths]:
         yield f"not in {_listed(missing)}, which cannot be read by this entry"
     if isinstance(hand.source, str):
-        frames = {frame for _, _, clocks in clocks_of(files, [hand.source]) for frame in clocks.frames}
+        frames = {frame for _, _, clocks in clocks_of(seen.files, [hand.source]) for frame in clocks.frames}
         if len(frames) > 1:
             yield f"its messages are of several frames: {', '.join(sorted(frames))}"
-    for other in others[:3]:
-        yield f"also there: {other.words}, which goes {other.travelled:.4g} m"
-    if len(others) > 3:
-        yield f"and {len(others) - 3} more"
+    if others:
+        yield f"also there: {_listed([f'{one.words}, which goes {one.travelled:.4g} m' for one in others], 3)}"
 
 
-def _other_kinds(files: Sequence[FileSeen], arm: str) -> list[str]:
+def _other_kinds(topics: Mapping[str, TopicSeen], arm: str, states: Sequence[str]) -> list[str]:
     """Topics on which velocities or torques of the same joints are by themselves."""
-    first = files[0].topics
-    names = {name for joints in first[arm].joints for name in joints.names}
-    kinds, found = _kinds(first[arm]), []
-    for topic in _of_types(files, READERS["joint_states"]):
-        same = {name for joints in first[topic].joints for name in joints.names} == names
-        if topic != arm and same and not kinds & _kinds(first[topic]):
-            kinds |= _kinds(first[topic])
+    kinds, found = _kinds(topics[arm]), []
+    for topic in states:
+        if _names(topics[topic]) == _names(topics[arm]) and not kinds & _kinds(topics[topic]):
+            kinds |= _kinds(topics[topic])
             found.append(topic)
     return found
 
@@ -165,21 +147,25 @@ def _kinds(seen: TopicSeen) -> set[str]:
     return {kind for joints in seen.joints for kind in joints.values}
 
 
-def _joint_doubts(files: Sequence[FileSeen], parts: Sequence[str]) -> Iterator[str]:
+def _names(seen: TopicSeen) -> set[str]:
+    return {name for joints in seen.joints for name in joints.names}
+
+
+def _joint_doubts(files: Sequence[FileSeen], parts: Sequence[str], states: Sequence[str]) -> Iterator[str]:
     arm = parts[0]
     sets = set()
     for file in files:
         by_publisher: dict[int, tuple[str, ...]] = {}
-        for joints in file.topics[arm].joints if arm in file.topics else ():
+        for joints in file.topics[arm].joints:
             by_publisher[joints.publisher] = by_publisher.get(joints.publisher, ()) + joints.names
         sets |= set(by_publisher.values())
     if len(sets) > 1:
         most = max(sorted(sets), key=len)
         others = "; ".join(", ".join(names) for names in sorted(sets - {most}))
         yield f"several publish on it; taken is {', '.join(most)}, not {others} (`joints` names others)"
-    if any("joint_torques" in _kinds(file.topics[arm]) for file in files if arm in file.topics):
-        yield f"it has efforts: `motion: {{source: ..., topic: {arm}, urdf: ...}}` identifies the arm"
-    if elsewhere := [topic for topic in _of_types(files, READERS["joint_states"]) if topic not in parts]:
+    if any("joint_torques" in _kinds(file.topics[arm]) for file in files):
+        yield f"it has efforts: below `motion:` an entry {{source, topic: {arm}, urdf}} identifies the arm"
+    if elsewhere := [topic for topic in states if topic not in parts]:
         yield f"also there: {', '.join(elsewhere)}"
 
 
@@ -192,42 +178,38 @@ def _stamps(
     logs = [(name, topic, one.log) for name, topic, one in clocks_of(files, read)]
     taken = logs if by_log else series_of(files, read, hand.source)
     repeated, backward = (sum(getattr(one, kind) for _, _, one in taken) for kind in ("repeated", "backward"))
-    if not (by_log or repeated or backward):
-        return {}, []
     disorder = "sort" if backward else "drop" if repeated else "error"
-    doubts = []
-    if by_log:
-        doubts.append(f"header clocks are out of step by {off:.3g} s: the recorder's clock is taken")
+    doubts = (
+        [f"header clocks are out of step by {off:.3g} s: the recorder's clock is taken"] if by_log else []
+    )
     if repeated or backward:
         where = sorted({f"{name} {topic}" for name, topic, one in taken if one.repeated or one.backward})
-        total = sum(one.count for _, _, one in taken)
         doubts.append(
-            f"of {total} stamps {repeated} repeat and {backward} run back, in {_listed(where)}; "
-            "`error` would refuse them"
+            f"of {sum(one.count for _, _, one in taken)} stamps {repeated} repeat and {backward} run back, in "
+            f"{_listed(where)}; `error` would refuse them"
         )
-    return {"clock": "log" if by_log else "header", "disorder": disorder}, doubts
+    return {"clock": "log" if by_log else "header", "disorder": disorder} if doubts else {}, doubts
 
 
 def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
     """Their number, and what speaks against it."""
-    if motion is None:
-        return 1, ["no motion was found; how many moves are there?"]
-    if motion.number == 0:
-        return 1, ["runs of motion do not agree; how many moves are there?"]
+    if motion is None or motion.number == 0:
+        none = "no motion was found" if motion is None else "runs of motion do not agree"
+        return 1, [f"{none}; how many moves are there?"]
     doubts = ["or their names, e.g. [" + ", ".join(f"move_{n + 1}" for n in range(motion.number)) + "]"]
     others = [f"{name} ({len(motion.counted(name))})" for name in motion.runs if name not in motion.agreeing]
     if others:
         doubts.append(f"another number of runs: {_listed(others)}; take them out, or `skip_failures: true`")
     doubts += [
-        f"the hand turns by {turn:.0f} degrees between moves {place + 1} and {place + 2}: a primitive of its "
+        f"the hand turns by {turn:.0f} degrees between moves {place} and {place + 1}: a primitive of its "
         "own, with `axis: between`?"
-        for place, turn in enumerate(motion.turns_deg)
+        for place, turn in enumerate(motion.turns_deg, 1)
         if turn > TURN_DEG
     ]
-    for place, alike in enumerate(zip(*(motion.counted(name) for name in motion.agreeing), strict=True)):
+    for place, alike in enumerate(zip(*(motion.counted(name) for name in motion.agreeing), strict=True), 1):
         if alike[0].short:
             way = max(run.way for run in alike)
-            doubts.append(f"move {place + 1} is of {1e3 * way:.3g} mm at most: idle? then it is one less")
+            doubts.append(f"move {place} is of {1e3 * way:.3g} mm at most: idle? then it is one less")
     return motion.number, doubts
 
 
@@ -239,11 +221,9 @@ def _listed(words: Sequence[str], most: int = 4) -> str:
 
 def _of_types(files: Sequence[FileSeen], types: Collection[str]) -> list[str]:
     """Topics of such messages that every file has, in the order of their names."""
-    return [
-        topic
-        for topic in sorted({topic for file in files for topic in file.topics})
-        if all(
-            topic in file.topics and file.topics[topic].clocks and set(file.topics[topic].types) <= set(types)
-            for file in files
-        )
-    ]
+
+    def fits(seen: TopicSeen | None) -> bool:
+        return seen is not None and seen.clocks is not None and set(seen.types) <= set(types)
+
+    every = sorted({topic for file in files for topic in file.topics})
+    return [topic for topic in every if all(fits(file.topics.get(topic)) for file in files)]

@@ -9,6 +9,7 @@ from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
 from structlearn.readers.checks import check_speed
 from structlearn.readers.recording import Stream
+from structlearn.readers.survey import Stamps, stamps_of
 from structlearn.readers.topics import JointPose, TransformPose
 from structlearn.rigid_body.urdf import HANDS
 
@@ -29,15 +30,10 @@ PoseSource = str | TransformPose | JointPose
 
 @dataclass(frozen=True)
 class HandPath:
-    """Positions of one source of poses in one file, on a uniform clock.
+    """Positions (T, 3) m and speeds (T,) m/s of one source of poses in one file, on a uniform clock.
 
-    Attributes:
-        dt: s between ticks.
-        position: (T, 3) m, without what is above `SPEED_HZ`.
-        speed: (T,) m/s of it.
-        orientation: (T, 4) w, x, y, z of norm 1; None where there is none.
-        norm_error: largest difference of a quaternion's norm from 1.
-        fault: what no hand does, e.g. a jump, or values that are no numbers; empty where there is nothing.
+    `orientation` (T, 4) is None without unit quaternions, `norm_error` the largest difference of a norm from
+    1, `fault` what no hand does (a jump, values that are no numbers), or empty.
     """
 
     dt: float
@@ -46,21 +42,17 @@ class HandPath:
     orientation: np.ndarray | None
     norm_error: float
     fault: str
+    stamps: Stamps
 
     @property
     def travelled_m(self) -> float:
-        """Length of the way."""
+        """Length of the path."""
         return float(self.speed.sum() * self.dt)
 
     @property
     def extent_m(self) -> float:
         """Diagonal of the box that holds it."""
         return float(np.linalg.norm(np.ptp(self.position, axis=0)))
-
-    @property
-    def peak_m_s(self) -> float:
-        """Largest speed."""
-        return float(self.speed.max())
 
 
 def hand_path(stream: Stream) -> HandPath:
@@ -83,40 +75,26 @@ def hand_path(stream: Stream) -> HandPath:
         raise InputError(f"{topic} has samples at fewer than three ticks of {dt:.3g} s")
     raw = np.stack([np.interp(ticks, time, column) for column in values[:, :3].T], axis=1)
     position = signals.low_pass(raw, dt, SPEED_HZ)
+    speed = np.linalg.norm(signals.derivative(position, dt), axis=1)
     norms = np.linalg.norm(values[:, 3:], axis=1)
     turned = None
     if (norms > 0.0).all():
         turned = quaternion.interpolate(np.minimum(ticks, time[-1]), time, values[:, 3:] / norms[:, None])
-    return HandPath(
-        dt,
-        position,
-        np.linalg.norm(signals.derivative(position, dt), axis=1),
-        turned,
-        float(np.abs(norms - 1.0).max()),
-        _fault(finite, Stream(topic, "pose", stamps, values)),
-    )
-
-
-def _fault(finite: np.ndarray, ordered: Stream) -> str:
+    fault = ""
     if not finite.all():
-        return f"{int((~finite).sum())} of {len(finite)} poses have values that are no numbers"
-    try:
-        check_speed("", ordered)
-    except InputError as error:
-        return str(error).removeprefix(f": {ordered.topic}: ")
-    return ""
+        fault = f"{int((~finite).sum())} of {len(finite)} poses have values that are no numbers"
+    else:
+        try:
+            check_speed("", Stream(topic, "pose", stamps, values))
+        except InputError as error:
+            fault = str(error).removeprefix(f": {topic}: ")
+    norm_error = float(np.abs(norms - 1.0).max())
+    return HandPath(dt, position, speed, turned, norm_error, fault, stamps_of(stream.stamps))
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A source of poses over all files.
-
-    Attributes:
-        source: it.
-        paths: by name of the file.
-        extent: median over the files of how far it gets, m.
-        travelled: likewise of its way.
-    """
+    """A source of poses with its paths by file, the medians of their extents and lengths in m."""
 
     source: PoseSource
     paths: dict[str, HandPath]
@@ -154,15 +132,10 @@ def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candi
     for name, by_source in hands.items():
         for source, path in by_source.items():
             found.setdefault(source, {})[name] = path
-    every = [
-        Candidate(
-            source,
-            paths,
-            float(np.median([path.extent_m for path in paths.values()])),
-            float(np.median([path.travelled_m for path in paths.values()])),
-        )
-        for source, paths in found.items()
-    ]
+    every = []
+    for source, paths in found.items():
+        sizes = [(path.extent_m, path.travelled_m) for path in paths.values()]
+        every.append(Candidate(source, paths, *np.median(sizes, axis=0).tolist()))
     return sorted(every, key=lambda one: _rank(one, every, len(hands)))
 
 
