@@ -95,8 +95,8 @@ def report(found: Findings) -> Iterator[str]:
     if found.motion is not None:
         above = f"above {found.motion.threshold:.2g} m/s, s since the first sample"
         yield f"Runs of motion {above}; dips up to {BRIDGE_S:g} s are joined, short runs stand in brackets"
-        rows = [(name, f"{len(runs)}", _times(runs)) for name, runs in found.motion.runs.items()]
-        yield from (*_aligned(rows, (1,)), "")
+        its = [(name, f"{len(runs)}", _times(runs)) for name, runs in found.motion.runs.items()]
+        yield from (*_aligned(its, (1,)), "")
     yield "Fit to be learned from?"
     answers = [(one.verdict, one.question, one.number, one.advice) for one in found.answers]
     yield from (*_aligned(answers, ()), "")
@@ -128,10 +128,8 @@ def _entry(
 
 def _file(file: FileSeen) -> Iterator[str]:
     logs = [seen.clocks.log for seen in file.topics.values() if seen.clocks]
-    start, end = (
-        min((log.first_s for log in logs), default=0.0),
-        max((log.last_s for log in logs), default=0.0),
-    )
+    start = min((log.first_s for log in logs), default=0.0)
+    end = max((log.last_s for log in logs), default=0.0)
     known = start > SECONDS_OF_A_YEAR  # else the clock counts from some start of its own
     when = datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if known else f"{start:.2f} s"
     count = sum(log.count for log in logs)

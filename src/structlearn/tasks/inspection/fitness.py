@@ -124,9 +124,8 @@ def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
     off = paths[worst].norm_error
     sound = off <= NORM_TOLERANCE
     advice = "" if sound else f"look at {worst}: the reader refuses more than {NORM_TOLERANCE:g}"
-    yield Answer(
-        "Are quaternions of unit norm?", "yes" if sound else "no", f"off by {off:.1g} at most", advice
-    )
+    number = f"off by {off:.1g} at most"
+    yield Answer("Are quaternions of unit norm?", "yes" if sound else "no", number, advice)
     faults = [f"{name}: {path.fault}" for name, path in paths.items() if path.fault]
     number = f"{len(paths) - len(faults)} of {len(paths)}"
     yield Answer("Are poses free of jumps?", "no" if faults else "yes", number, "; ".join(faults))

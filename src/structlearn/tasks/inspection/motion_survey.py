@@ -63,9 +63,8 @@ def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
     for (place, fraction), with_short in product(enumerate(FRACTIONS), (True, False)):
         threshold = fraction * pace(moved)
         runs = {name: motion_runs(path, threshold) for name, path in paths.items()}
-        rows = {
-            name: tuple(run.short for run in its if with_short or not run.short) for name, its in runs.items()
-        }
+        shorts = {name: [run.short for run in its] for name, its in runs.items()}
+        rows = {name: tuple(one for one in its if with_short or not one) for name, its in shorts.items()}
         row, count = max(Counter(rows.values()).items(), key=lambda item: (item[1], len(item[0])))
         agreeing = tuple(name for name in rows if rows[name] == row)
         rank = (count, len(row) > 0, with_short, -abs(place - PREFERRED))

@@ -130,7 +130,8 @@ def _pose_doubts(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate])
         if len(frames) > 1:
             yield f"its messages are of several frames: {', '.join(sorted(frames))}"
     if others:
-        yield f"also there: {_listed([f'{one.words}, which goes {one.travelled:.4g} m' for one in others], 3)}"
+        ways = [f"{one.words}, which goes {one.travelled:.4g} m" for one in others]
+        yield f"also there: {_listed(ways, 3)}"
 
 
 def _other_kinds(topics: Mapping[str, TopicSeen], arm: str, states: Sequence[str]) -> list[str]:
@@ -179,14 +180,12 @@ def _stamps(
     taken = logs if by_log else series_of(files, read, hand.source)
     repeated, backward = (sum(getattr(one, kind) for _, _, one in taken) for kind in ("repeated", "backward"))
     disorder = "sort" if backward else "drop" if repeated else "error"
-    doubts = (
-        [f"header clocks are out of step by {off:.3g} s: the recorder's clock is taken"] if by_log else []
-    )
+    doubts = [f"clocks of headers are out of step by {off:.3g} s: the log's is taken"] if by_log else []
     if repeated or backward:
         where = sorted({f"{name} {topic}" for name, topic, one in taken if one.repeated or one.backward})
         doubts.append(
-            f"of {sum(one.count for _, _, one in taken)} stamps {repeated} repeat and {backward} run back, in "
-            f"{_listed(where)}; `error` would refuse them"
+            f"of {sum(one.count for _, _, one in taken)} stamps {repeated} repeat and {backward} run back, "
+            f"in {_listed(where)}; `error` would refuse them"
         )
     return {"clock": "log" if by_log else "header", "disorder": disorder} if doubts else {}, doubts
 

@@ -167,9 +167,8 @@ def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[Pose
             found += [TransformPose(parent=parent, child=child, topic=topic) for parent, child in pairs]
     if urdf and (arm := arm_of(topics)):
         topic, joints = arm
-        found += [
-            JointPose(urdf=urdf, tip=tip, topic=topic) for tip in tips(local_path(urdf), joints.names)[:1]
-        ]
+        ends = tips(local_path(urdf), joints.names)[:1]
+        found += [JointPose(urdf=urdf, tip=tip, topic=topic) for tip in ends]
     return found
 
 
@@ -214,14 +213,12 @@ def series_of(
     """Stamps of every series on the topics, with its file and topic; of transforms those of the pose."""
     found = []
     for file in files:
-        of_links = (
-            {pose.topic: (file.hands[pose].stamps,)}
-            if isinstance(pose, TransformPose) and pose in file.hands
-            else {}
-        )
+        of_pose = (file.hands[pose].stamps,) if pose in file.hands else ()
         for topic in topics:
             if topic in file.topics:
-                its = of_links.get(topic) or file.topics[topic].series
+                its = file.topics[topic].series
+                if isinstance(pose, TransformPose) and topic == pose.topic:
+                    its = of_pose or its
                 found += [(file.name, topic, stamps) for stamps in its]
     return found
 
