@@ -37,7 +37,7 @@ from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.public.page import assembly, calibration_results
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
-from structlearn.testbeds.obstacles.page.obstacle_findings import findings as obstacles_findings
+from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
 from structlearn.testbeds.scraping.page.people_results import (
     People,

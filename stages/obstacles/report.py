@@ -9,7 +9,7 @@ from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.figures import figures
-from structlearn.testbeds.obstacles.page.obstacle_findings import ObstacleResults, example_setting, findings
+from structlearn.testbeds.obstacles.page.findings import ObstacleResults, example_setting, findings
 from structlearn.testbeds.obstacles.page.page import document, read_published
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters

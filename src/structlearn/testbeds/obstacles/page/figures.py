@@ -27,7 +27,7 @@ from structlearn.testbeds.obstacles.names import (
     SOURCES,
     model_name,
 )
-from structlearn.testbeds.obstacles.page.obstacle_findings import (
+from structlearn.testbeds.obstacles.page.findings import (
     FEW_HITS,
     OURS,
     TEXT,

@@ -14,7 +14,7 @@ from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import provenance, read_study
 from structlearn.testbeds.obstacles import files
-from structlearn.testbeds.obstacles.page.obstacle_findings import (
+from structlearn.testbeds.obstacles.page.findings import (
     EVERY,
     FEW_HITS,
     ObstacleResults,

@@ -9,7 +9,7 @@ from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, 
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.reporting.document import Table
 from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
-from structlearn.testbeds.obstacles.page.obstacle_findings import OURS, TEXT, ObstacleResults
+from structlearn.testbeds.obstacles.page.findings import OURS, TEXT, ObstacleResults
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     LIMITED,
     MOVING,
