@@ -16,7 +16,7 @@ from structlearn.tasks.movement.check_results import KINDS, THIN, SkillCheck, ov
 from structlearn.tasks.movement.feedback_learning import in_view
 from structlearn.tasks.movement.movement_parameters import MovementEntry
 from structlearn.tasks.section import Section
-from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.task_files import ABSENT, TaskFiles
 
 HEADINGS = {
     "where": "joint or links",
@@ -31,7 +31,7 @@ FORMATS = {"value": ".3g", "bound": ".3g", "margin": ".0f", "time_s": ".2f"}
 def check_section(files: TaskFiles) -> Section | None:
     """Of a task with a robot."""
     robot = files.entry(MovementEntry).robot
-    if robot is None:
+    if robot is None or not files.skill.exists():
         return None
     check = read_check(files.folder / "check")
     return Section(
@@ -110,6 +110,9 @@ def _percent(frame: pd.DataFrame) -> Table:
 
 def skill_section(files: TaskFiles) -> Section:
     """Of a task with demonstrations."""
+    if not files.skill.exists():
+        reason = (files.folder / "skill" / ABSENT).read_text(encoding="utf-8").strip()
+        return Section("skill", "The skill", "skill.html.jinja", facts={"absent": reason})
     skill, parameters = read_skill(files.skill), files.part("skill", SkillParameters)
     workspace = skill.workspace
     if workspace is None:
@@ -132,6 +135,7 @@ def skill_section(files: TaskFiles) -> Section:
         "The skill",
         "skill.html.jinja",
         facts={
+            "absent": "",
             "path": str(files.skill),
             "duration_s": sum(primitive.duration for primitive in skill.primitives),
             "margin_m": parameters.workspace_margin_m,

@@ -37,7 +37,7 @@ CASES = {
 
 def came_in_section(files: TaskFiles) -> Section:
     """Sets of recordings with their files, rates and gaps."""
-    table = files.table("recorded/came_in")
+    table, clock = files.table("recorded/came_in"), files.entry(MovementEntry).clock
     sets = table.groupby("set", sort=False).agg(
         files=("recording", "size"),
         shortest_s=("duration_s", "min"),
@@ -52,7 +52,7 @@ def came_in_section(files: TaskFiles) -> Section:
         "What came in",
         "came_in.html.jinja",
         facts={
-            "clock_hz": files.clock.rate_hz,
+            "clock_hz": clock.rate_hz if clock else None,
             "stamps": sorted({note for note in table["stamps"] if note}),
         },
         tables={"sets": shown(sets.reset_index()), "recordings": shown(every)},
@@ -137,11 +137,13 @@ def _with_rests(found: Section, errors: pd.DataFrame) -> Section:
     )
     return replace(
         found,
-        facts=found.facts | {"between": listing(winners)},
+        facts={**found.facts, "between": listing(winners)},
         metrics=found.metrics | error_ms,
-        tables=found.tables | {"noise": levels, "comparison": Table(paired_comparison(by_seed))},
-        pictures=found.pictures
-        | {"noise": noise_figure(by_level, paired_comparison(by_seed), "noise added (mm)", "same draw")},
+        tables={**found.tables, "noise": levels, "comparison": Table(paired_comparison(by_seed))},
+        pictures={
+            **found.pictures,
+            "noise": noise_figure(by_level, paired_comparison(by_seed), "noise added (mm)", "same draw"),
+        },
         evidence={name: cut_gains(errors, *methods) for name, methods in CASES.items()},
     )
 

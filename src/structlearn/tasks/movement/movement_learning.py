@@ -139,7 +139,7 @@ def reproduction(
     """
     tables = [cross_validation(runs, cuts, parameters, fold).assign(scaled=True)]
     published = parameters.model_copy(update={"scaled_axes": (False,) * 3})
-    spread = {}
+    spread: dict[tuple[str, str], float] = {}
     for name, its in cuts.items():
         segments = segment_paths(runs, its, parameters.smoothing_hz)
         names = [one.name for one in runs if one.name in its.index]

@@ -95,8 +95,10 @@ class RobotParameters(Parameters):
 class MovementEntry(SourceParameters):
     """Movements of one task. Fields: `stages/tasks/params.yaml`, `defaults.movement`."""
 
+    kind = "movement"
+
     topics: TopicMap | None
-    clock: ClockParameters
+    clock: ClockParameters | None
     given: Name | None
     segment: SegmentParameters | None
     keep_doubtful: bool
@@ -125,7 +127,7 @@ class MovementEntry(SourceParameters):
                 if name not in known:
                     raise ValueError(f"feedback: there is no primitive '{name}' among {', '.join(known)}")
             for sensor in self.feedback.sensors:
-                if not getattr(self.topics, sensor):
+                if self.topics is not None and not getattr(self.topics, sensor):
                     raise ValueError(f"feedback.sensors: {sensor} is felt by no topic; name it in topics")
         return self
 

@@ -162,7 +162,8 @@ def learn_corrections(
     targets = np.array([signals.time_normalised(one.target, SAMPLES) for one in runs])
     fraction = np.linspace(0.0, 1.0, SAMPLES)
     clock = {"fraction": fraction, "phase": canonical.phase(fraction, canonical.TAU_PER_DURATION)[0]}
-    networks, profiles, found = [], [], {"distances": [], "scores": [], "paths": []}
+    networks, profiles = [], []
+    found: dict[str, list[pd.DataFrame]] = {"distances": [], "scores": [], "paths": []}
     for split in range(parameters.splits):
         seen, unseen = _split(len(runs), parameters, split)
         networks.append(phase_networks([runs[place].target for place in seen], parameters.kernel_count))

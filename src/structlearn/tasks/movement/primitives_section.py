@@ -62,14 +62,14 @@ def primitives_section(files: TaskFiles) -> Section:
     left_out = errors[errors["variant"] == "left out"]
     told = left_out if len(left_out) else errors
     spread = reproduction.groupby("primitive", sort=False)["from_mean_mm"].mean()
-    pictures = {
-        "space": space_figure(runs, sequences[TITLES["nominal"]]),
-        "fit": [
+    pictures = {}
+    if own.given in (None, PARTS):
+        pictures["space"] = space_figure(runs, sequences[TITLES["nominal"]])
+        pictures["fit"] = [
             fit_figure(one, place, segments[one.name], runs[0].dt) for place, one in enumerate(primitives)
-        ],
-        "sequence": sequence_figure(sequences),
-    }
-    if main_picture(own) == "local":
+        ]
+        pictures["sequence"] = sequence_figure(sequences)
+    else:
         pictures["local"] = [
             local_panel(primitives[0], segments[primitives[0].name], *view) for view in ("xz", "xy")
         ]
@@ -77,6 +77,7 @@ def primitives_section(files: TaskFiles) -> Section:
         pictures["distances"] = [
             distance_panel(reproduction, column, width) for column, width in (("mean_mm", 5), ("max_mm", 10))
         ]
+    main = "" if own.turns or own.given == PARTS else "space" if own.given is None else "local"
     return Section(
         "primitives",
         "Primitives",
@@ -91,7 +92,7 @@ def primitives_section(files: TaskFiles) -> Section:
             "turns": "mean_deg" in errors,
             "spread": spread.to_dict(),
             "drawn": set(pictures),
-            "main": main_picture(own),
+            "main": main,
             "demonstrations": len(runs),
         },
         metrics=fit_metrics(reproduction, own.fit)
@@ -102,7 +103,7 @@ def primitives_section(files: TaskFiles) -> Section:
             for prefix in [next(key for key, words in VARIANTS.values() if words == row["variant"])]
             for key, column in (
                 ("mean_mm", "mean_mm"),
-                ("max_mm", "typical_max_mm"),
+                ("max_mm", "max_mm"),
                 ("end_max_mm", "end_mm"),
             )
         },
@@ -112,21 +113,13 @@ def primitives_section(files: TaskFiles) -> Section:
     )
 
 
-def main_picture(own: MovementEntry) -> str:
-    """Name of the figure that opens the page; none where another section has one."""
-    if own.turns or own.given == PARTS:
-        return ""
-    return "space" if own.given is None else "local"
-
-
 def summary(reproduction: pd.DataFrame) -> pd.DataFrame:
-    """Per primitive and variant: means of the mean errors and of the largest, and the largest of each."""
+    """Per primitive and variant: means of the mean errors, largest of the largest and of the end errors."""
     variants = [
         VARIANTS[key][1] for key in zip(reproduction["left_out"], reproduction["scaled"], strict=True)
     ]
     columns = {
         "mean_mm": ("mean_mm", "mean"),
-        "typical_max_mm": ("max_mm", "mean"),
         "max_mm": ("max_mm", "max"),
         "end_mm": ("end_mm", "max"),
         "mean_deg": ("mean_deg", "mean"),
@@ -144,7 +137,6 @@ def errors_table(errors: pd.DataFrame) -> Table:
     """The summary with its headings."""
     headings = {
         "mean_mm": "mean (mm)",
-        "typical_max_mm": "largest, on average (mm)",
         "max_mm": "largest (mm)",
         "end_mm": "largest at the end (mm)",
         "mean_deg": "mean (°)",
@@ -335,19 +327,26 @@ def _with_traces(found: Section, files: TaskFiles) -> Section:
     columns = {"median_nmse": "nmse", "median_rms_counts": "rms", "strong_mean_nmse": "strong_nmse"}
     return replace(
         found,
-        facts=found.facts | {"electrodes": scores["electrode"].nunique()},
+        facts={**found.facts, "electrodes": scores["electrode"].nunique()},
         metrics=found.metrics
         | {
             f"electrodes_{name}_{key}": row[column]
             for name, row in table.iterrows()
             for key, column in columns.items()
         },
-        tables=found.tables
-        | {"electrodes": Table(scores), "electrode_errors": shown(table.reset_index().rename(columns=words))},
-        pictures=found.pictures
-        | {"electrodes": [electrode_errors_panel(scores), *electrode_panels(scores, traces)]},
-        evidence=found.evidence
-        | {"electrodes": mean(strong["nmse"]) if len(strong) else unknown("no electrode moves enough")},
+        tables={
+            **found.tables,
+            "electrodes": Table(scores),
+            "electrode_errors": shown(table.reset_index().rename(columns=words)),
+        },
+        pictures={
+            **found.pictures,
+            "electrodes": [electrode_errors_panel(scores), *electrode_panels(scores, traces)],
+        },
+        evidence={
+            **found.evidence,
+            "electrodes": mean(strong["nmse"]) if len(strong) else unknown("no electrode moves enough"),
+        },
     )
 
 

@@ -3,7 +3,7 @@
 import sys
 
 from structlearn.core.errors import InputError
-from structlearn.tasks.own.protocol.check_results import NO, SkillCheck, read_check
+from structlearn.tasks.movement.check_results import NO, SkillCheck, read_check
 from structlearn.tasks.task_files import TaskFiles
 
 
@@ -27,8 +27,8 @@ def main(files: TaskFiles) -> bool:
     Raises:
         InputError: the task has no robot, or was not checked.
     """
-    if not files.has("robot"):
-        raise InputError(f"stages/own/params.yaml: tasks.{files.name} has no robot to be checked on")
+    if files.kind != "movement" or not files.has("robot"):
+        raise InputError(f"stages/tasks/own.yaml: {files.kind}.{files.name} has no robot to be checked on")
     check = read_check(files.folder / "check")
     print("\n".join(lines(check)))
     return check.verdict != NO
