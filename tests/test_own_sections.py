@@ -1,6 +1,5 @@
 """Tasks of logs, touches and reaches past obstacles: from files to their pages."""
 
-import json
 import runpy
 import sys
 from pathlib import Path
@@ -19,6 +18,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import write_joint_log
 from structlearn.readers.recording import Recording, Stream
 from structlearn.reporting.document import words_in_view
+from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.tasks.task_files import TaskFiles
 
@@ -101,8 +101,7 @@ def test_every_kind_has_its_page(page):
         assert heading in text
         assert words_in_view(text) < 1000
         assert f'id="figure-{kind}"' in text
-        for name in ("metrics", "details"):
-            metrics |= json.loads((report / f"{name}.json").read_text())
+        metrics |= values_by_key(read_findings(report / "findings.csv"))
         assert "Doubtful" not in text or kind == "obstacles"
     assert metrics["motion_nmse_worst"] < 0.02
     assert metrics["touch_distances"] < 0.2
