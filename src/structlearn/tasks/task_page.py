@@ -79,13 +79,10 @@ def publish_page(files: TaskFiles) -> None:
     facts |= find.numbers() | {
         "find": find,
         "task": files.name,
-        "title": files.name,
+        "title": task.title or files.name,
         "stage": STAGES[kind][1] if kind in STAGES else "segment",
         "file": (FOLDER / (OF_PUBLIC if public else OWN)).as_posix(),
         "public": public,
-        "up": ("../../recorded/index.html", "Recorded data")
-        if public
-        else ("../../index.html", "All testbeds"),
         "absent": absent,
         "left_out": files.left_out().to_dict("records"),
         "sections": sections,
@@ -105,6 +102,8 @@ def publish_page(files: TaskFiles) -> None:
         | {name: source for section in sections for name, source in section.sources.items()},
         parameters={f"{kind}.{files.name}": task},
         recordings="rerun",
+        root="../..",
+        command="make recorded DATA=FOLDER" if public else f"make own TASK={files.name}",
         simulated=kind == "movement"
         and not absent
         and any(one.simulated for one in files.runs("demonstrations")),
