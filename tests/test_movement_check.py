@@ -17,10 +17,10 @@ from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks import check_verdict
-from structlearn.tasks.own.page import check_section
-from structlearn.tasks.own.protocol import check_results, skill_check
 from structlearn.tasks.movement.movement_parameters import Placement, RobotParameters
 from structlearn.tasks.movement.skill_check import Unroll, unrolls
+from structlearn.tasks.own.page import check_section
+from structlearn.tasks.own.protocol import check_results, skill_check
 from structlearn.tasks.task_files import TaskFiles
 
 RATE_HZ = skill_check.RATE_HZ

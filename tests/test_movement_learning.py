@@ -1,7 +1,7 @@
 import numpy as np
+from structlearn.tasks.public.protocol.movement import mean_orientation_path
 
 from structlearn.core import quaternion
-from structlearn.tasks.public.protocol.movement import mean_orientation_path
 
 
 def test_mean_orientation_path_is_the_middle_of_two():

@@ -12,6 +12,7 @@ from structlearn.primitives.sequence import default_start
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import WIDTH, canvas, styled
+from structlearn.reporting.findings import Findings
 from structlearn.tasks.movement.check_results import KINDS, THIN, SkillCheck, overall, read_check
 from structlearn.tasks.movement.feedback_learning import in_view
 from structlearn.tasks.movement.movement_parameters import MovementEntry
@@ -48,7 +49,7 @@ def check_section(files: TaskFiles) -> Section | None:
             "kinds": [kind for kind in KINDS if kind in set(check.margins["kind"])],
             "searched": robot.rest_configuration is None,
         },
-        metrics=check.metrics(),
+        find=Findings.of_metrics(check.metrics(), ("check_failing_runs", "check_least_margin")),
         tables={
             "check": by_quantity(check),
             "check_worst": worst(check),

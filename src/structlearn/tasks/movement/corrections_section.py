@@ -20,9 +20,9 @@ from structlearn.palette import (
 from structlearn.primitives.fitting import Segment, segment_paths
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.reporting.claims import difference, mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.reporting.prose import capitalised, listing
 from structlearn.tasks.movement.feedback_learning import feedback_metrics, in_view, read_feedback
@@ -52,6 +52,7 @@ def feedback_section(files: TaskFiles) -> Section | None:
         return None
     scores, checks = learned.scores, learned.checks
     nmse = scores[scores["learned"]].groupby(["primitive", "axis"], sort=False)["nmse"].mean()
+    numbers = feedback_metrics(learned)
     measures = [name for name in checks.columns if name.split("_")[0] in CHECKED]
     by_setting = checks.groupby(["primitive", "setting"], sort=False)[measures].max().reset_index()
     return Section(
@@ -67,7 +68,7 @@ def feedback_section(files: TaskFiles) -> Section | None:
             "worst_key": nmse.idxmax(),
             "poor": [f"{name} {axis}" for (name, axis), value in nmse.items() if value >= POOR],
         },
-        metrics=feedback_metrics(learned),
+        find=Findings.of_metrics(numbers, tuple(numbers)[:2]),
         tables={
             "feedback_scores": response_table(scores),
             "feedback_checks": Table(by_setting, dict.fromkeys(measures, ".3g")),
@@ -139,6 +140,11 @@ def phase_section(files: TaskFiles) -> Section | None:
         middle, half = mean_interval((runs[first] - runs[second]).to_numpy())
         values |= {f"{name}_mm": middle, f"{name}_half_width_mm": half}
     values |= {f"coupling_{axis}_nmse": its["nmse"].mean() for axis, its in by_axis}
+    find = Findings.of_metrics(values, ("nominal_path_mean_mm", "coupling_path_mean_mm"))
+    find = find.among("runs left out, each by its mean over the splits")
+    find.difference("coupling_gain", runs["nominal_mm"], runs["coupling_mm"], unit="mm")
+    find.difference("coupling_above_mean", runs["coupling_mm"], runs["spread_mm"], unit="mm")
+    find.mean("coupling_end", 100 * runs["end_share"], unit="%")
     return Section(
         "corrections",
         "Corrections over phase alone",
@@ -152,7 +158,6 @@ def phase_section(files: TaskFiles) -> Section | None:
             "poor_axes": listing(by_axis["nmse"].mean().loc[lambda error: error >= POOR].index, "no axis"),
             "target_end_percent": 100 * by_axis["target_end_share"].mean().max(),
         },
-        metrics=values,
         tables={
             "coupling_paths": shown(_path_distances(distances)),
             "coupling_axes": shown(_axes(targets, scores), largest_m=".1f", spread_m=".1f"),
@@ -162,11 +167,7 @@ def phase_section(files: TaskFiles) -> Section | None:
             "coupling": [profile_panel(profile), target_panel(targets, "z")],
             "coupling_more": [target_panel(targets, "x"), target_panel(targets, "y")],
         },
-        evidence={
-            "coupling_gain": difference(runs["nominal_mm"], runs["coupling_mm"]),
-            "coupling_above_mean": difference(runs["coupling_mm"], runs["spread_mm"]),
-            "coupling_end": mean(100 * runs["end_share"]),
-        },
+        find=find,
     )
 
 

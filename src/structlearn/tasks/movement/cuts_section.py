@@ -11,6 +11,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.claims import Evidence, difference
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import draw_cuts, shade_primitives, speed
 from structlearn.reporting.prose import level_name, listing
 from structlearn.reporting.segmentation_figures import noise_figure
@@ -85,7 +86,9 @@ def cuts_section(files: TaskFiles) -> Section:
             "true": any(one.true_segments is not None for one in demonstrations),
             "between": None,
         },
-        metrics=cut_metrics(demonstrations, segmentation),
+        find=Findings.of_metrics(
+            cut_metrics(demonstrations, segmentation), ("cuts_demonstrations", "cuts_doubtful")
+        ),
         tables={
             "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
             "left_out": Table(segmentation.left_out),
@@ -135,16 +138,19 @@ def _with_rests(found: Section, errors: pd.DataFrame) -> Section:
         dict.fromkeys(METHODS, ".1f"),
         headings | {"noise_mm": "noise (mm)"},
     )
+    for name, value in error_ms.items():
+        found.find.exact(name, value, unit="ms", headline=name.endswith("_2mm"))
+    find = found.find.among("movements, averaged over draws of rests and noise")
+    for name, methods in CASES.items():
+        find.add(name, cut_gains(errors, *methods), unit="ms")
     return replace(
         found,
         facts={**found.facts, "between": listing(winners)},
-        metrics=found.metrics | error_ms,
         tables={**found.tables, "noise": levels, "comparison": Table(paired_comparison(by_seed))},
         pictures={
             **found.pictures,
             "noise": noise_figure(by_level, paired_comparison(by_seed), "noise added (mm)", "same draw"),
         },
-        evidence={name: cut_gains(errors, *methods) for name, methods in CASES.items()},
     )
 
 

@@ -19,14 +19,15 @@ from structlearn.palette import (
     REPRODUCTION_COLOUR,
     primitive_colour,
 )
-from structlearn.primitives.fitting import Segment, orientations, segment_paths
+from structlearn.primitives.fitting import FitParameters, Segment, orientations, segment_paths
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.twist_swing import dominant_axes, on_chart
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import Found, exact, mean, unknown
+from structlearn.reporting.claims import exact
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import fit_panel, sequence_figure, space_panels
 from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
@@ -95,21 +96,9 @@ def primitives_section(files: TaskFiles) -> Section:
             "main": main,
             "demonstrations": len(runs),
         },
-        metrics=fit_metrics(reproduction, own.fit)
-        | {f"{name}_own_spread_mm": mm for name, mm in spread.items()}
-        | {
-            f"{row['primitive']}_{prefix}_{key}": row[column]
-            for row in errors.to_dict("records")
-            for prefix in [next(key for key, words in VARIANTS.values() if words == row["variant"])]
-            for key, column in (
-                ("mean_mm", "mean_mm"),
-                ("max_mm", "max_mm"),
-                ("end_max_mm", "end_mm"),
-            )
-        },
         tables={"errors": errors_table(errors)},
         pictures=pictures,
-        evidence=evidence(reproduction, segments),
+        find=findings(reproduction, errors, segments, own.fit),
     )
 
 
@@ -148,8 +137,21 @@ def errors_table(errors: pd.DataFrame) -> Table:
     return Table(errors, formats | {"end_mm": ".3f"}, headings)
 
 
-def evidence(reproduction: pd.DataFrame, segments: dict[str, list[Segment]]) -> dict[str, Found]:
-    """By the names of claims, over all primitives."""
+def findings(
+    reproduction: pd.DataFrame,
+    errors: pd.DataFrame,
+    segments: dict[str, list[Segment]],
+    parameters: FitParameters,
+) -> Findings:
+    """Distances by primitive and variant, and what claims name, over the demonstrations of all primitives."""
+    numbers = fit_metrics(reproduction, parameters)
+    find = Findings.of_metrics(numbers, tuple(numbers)[:6]).among("recorded movements")
+    for name, its in reproduction.groupby("primitive", sort=False):
+        find.mean(f"{name}_own_spread_mm", its.drop_duplicates("demonstration")["from_mean_mm"], unit="mm")
+    prefixes = {words: prefix for prefix, words in VARIANTS.values()}
+    for row in errors.to_dict("records"):
+        for key, column in (("mean_mm", "mean_mm"), ("max_mm", "max_mm"), ("end_max_mm", "end_mm")):
+            find.exact(f"{row['primitive']}_{prefixes[row['variant']]}_{key}", row[column], unit="mm")
     variants = {key: its for key, its in reproduction.groupby(["left_out", "scaled"], sort=False)}
     published = variants.get((False, False), variants[False, True])
     lengths_mm = np.array(
@@ -159,13 +161,11 @@ def evidence(reproduction: pd.DataFrame, segments: dict[str, list[Segment]]) -> 
             for path, _ in segments[name]
         ]
     )
-    found: dict[str, Found] = {
-        "reach_ends": exact((100 * published["end_mm"] / lengths_mm).max(), len(published))
-    }
+    find.add("reach_ends", exact((100 * published["end_mm"] / lengths_mm).max(), len(published)), unit="%")
     if (True, True) in variants:
         left_out = variants[True, True]
-        found["left_out_from_mean"] = mean(left_out["mean_mm"] - left_out["from_mean_mm"])
-    return found
+        find.mean("left_out_from_mean", left_out["mean_mm"] - left_out["from_mean_mm"], unit="mm")
+    return find
 
 
 @styled
@@ -229,6 +229,24 @@ def turns_section(files: TaskFiles) -> Section | None:
     single, joint = errors[errors["learned_from"] != "all"], errors[errors["learned_from"] == "all"]
     runs, (primitive,) = files.runs("demonstrations"), files.primitives()
     segments = segment_paths(runs, files.segmentation().result(primitive.name), own.fit.smoothing_hz)
+    find = Findings("logs")
+    find.add(
+        "turns_found",
+        {
+            "mean of a log": exact(single["mean_deg"].max(), len(single)),
+            "mean of all": exact(joint["mean_deg"].max(), len(single)),
+            "at the end": exact(errors["end_deg"].max(), len(errors)),
+        },
+        unit="degrees",
+    )
+    numbers = {
+        "mean_deg_single": single["mean_deg"].mean(),
+        "mean_deg_joint": joint["mean_deg"].item(),
+        "end_deg_single": single["end_deg"].max(),
+        "end_deg_joint": joint["end_deg"].item(),
+    }
+    for name, value in numbers.items():
+        find.exact(f"{primitive.name}_{name}", value, unit="degrees", headline=name == "mean_deg_joint")
     return Section(
         "turns",
         "Turns of the hand",
@@ -240,21 +258,9 @@ def turns_section(files: TaskFiles) -> Section | None:
             "most_turn": single["turn_deg"].max(),
             "mean_deg": joint["mean_deg"].item(),
         },
-        metrics={
-            f"{primitive.name}_mean_deg_single": single["mean_deg"].mean(),
-            f"{primitive.name}_mean_deg_joint": joint["mean_deg"].item(),
-            f"{primitive.name}_end_deg_single": single["end_deg"].max(),
-            f"{primitive.name}_end_deg_joint": joint["end_deg"].item(),
-        },
         tables={"turns": shown(errors)},
         pictures={"turning": turn_panel(segments, primitive)},
-        evidence={
-            "turns": {
-                "mean of a log": exact(single["mean_deg"].max(), len(single)),
-                "mean of all": exact(joint["mean_deg"].max(), len(single)),
-                "at the end": exact(errors["end_deg"].max(), len(errors)),
-            }
-        },
+        find=find,
     )
 
 
@@ -288,29 +294,28 @@ def execution_section(files: TaskFiles) -> Section | None:
     if own.given != PARTS:
         return None
     errors = files.table("primitives/execution")
+    find = Findings("primitives")
+    for row in errors.to_dict("records"):
+        for column in ("mean_mm", "mean_deg"):
+            if column in row:
+                find.exact(f"{files.name}_{row['primitive']}_{column}", row[column])
+    largest = {
+        words: exact(errors[column].max(), len(errors))
+        for words, column in (("position (mm)", "mean_mm"), ("orientation (°)", "mean_deg"))
+        if column in errors
+    }
+    find.add("sequence", largest, headline=True)
     found = Section(
         "execution",
         "The execution",
         "execution.html.jinja",
         lead="execution_lead.html.jinja",
         facts={"parts": list(errors["primitive"]), "electrodes": None, "strong_range": STRONG_RANGE},
-        metrics={
-            f"{files.name}_{row['primitive']}_{column}": row[column]
-            for row in errors.to_dict("records")
-            for column in ("mean_mm", "mean_deg")
-            if column in row
-        },
         tables={"execution": shown(errors)},
         pictures={
             "execution": execution_panel(files.runs("demonstrations"), files.table("primitives/nominal"))
         },
-        evidence={
-            "sequence": {
-                words: exact(errors[column].max(), len(errors))
-                for words, column in (("position (mm)", "mean_mm"), ("orientation (°)", "mean_deg"))
-                if column in errors
-            }
-        },
+        find=find,
     )
     return found if own.traces_hz is None else _with_traces(found, files)
 
@@ -318,22 +323,20 @@ def execution_section(files: TaskFiles) -> Section | None:
 def _with_traces(found: Section, files: TaskFiles) -> Section:
     """The same, with the tactile channels as sensor primitives."""
     scores, traces = files.table("primitives/trace_scores"), files.table("primitives/traces")
-    strong = scores[scores["range"] > STRONG_RANGE]
+    strong, find = scores[scores["range"] > STRONG_RANGE], found.find.among("electrodes that move")
     by = scores.groupby("primitive", sort=False)
     table = by.agg(rms=("rms", "median"), nmse=("nmse", "median"))
     table["strong"] = strong.groupby("primitive").size().reindex(table.index, fill_value=0)
     table["strong_nmse"] = strong.groupby("primitive")["nmse"].mean()
     words = {"strong": f"electrodes beyond {STRONG_RANGE} counts", "strong_nmse": "their mean NMSE"}
     columns = {"median_nmse": "nmse", "median_rms_counts": "rms", "strong_mean_nmse": "strong_nmse"}
+    for name, row in table.iterrows():
+        for key, column in columns.items():
+            find.exact(f"electrodes_{name}_{key}", row[column])
+    find.mean("electrodes", strong["nmse"], missing="no electrode moves enough")
     return replace(
         found,
         facts={**found.facts, "electrodes": scores["electrode"].nunique()},
-        metrics=found.metrics
-        | {
-            f"electrodes_{name}_{key}": row[column]
-            for name, row in table.iterrows()
-            for key, column in columns.items()
-        },
         tables={
             **found.tables,
             "electrodes": Table(scores),
@@ -342,10 +345,6 @@ def _with_traces(found: Section, files: TaskFiles) -> Section:
         pictures={
             **found.pictures,
             "electrodes": [electrode_errors_panel(scores), *electrode_panels(scores, traces)],
-        },
-        evidence={
-            **found.evidence,
-            "electrodes": mean(strong["nmse"]) if len(strong) else unknown("no electrode moves enough"),
         },
     )
 
