@@ -22,7 +22,11 @@ REPORT = Path("reports/recorded")
 SIMULATED = ("scraping", "obstacles", "dynamics", "servoing")
 """Testbeds whose statements are held against like ones about recordings."""
 
-HEADLINES: Mapping[str, tuple[str, str, str]] = {}
+HEADLINES: Mapping[str, tuple[str, str, str]] = {
+    "reach_cut_error_ms_2mm": ("reaches", "reach_cut_error_ms_2mm", ""),
+    "reach_left_ten_out_mean_mm": ("reaches", "primitives_reach_left_out_mm", ""),
+    "coupling_path_mean_mm": ("reaches", "coupling_path_mean_mm", ""),
+}
 """Of `metrics.json`: task, name and case of the finding."""
 
 
