@@ -1,4 +1,4 @@
-"""Parameters of learning the latent space of a skin. Fields: `stages/own/params.yaml`, `touch`."""
+"""Parameters of learning from touch. Fields: `stages/tasks/params.yaml`, `touch`."""
 
 from typing import Literal
 
@@ -32,8 +32,26 @@ class ServoParameters(Parameters):
     seed: int = Field(ge=0)
 
 
+class SurfaceParameters(Parameters):
+    """Expected traces of a finger that slides over surfaces, and deviations from them."""
+
+    rate_hz: float = Field(gt=0)
+    max_gap_s: float = Field(gt=0)
+    material: str
+    left_out: tuple[str, ...]
+    strong_counts: float = Field(gt=0)
+    smoothing_hz: float = Field(gt=0)
+
+
+class TransferParameters(Parameters):
+    """Latent spaces of sets of touches, tried on each other and on simulated touch."""
+
+    left_out: tuple[str, ...]
+    simulated_repeats: int = Field(ge=1)
+
+
 class TouchParameters(Parameters):
-    """A latent space of a skin, from touches at places that are known."""
+    """Touches of a skin at known places, or with `surfaces` or `transfer` those of a finger over time."""
 
     source: str = Field(min_length=1)
     topics: TopicMap | None
@@ -57,6 +75,8 @@ class TouchParameters(Parameters):
     spaces: LatentSpaceParameters
     force: ForceParameters | None
     servo: ServoParameters | None
+    surfaces: SurfaceParameters | None
+    transfer: TransferParameters | None
 
     def sensor(self, channels: tuple[str, ...]) -> SensorDescription:
         """The sensor that has these channels."""
