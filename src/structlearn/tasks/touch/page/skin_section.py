@@ -11,11 +11,10 @@ from structlearn.reporting.claims import Evidence, Found, by_case, mean, unknown
 from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
-from structlearn.tasks.touch.page.touch_names import FORCE_MODELS, SPACES
-from structlearn.tasks.touch.touch_parameters import (
+from structlearn.tasks.touch.touch_names import (
     COMPONENTS,
     CORRECTED,
-    MODELS,
+    FORCE_MODELS,
     NEW_BLOCKS,
     NEW_PRESSES,
     NEW_RUN,
@@ -23,10 +22,11 @@ from structlearn.tasks.touch.touch_parameters import (
     PRESSURE,
     PROCESS,
     QUADRATIC,
+    SPACES,
     STRUCTURED,
     TEXT_SERVO,
-    TouchParameters,
 )
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 ENDINGS = {STRUCTURED: "", PLAIN: "_plain", COMPONENTS: "_components", PROCESS: "_process"}
 """Of the findings' names."""
@@ -206,7 +206,7 @@ def skin_tables(runs: SkinRuns) -> dict[str, Table]:
 def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> dict[str, object]:
     """All findings, and other values for the sentences."""
     blocks = runs.tables.get("errors", pd.DataFrame({"new": [], "model": [], "seed": [], "learned_from": []}))
-    blocks = blocks[(blocks["new"] == NEW_BLOCKS) & (blocks["model"] == MODELS[0]) & (blocks["seed"] == 0)]
+    blocks = blocks[(blocks["new"] == NEW_BLOCKS) & (blocks["model"] == STRUCTURED) & (blocks["seed"] == 0)]
     presses = blocks.groupby("learned_from")["presses"].sum() if len(blocks) else pd.Series([0])
     lags = runs.tables.get("lags", pd.DataFrame({"signals_s": [], "force_s": []}))
     depth = runs.errors(NEW_BLOCKS, "depth_nmse")
