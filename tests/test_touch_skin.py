@@ -15,7 +15,7 @@ from structlearn.readers import eflesh
 from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.pressed_skin import block_numbers, held_out
 from structlearn.tasks.touch import skin_force, skin_readings, skin_servoing
-from structlearn.tasks.touch.page.skin_section import SkinRuns, find_skin
+from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
 from structlearn.tasks.touch.skin_touches import folds_of, gathered, learn_skin, learn_touch
 from structlearn.tasks.touch.touch_names import (
     CORRECTED,
@@ -28,7 +28,7 @@ from structlearn.tasks.touch.touch_names import (
     STRUCTURED,
     TEXT_SERVO,
 )
-from structlearn.tasks.touch.views.touch_view import write_skin
+from structlearn.tasks.touch.touch_view import write_skin
 
 CHANNELS = tuple(str(channel) for channel in range(15))
 BRIEF = {"seeds": 1, "pair_pool": 5000, "evaluation_pairs": 2000}

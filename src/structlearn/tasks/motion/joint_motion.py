@@ -56,6 +56,7 @@ from structlearn.tasks.motion.drives_and_load import (
     weighed_loads,
 )
 from structlearn.tasks.motion.motion_parameters import MotionParameters, NetworkChoiceParameters
+from structlearn.tasks.task_files import local_path
 
 TEST = "test"
 """Part that is tested on, where it is not a log by its own name."""
@@ -81,7 +82,7 @@ LOGS = "logs.parquet"
 
 def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
     """The robot with the inertias of its URDF, and the URDF: a path, or a file of `pybullet_data`."""
-    urdf = urdf_path(str(Path(parameters.urdf).expanduser()))
+    urdf = urdf_path(str(local_path(parameters.urdf)))
     return read_urdf(urdf, parameters.locked_joints), urdf
 
 

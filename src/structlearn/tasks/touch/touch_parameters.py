@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field, PositiveFloat
 
 from structlearn.core.params import Parameters
+from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.topics import TopicMap
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters, SensorDescription
 
@@ -50,11 +51,13 @@ class TransferParameters(Parameters):
     simulated_repeats: int = Field(ge=1)
 
 
-class TouchParameters(Parameters):
+class TouchParameters(SourceParameters):
     """Touches of a skin at known places, or with `surfaces` or `transfer` those of a finger over time."""
 
-    source: str = Field(min_length=1)
+    kind = "touch"
+
     topics: TopicMap | None
+    clock: ClockParameters
     channels: tuple[str, ...] | None = Field(min_length=1)
     places: Literal["probe", "channels"]
     channels_mm: tuple[tuple[float, float], ...] | None
@@ -77,6 +80,11 @@ class TouchParameters(Parameters):
     servo: ServoParameters | None
     surfaces: SurfaceParameters | None
     transfer: TransferParameters | None
+
+    @property
+    def over_time(self) -> bool:
+        """Whether touches are learned from as streams."""
+        return self.surfaces is not None or self.transfer is not None
 
     def sensor(self, channels: tuple[str, ...]) -> SensorDescription:
         """The sensor that has these channels."""

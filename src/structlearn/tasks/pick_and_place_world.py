@@ -1,0 +1,356 @@
+"""An invented task as somebody might have recorded it: an arm is led from a part to a tray and back.
+
+Each demonstration is a few moves in space with pauses between them, by a person who leads a Franka Panda:
+durations, starts, goals and paths differ from one to the next. Motion capture sees the gripper, the arm
+reports its joints, the gripper its fingers, the wrist the weight that it carries, each on a clock of its own.
+
+What differs on purpose can be asked for: a twitch that belongs to no move, a hesitation within a move, a
+move that is not made.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import structlearn
+from structlearn.core import minimum_jerk, quaternion
+from structlearn.core.frames import UP
+from structlearn.readers.bag import RawMessages, write_bag
+from structlearn.readers.bag_recording import to_metadata
+from structlearn.readers.messages import joint_messages, to_messages
+from structlearn.readers.recording import Recording, Stream
+from structlearn.simulation.arm import urdf_path
+from structlearn.simulation.hand_noise import hand_noise
+
+# Places of the fingertips in the arm's base frame, m, with the scatter of each (std per axis).
+HOME = np.array([0.40, 0.00, 0.45])
+PART = np.array([0.50, -0.22, 0.13])
+TRAY = np.array([0.45, 0.25, 0.14])
+ABOVE = np.array([0.0, 0.0, 0.18])
+PLACES = {"home": HOME, "part": PART, "tray": TRAY, "above part": PART + ABOVE, "above tray": TRAY + ABOVE}
+SCATTER_M = {"home": 0.015, "part": 0.006, "tray": 0.006, "above part": 0.012, "above tray": 0.012}
+YAW_DEG = {"home": 0.0, "part": 25.0, "tray": -20.0, "above part": 25.0, "above tray": -20.0}
+YAW_SCATTER_DEG = 3.0
+DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # the fingers point down
+
+MOVES = {
+    2: {"reach": "part", "retreat": "home"},
+    3: {"reach": "part", "carry": "tray", "retreat": "home"},
+    5: {"reach": "part", "lift": "above part", "carry": "above tray", "lower": "tray", "retreat": "home"},
+}
+"""Moves of the task, by their number, and where each ends; all begin at home."""
+
+GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}
+"""After how many moves the gripper closes and opens."""
+
+# Time: a move of 0.5 m takes about 2 s, a shorter one less, and no two are alike. At this pace the arm keeps
+# its limits also from and to the corners of the workspace (`make check TASK=pick`).
+SECONDS, SECONDS_PER_M = 1.0, 2.0
+TEMPO_SPREAD, MOVE_SPREAD = 0.08, 0.08  # std of the duration's logarithm, shared by all moves and of each
+SKEW, WAVES = 0.5, 0.15  # std of the exponents of the pace: early or late, and faster and slower in turns
+PAUSE_S, REST_S = (0.3, 1.0), (0.5, 1.2)  # between moves; before the first and after the last
+HESITATION_S, HESITATION_DEPTH = (0.05, 0.10), (0.85, 1.0)  # std of a dip of the pace, and its depth
+TWITCH_M, TWITCH_S = (0.006, 0.02), (0.25, 0.45)  # there and back again
+ONSET_SPEED = 0.05  # a move is seen while its speed is above this part of its peak
+
+# Space: paths are bowed upwards and a little to some side, by so much of their length.
+RISE, BOW_SPREAD = 0.15, 0.05
+
+# Devices
+GRID_HZ = 600.0
+POSE_EVERY, JOINTS_EVERY, GRIPPER_EVERY = 5, 6, 20  # 120, 100 and 30 Hz
+CAPTURE_MM, CAPTURE_DEG = (0.2, 0.5), 0.1  # std per axis of a reading of motion capture
+HAND_MM = 0.3  # std per axis of a hand that leads
+JITTER_S = 0.001
+OPEN_M, CLOSED_M, GRIPPER_S = 0.04, 0.015, 0.2  # of each finger; how long it takes
+PART_KG, FORCE_N = 0.6, 0.15  # std of the wrist's reading per axis
+EPOCH_NS, BETWEEN_NS = 1_609_459_200_000_000_000, 60_000_000_000
+
+URDF, TIP = "franka_panda/panda.urdf", "panda_grasptarget"
+ELBOW_RAD = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.8, 0.0, 0.0])  # where the search for angles starts
+
+
+@dataclass(frozen=True)
+class Take:
+    """One demonstration before anything records it.
+
+    Attributes:
+        name: "01", "02", ...
+        moves: names of those that are made.
+        time: (T,) s, at `GRID_HZ`.
+        position: (T, 3) m of the fingertips.
+        orientation: (T, 4) w, x, y, z.
+        opening: (T,) m of each finger.
+        load: (T,) kg that is carried.
+        segments: (P, 2) s, between which each move is seen (`ONSET_SPEED`).
+        planned: (P, 2) s, between which it is made; it begins and ends slower than anybody sees.
+        seed: of the set.
+        capture, arm: sources of the noise of motion capture, and of the other devices.
+    """
+
+    name: str
+    moves: tuple[str, ...]
+    time: np.ndarray
+    position: np.ndarray
+    orientation: np.ndarray
+    opening: np.ndarray
+    load: np.ndarray
+    segments: np.ndarray
+    planned: np.ndarray
+    seed: int
+    capture: np.random.SeedSequence
+    arm: np.random.SeedSequence
+
+
+def takes(
+    seed: int,
+    moves: int,
+    count: int = 6,
+    *,
+    twitch: bool = False,
+    hesitation: bool = False,
+    without: Mapping[str, str] | None = None,
+) -> list[Take]:
+    """Demonstrations of one person.
+
+    Args:
+        seed: of all randomness.
+        moves: 2, 3 or 5, see `MOVES`.
+        count: demonstrations.
+        twitch: one idle twitch in each, in one of its rests or pauses.
+        hesitation: one of the moves of each nearly comes to a halt on its way.
+        without: moves that are not made, by demonstration, e.g. `{"04": "carry"}`.
+    """
+    seeds = np.random.SeedSequence([seed, moves]).spawn(count)
+    names = [f"{number + 1:02d}" for number in range(count)]
+    goals = [
+        {move: goal for move, goal in MOVES[moves].items() if move != (without or {}).get(name)}
+        for name in names
+    ]
+    return [
+        _take(name, seed, goals[place], GRASP[moves], twitch, hesitation, seeds[place])
+        for place, name in enumerate(names)
+    ]
+
+
+def as_recording(take: Take) -> Recording:
+    """A take as motion capture alone saw it."""
+    return Recording(take.name, (_captured(take),), _since_first_stamp(take), _provenance(take))
+
+
+def write_takes(made: Sequence[Take], folder: Path) -> None:
+    """Write a bag per take: `/gripper/pose`, `/joint_states`, `/gripper/joint_states`, `/wrist/wrench`.
+
+    Args:
+        made: of `takes`.
+        folder: there it is.
+    """
+    for take in made:
+        write_bag(folder / f"{take.name}.mcap", to_metadata(as_recording(take)), _topics(take).items())
+
+
+@dataclass(frozen=True)
+class _Move:
+    """One move: when it is made, and which part of the way is done."""
+
+    start: float  # s
+    grid: np.ndarray  # (N,) s since then
+    progress: np.ndarray  # (N,) 0 -> 1
+
+    @property
+    def end(self) -> float:
+        return self.start + float(self.grid[-1])
+
+    @property
+    def seen(self) -> tuple[float, float]:
+        speed = np.gradient(self.progress, self.grid)
+        moving = self.grid[speed >= ONSET_SPEED * speed.max()]
+        return self.start + float(moving[0]), self.start + float(moving[-1])
+
+    def at(self, time: np.ndarray) -> np.ndarray:
+        """(T, 1) part of the way that is done at times in s."""
+        return np.interp(time - self.start, self.grid, self.progress)[:, None]
+
+
+def _take(
+    name: str,
+    seed: int,
+    goals: Mapping[str, str],
+    grasp: tuple[int, int],
+    twitch: bool,
+    hesitation: bool,
+    source: np.random.SeedSequence,
+) -> Take:
+    drawn, hand, capture, arm = source.spawn(4)
+    rng = np.random.default_rng(drawn)
+    stops = ["home", *goals.values()]
+    points = np.array([PLACES[stop] + SCATTER_M[stop] * rng.standard_normal(3) for stop in stops])
+    yaws = np.radians([YAW_DEG[stop] + YAW_SCATTER_DEG * rng.standard_normal() for stop in stops])
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    tempo = TEMPO_SPREAD * rng.standard_normal()
+    rests = [rng.uniform(*REST_S), *rng.uniform(*PAUSE_S, len(goals) - 1), rng.uniform(*REST_S)]
+    twitches, again = rng.integers(len(rests)), rng.uniform(*PAUSE_S)
+    lasts, far, way = rng.uniform(*TWITCH_S), rng.uniform(*TWITCH_M), rng.standard_normal(3)
+    hesitates = rng.integers(len(goals)) if hesitation else None
+
+    now, made, twitched = 0.0, [], 0.0
+    for place, rest in enumerate(rests):
+        now += rest
+        if twitch and place == twitches:
+            twitched = now
+            now += lasts + again
+        if place < len(goals):
+            duration = (SECONDS + SECONDS_PER_M * lengths[place]) * np.exp(
+                tempo + MOVE_SPREAD * rng.standard_normal()
+            )
+            made.append(_move(now, duration, place == hesitates, rng))
+            now = made[-1].end
+    time = np.arange(int(now * GRID_HZ)) / GRID_HZ
+
+    position = np.tile(points[0], (len(time), 1))
+    yaw = np.full(len(time), yaws[0])
+    for move, start, end, turn in zip(made, points, points[1:], np.diff(yaws), strict=False):
+        done = move.at(time)
+        position = position + done * (end - start) + 16 * (done * (1 - done)) ** 2 * _bow(end - start, rng)
+        yaw = yaw + done[:, 0] * turn
+    if twitch:
+        there = np.clip((time - twitched) / lasts, 0.0, 1.0)[:, None]
+        position = position + 16 * (there * (1 - there)) ** 2 * far * way / np.linalg.norm(way)
+    velocity = np.gradient(position, 1 / GRID_HZ, axis=0)
+    shaken, turned = hand_noise(velocity, np.zeros(len(time)), HAND_MM, GRID_HZ, np.random.default_rng(hand))
+    turned[:, 2] += yaw
+    events = [made[min(moves, len(made)) - 1].end for moves in grasp]
+    closed = np.interp(time, events[0] + np.array([0.05, 0.05 + GRIPPER_S]), [0, 1])
+    opened = np.interp(time, events[1] + np.array([0.0, GRIPPER_S]) + 0.3 * (grasp[0] == grasp[1]), [0, 1])
+    held = closed * (1 - opened)
+    return Take(
+        name,
+        tuple(goals),
+        time,
+        position + shaken,
+        quaternion.product(quaternion.from_rotation_vector(turned), DOWN),
+        OPEN_M + held * (CLOSED_M - OPEN_M),
+        PART_KG * (held > 0.9) * (grasp[0] < grasp[1]),
+        np.array([move.seen for move in made]),
+        np.array([(move.start, move.end) for move in made]),
+        seed,
+        capture,
+        arm,
+    )
+
+
+def _move(start: float, duration: float, hesitates: bool, rng: np.random.Generator) -> _Move:
+    """Least jerk at a pace that is not even, nor the same twice."""
+    skew, waves = np.array([SKEW, WAVES]) * rng.standard_normal(2)
+    angle = rng.uniform(0, 2 * np.pi)
+    centre, width, depth = rng.uniform(0.35, 0.65), rng.uniform(*HESITATION_S), rng.uniform(*HESITATION_DEPTH)
+    duration += hesitates * depth * width * np.sqrt(2 * np.pi)  # the rest of the move is not hurried
+    grid = np.linspace(0.0, duration, int(duration * GRID_HZ) + 2)
+    s = grid / duration
+    pace = np.exp(skew * (s - 0.5) + waves * np.cos(4 * np.pi * s + angle))
+    pace = pace * (1 - hesitates * depth * np.exp(-0.5 * ((s - centre) * duration / width) ** 2))
+    phase = np.append(0.0, np.cumsum(0.5 * (pace[1:] + pace[:-1])))
+    return _Move(start, grid, minimum_jerk.progress(phase / phase[-1]))
+
+
+def _bow(way: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(3,) m, by which the middle of a path lies off the straight line, at right angles to it."""
+    off = RISE * UP + BOW_SPREAD * rng.standard_normal(3)
+    along = way / np.linalg.norm(way)
+    return np.linalg.norm(way) * (off - (off @ along) * along)
+
+
+def _captured(take: Take) -> Stream:
+    """Measurements of motion capture."""
+    rng = np.random.default_rng(take.capture)
+    seen = slice(None, None, POSE_EVERY)
+    position, orientation = take.position[seen], take.orientation[seen]
+    noise_m = 1e-3 * rng.uniform(*CAPTURE_MM)
+    turns = np.radians(CAPTURE_DEG) * rng.standard_normal(position.shape)
+    orientation = quaternion.product(quaternion.from_rotation_vector(turns), orientation)
+    values = np.hstack([position + noise_m * rng.standard_normal(position.shape), orientation])
+    return Stream("/gripper/pose", "pose", _stamps(take, POSE_EVERY, rng), values)
+
+
+def _topics(take: Take) -> dict[str, RawMessages]:
+    capture = _captured(take)
+    rng = np.random.default_rng(take.arm)
+    stamps, fingers = _stamps(take, JOINTS_EVERY, rng), _stamps(take, GRIPPER_EVERY, rng)
+    names, angles = _joint_angles(take.position[::JOINTS_EVERY], take.orientation[::JOINTS_EVERY])
+    velocities = np.gradient(angles, JOINTS_EVERY / GRID_HZ, axis=0)
+    opening = np.repeat(take.opening[::GRIPPER_EVERY, None], 2, axis=1)
+    force = np.outer(-9.81 * take.load[::JOINTS_EVERY], [0.0, 0.0, 1.0])
+    wrench = np.hstack([force, np.zeros_like(force)]) + FORCE_N * rng.standard_normal((len(force), 6)) * (
+        [1, 1, 1, 0.1, 0.1, 0.1]
+    )
+    where = take.name
+    return {
+        capture.topic: to_messages(f"{where}: {capture.topic}", capture),
+        "/joint_states": joint_messages(
+            f"{where}: /joint_states",
+            names,
+            stamps,
+            {"joint_positions": angles, "joint_velocities": velocities},
+        ),
+        "/gripper/joint_states": joint_messages(
+            f"{where}: /gripper/joint_states",
+            ["panda_finger_joint1", "panda_finger_joint2"],
+            fingers,
+            {"joint_positions": opening},
+        ),
+        "/wrist/wrench": to_messages(
+            f"{where}: /wrist/wrench", Stream("/wrist/wrench", "wrench", stamps, wrench)
+        ),
+    }
+
+
+def _stamps(take: Take, every: int, rng: np.random.Generator) -> np.ndarray:
+    """(N,) ns of a device that samples every so many points of the grid and has a clock of its own."""
+    time = take.time[::every]
+    bound = 0.4 * every / GRID_HZ  # no stamp overtakes the next
+    jitter = np.clip(JITTER_S * rng.standard_normal(len(time)), -bound, bound)
+    jitter[0] = abs(jitter[0])
+    start = EPOCH_NS + (int(take.name) - 1) * BETWEEN_NS
+    return start + np.round(1e9 * (time + jitter)).astype(np.int64)
+
+
+def _since_first_stamp(take: Take) -> np.ndarray:
+    """True segments count from the first pose."""
+    start = EPOCH_NS + (int(take.name) - 1) * BETWEEN_NS
+    return take.segments - 1e-9 * float(_captured(take).stamps[0] - start)
+
+
+def _provenance(take: Take) -> dict[str, str]:
+    return {
+        "origin": "simulated",
+        "generator": "structlearn.tasks.pick_and_place_world",
+        "version": structlearn.__version__,
+        "seed": str(take.seed),
+        "what": f"an arm is led: {', '.join(take.moves)}",
+    }
+
+
+def _joint_angles(position: np.ndarray, orientation: np.ndarray) -> tuple[list[str], np.ndarray]:
+    """Names of the arm's joints, and their angles (N, 7) in rad at poses of the fingertips.
+
+    Each pose is looked for from the one before, so that angles do not jump.
+    """
+    import pinocchio
+
+    model = pinocchio.buildModelFromUrdf(str(urdf_path(URDF)))
+    data, tip, arm = model.createData(), model.getFrameId(TIP), slice(0, 7)
+    angles, found = ELBOW_RAD.copy(), []
+    for place, turn in zip(position, orientation, strict=True):
+        wanted = pinocchio.SE3(quaternion.matrix(turn), place)
+        for _ in range(100):
+            pinocchio.framesForwardKinematics(model, data, angles)
+            error = pinocchio.log6(data.oMf[tip].actInv(wanted)).vector
+            if np.linalg.norm(error) < 1e-7:  # m and rad
+                break
+            jacobian = pinocchio.computeFrameJacobian(model, data, angles, tip)[:, arm]
+            damped = jacobian @ jacobian.T + 1e-6 * np.eye(6)
+            angles[arm] += jacobian.T @ np.linalg.solve(damped, error)
+        found.append(angles[arm].copy())
+    return list(model.names[1:8]), np.array(found)

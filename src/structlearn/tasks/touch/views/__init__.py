@@ -1,1 +1,0 @@
-"""Recordings of touch to look at."""
