@@ -64,8 +64,11 @@ class MotionParameters(Parameters):
     block_s: float = Field(gt=0)
     draws: int = Field(ge=100)
     seed: NonNegativeInt
-    structures: tuple[Literal["nostr", "symm", "spd", "tri", "cov"], ...] = Field(min_length=1)
+    structures: tuple[Literal["nostr", "symm", "spd", "tri", "cov"], ...]
     iterations: int = Field(ge=1)
+    joint_weights: Literal["variance", "limit"]
+    prior: float = Field(ge=0)
+    refit_friction: bool
     body_draws: NonNegativeInt
     largest_condition: float = Field(gt=1)
     gravity_share: float = Field(gt=0, lt=1)
@@ -76,11 +79,13 @@ class MotionParameters(Parameters):
     load: LoadParameters | None
 
     @model_validator(mode="after")
-    def _drives_and_loads_are_of_named_logs(self) -> Self:
+    def _parts_fit_together(self) -> Self:
         if (self.drives is not None or self.load is not None) and None in (self.train, self.test):
             raise ValueError("drives and load need logs that are named: train and test")
         if (self.train is None) != (self.test is None):
             raise ValueError("name both logs or none: train and test")
+        if self.structures and "cov" not in self.structures:
+            raise ValueError("structures lack cov, which becomes the URDF")
         return self
 
     @property

@@ -1,0 +1,253 @@
+"""The dynamics of an arm on its task's page: models tested on held-out motion, and whether to trust them."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from structlearn.reporting.document import Table
+from structlearn.reporting.prose import interval, rounded
+from structlearn.tasks.motion.motion_results import (
+    ALL_PAIRS,
+    BEST,
+    BOUNDS,
+    EMPTY,
+    RIVALS,
+    SENSED,
+    URDF,
+    Drawn,
+    MotionResults,
+    chosen,
+    model_words,
+)
+from structlearn.tasks.public.page.recorded_tables import shown
+
+NUMBERS = {"mass_kg": ".2f", "viscous": ".2f", "coulomb": ".2f"}
+"""How parameters of a link are written; others with three digits behind the point."""
+
+LINKS = ("mass_kg", "centre_x_m", "centre_y_m", "centre_z_m", "viscous", "coulomb")
+"""Parameters of a link that a page shows."""
+
+
+def motion_facts(results: MotionResults) -> dict[str, Any]:
+    """Values for the sentences."""
+    test, motions, gravity = results.test, results["motions"], results["gravity"]
+    best, excitation = results.joint_nmse(results.tested), results["excitation"].iloc[0]
+    worst = max(best, key=lambda joint: best[joint].value)
+    seconds = motions[["learned_s", "tested_s"]].sum()
+    carried = {log: results.carried_error(log).evidence() for log in results.carried_logs}
+    facts: dict[str, Any] = {
+        "chosen": results.parameters,
+        "logs": len(motions),
+        "learned_s": seconds["learned_s"],
+        "tested_s": seconds["tested_s"],
+        "train_log": results.train_log,
+        "tested": results.tested,
+        "worst": best[worst].evidence(),
+        "worst_joint": results.names[list(best).index(worst)],
+        "best": test.loc[BEST].min(),
+        "worst_of": {"urdf": test.loc[URDF].max(), "bounds": test.loc[BOUNDS].max()}
+        | {"viscous": test.loc["cov", "viscous"].max()},
+        "friction_factor": test.loc["cov", "viscous"] / test.loc[BEST],
+        "condition": excitation["condition"],
+        "base_parameters": int(excitation["parameters"]),
+        "unsure": len(results["base"].query("low < 0 < high")),
+        "blocks": best[worst].n,
+        "gravity": {word: list(its["name"]) for word, its in gravity.groupby("holds")},
+        "further": {
+            log: (errors.loc[BEST].max(), errors.loc[BEST].idxmax(), errors.loc[BOUNDS].max())
+            for log, errors in results.errors.items()
+            if log in results.parts[2:]
+        },
+        "networks": [
+            f"{model_words(key)} {rounded(results.errors['train'].loc[key].mean(), '.2g')} "
+            f"\N{RIGHTWARDS ARROW} {rounded(test.loc[key].mean(), '.2g')}"
+            for key in (*RIVALS, ("delan", "coulomb"))
+            if key in test.index
+        ],
+        "carried": carried,
+        "urdf_difference_n_m": results["written"]["difference_n_m"].max(),
+    }
+    if "gains" in results.tables:
+        gains = results["gains"].set_index("joint")
+        facts["gain_factors"] = gains["quoted"] / gains["found"]
+        assumed = gains.index[gains["assumed"]].tolist()
+        facts["stand_in"] = {joint: results.of_drives.assumed_gains[joint] for joint in assumed}
+        facts["rest_log"] = results.rest_log
+    if carried:
+        empty = chosen(results["carried"], stage=EMPTY)
+        facts["load"] = results.load_error(ALL_PAIRS, "found").evidence()
+        facts["load_kg"] = _mass(results, ALL_PAIRS, "found").evidence()
+        quoted = not chosen(results["loads"], gains="quoted").empty
+        facts["quoted_percent"] = results.load_error(ALL_PAIRS, "quoted").value if quoted else np.nan
+        facts["largest_empty_kg"] = empty["mass_kg"].abs().max()
+        facts["first"] = results.carried_logs[0]
+    return facts
+
+
+def motion_tables(results: MotionResults) -> dict[str, Table]:
+    """Tables keyed by name."""
+    tables = {
+        "motion_joints": _joints(results),
+        "motion_errors": _errors(results),
+        "motion_whole": _whole(results),
+        "motion_logs": _logs(results),
+        "motion_gravity": _gravity(results["gravity"]),
+        "motion_base": shown(results["base"].rename(columns={"urdf": "URDF"})),
+        "motion_bodies": _bodies(results),
+    }
+    if results.parts[2:]:
+        tables["motion_further"] = _further(results)
+    if "choice" in results.tables:
+        tables["motion_choice"] = shown(results["choice"])
+    if "gains" in results.tables:
+        tables["motion_drives"] = _drives(results)
+    if results.carried_logs:
+        tables |= {"motion_loads": _loads(results), "motion_followed": _followed(results)}
+    return tables
+
+
+def _text(found: Drawn, number: str) -> str:
+    if np.isnan(found.value):
+        return "none"
+    its = found.evidence()
+    return f"{rounded(its.value, number)} {interval(its.low, its.high, number)}"
+
+
+def _joints(results: MotionResults) -> Table:
+    """NMSE of every joint, with intervals."""
+    columns = {"joint": results.joints, "name": results.names}
+    for key in (URDF, BOUNDS, BEST):
+        columns[model_words(key)] = [_text(its, ".2g") for its in results.joint_nmse(results.tested, key).values()]
+    return Table(pd.DataFrame(columns))
+
+
+def _errors(results: MotionResults) -> Table:
+    wide = results.test
+    numbers = wide.add_prefix("joint_").assign(mean=wide.mean(axis=1)).reset_index(drop=True)
+    numbers.insert(0, "model", [model_words(key) for key in wide.index])
+    plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS[0]).tolist())
+    return shown(numbers, plain)
+
+
+def _whole(results: MotionResults) -> Table:
+    """Errors of all joints together, with intervals."""
+    names = {"limit_percent": "NRMS (% of the limits)", "relative_percent": "relative (%)", "norm_n_m": "norm (N m)"}
+    numbers = {"limit_percent": ".3f"}
+    rows = [
+        {"model": model_words(key)}
+        | {names[name]: _text(its, numbers.get(name, ".2f")) for name, its in results.whole_errors(key).items()}
+        for key in (URDF, BOUNDS, BEST, (BOUNDS[0], "offset"), SENSED)
+    ]
+    return Table(pd.DataFrame(rows))
+
+
+def _further(results: MotionResults) -> Table:
+    rows = [
+        {"log": log, "model": model_words(key)} | results.errors[log].loc[key].add_prefix("joint_").to_dict()
+        for log in results.parts[2:]
+        for key in (URDF, *RIVALS, BEST, BOUNDS)
+        if key in results.errors[log].index
+    ]
+    return shown(pd.DataFrame(rows))
+
+
+def _logs(results: MotionResults) -> Table:
+    columns = ["log", "part", "start_s", "end_s", "length_s", "learned_s", "tested_s"]
+    frame = results["motions"][columns]
+    words = {"start_s": "from (s)", "end_s": "to (s)", "length_s": "length (s)"}
+    words |= {"learned_s": "learned from (s)", "tested_s": "tested on (s)"}
+    return Table(frame, dict.fromkeys(words, ".1f"), words)
+
+
+def _gravity(gravity: pd.DataFrame) -> Table:
+    columns = {
+        "gravity_n_m": "URDF's gravity, std (N m)",
+        "torque_n_m": "torque, std (N m)",
+        "share": "share of gravity in the torque",
+        "holds": "contains gravity",
+    }
+    frame = gravity.drop(columns="joint").rename(columns={"name": "joint"})[["joint", *columns]]
+    return Table(frame, dict.fromkeys(list(columns)[:3], ".2f"), columns)
+
+
+def _bodies(results: MotionResults) -> Table:
+    """Links as written, a column per parameter, with half a 95 % interval where fits were drawn."""
+    if "bodies" in results.tables:
+        its = results["bodies"]
+    else:
+        key = {"model": BEST[0], "friction": BEST[1]}
+        links = chosen(results["links"], **key).rename(columns={"true_mass_kg": "urdf"})
+        values = [name for name in LINKS if name in links]
+        its = links.melt(["link", "urdf"], values, "parameter")
+        rubbing = chosen(results["friction"], **key).rename(columns={"term": "parameter"})
+        rubbing = rubbing.assign(link=[links["link"].iloc[joint - 1] for joint in rubbing["joint"]])
+        its = pd.concat([its, rubbing]).assign(half_width=np.nan)
+    its = its[its["parameter"].isin(LINKS)]
+    text = []
+    for row in its.itertuples():
+        form = NUMBERS.get(row.parameter, ".3f")
+        width = f" ± {row.half_width:{form}}" if np.isfinite(row.half_width) else ""
+        text.append(f"{rounded(row.value, form)}{width}")
+    wide = its.assign(text=text).pivot_table(
+        index="link", columns="parameter", values="text", aggfunc="first", sort=False
+    )
+    urdf = its[its["parameter"] == "mass_kg"].set_index("link")["urdf"]
+    frame = wide.assign(urdf_mass_kg=[rounded(urdf[link], ".2f") for link in wide.index]).reset_index()
+    table = shown(frame)
+    words = {"urdf_mass_kg": "URDF's mass (kg)", "viscous": "viscous (N m s/rad)", "coulomb": "Coulomb (N m)"}
+    return Table(frame, table.formats, {**table.headings, **words})
+
+
+def _drives(results: MotionResults) -> Table:
+    """Gains and delays of every joint, with intervals as text."""
+    rows = []
+    logs = {results.train_log: "learned from", results.tested: "tested on"}
+    for row in results["gains"].itertuples():
+        its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
+        if (rest := results.rest_log) is not None:
+            at_rest = results.drive("gain at rest", rest, row.joint)
+            its["at rest"] = "assumed" if row.assumed else _text(at_rest, ".3f")
+        its["used"] = rounded(row.found, ".3f")
+        for log, words in logs.items():
+            its[f"in motion, {words}"] = _text(results.drive("gain in motion", log, row.joint), ".3f")
+            delay = results.drive("delay", log, row.joint).scaled(1e3)
+            its[f"delay (ms), {words}"] = _text(delay, ".1f")
+        rows.append(its)
+    return Table(pd.DataFrame(rows))
+
+
+def _mass(results: MotionResults, pair: str, gains: str) -> Drawn:
+    true = results.of_load.known_kg
+    return results.load_error(pair, gains).scaled(0.01 * true, true)
+
+
+def _loads(results: MotionResults) -> Table:
+    rows = [
+        {
+            "logs": row.pair,
+            "gains": row.gains,
+            "mass (kg)": _text(_mass(results, row.pair, row.gains), ".3f"),
+            "error (%)": _text(results.load_error(row.pair, row.gains), ".1f"),
+            "centre (m)": ", ".join(rounded(getattr(row, f"centre_{axis}_m"), ".3f") for axis in "xyz"),
+        }
+        for row in results["loads"].itertuples()
+    ]
+    return Table(pd.DataFrame(rows))
+
+
+def _followed(results: MotionResults) -> Table:
+    rows = []
+    for log in results.carried_logs:
+        its, error = results.settled(log), results.carried_error(log).evidence()
+        rows.append(
+            {
+                "log": log,
+                "settled_s": float(len(its) * results.of_load.batch / results.parameters.rate_hz),
+                "mass_kg": its["mass_kg"].mean(),
+                "least_kg": its["mass_kg"].min(),
+                "most_kg": its["mass_kg"].max(),
+                "error (%)": f"{rounded(error.value, '.1f')} {interval(error.low, error.high)}",
+            }
+        )
+    return shown(pd.DataFrame(rows), settled_s=".0f", least_kg=".2f", most_kg=".2f")
