@@ -35,7 +35,7 @@ QUOTED := reports/quoted/recorded
 recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA=FOLDER
 	$(IN_ENVIRONMENT) RECORDED_DATA="$(abspath $(DATA))" dvc repro stages/recorded/dvc.yaml
 	mkdir -p $(QUOTED)
-	cd reports/recorded && cp tables/claims.csv metrics.json details.json $(CURDIR)/$(QUOTED)
+	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
 	@$(BIN)/python -m structlearn.core.wall_clock
 	@echo "reports/recorded/index.html is up to date"

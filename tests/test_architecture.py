@@ -92,7 +92,7 @@ STARTS = {
 }
 """By kind of stage: slow libraries that its start may load, and the scripts."""
 
-COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "details.json": "details.json"}
+COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "findings.csv": "findings.csv"}
 """What `make recorded` puts aside of the report on recorded data."""
 
 PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/own/dvc.yaml")

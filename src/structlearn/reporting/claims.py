@@ -51,7 +51,7 @@ class Evidence:
     reason: str = ""  # why nothing was found, where the value is NaN
 
 
-def exact(value: float, n: int) -> Evidence:
+def exact(value: float, n: int = 1) -> Evidence:
     """A number that is known as it is, such as the largest of n values."""
     return Evidence(float(value), float(value), float(value), n)
 
@@ -289,12 +289,11 @@ def judge(
 ) -> list[Judged]:
     """Hold claims against what was found.
 
-    `claims`: of `read_claims`; `evidence`: by the names that the claims use; all of it is used. Raises
-    ValueError: evidence is missing, or no claim uses it.
+    `claims`: of `read_claims`; `evidence`: by the names that the claims use. Raises ValueError: some is
+    missing.
     """
-    used = {claim.evidence for claim in claims}
-    if used != set(evidence):
-        raise ValueError(f"claims and evidence do not match: {sorted(used ^ set(evidence))}")
+    if missing := {claim.evidence for claim in claims} - set(evidence):
+        raise ValueError(f"nothing was found for {sorted(missing)}, which claims name")
     return [_judged(claim, evidence[claim.evidence], environment, facts) for claim in claims]
 
 

@@ -12,6 +12,7 @@ from structlearn.core.artefacts import Metrics, read_metrics
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import VERDICTS
 from structlearn.reporting.document import environment
+from structlearn.reporting.findings import read_findings, values_by_key
 
 KIT = "structlearn.reporting"
 
@@ -57,7 +58,7 @@ class Report:
     Attributes:
         folder: beside the front page.
         card: see there, its texts not yet rendered.
-        metrics: its headline figures and its details.
+        metrics: its headline figures and all other findings by key.
         pages: further pages of it, title by file name.
     """
 
@@ -77,14 +78,15 @@ def read_report(folder: Path, card: Path, pages: Mapping[str, str] | None = None
     """Read what a testbed's report left in its folder.
 
     Args:
-        folder: with `metrics.json` and `details.json`.
+        folder: with `metrics.json` and `findings.csv`.
         card: the testbed's `card.yaml`.
         pages: further pages, title by file name.
 
     Raises:
         InputError: a file is missing or not readable.
     """
-    metrics = {**read_metrics(folder / "metrics.json"), **read_metrics(folder / "details.json")}
+    findings = values_by_key(read_findings(folder / "findings.csv"))
+    metrics = {**findings, **read_metrics(folder / "metrics.json")}
     described = Card(**read_values(card))
     return Report(folder.name, described, metrics, pages or {})
 
