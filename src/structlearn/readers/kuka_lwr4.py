@@ -1,8 +1,7 @@
 """Public logs of a KUKA LWR4+ on exciting trajectories, and its URDF.
 
-Files `data/KUKA/HW/measurements_{1,2}.npz` and `model/kuka_lwr4.urdf` of the repository kjyv/FloBaRoID (S. Bethge
-et al., "FloBaRoID: a software package for the identification of robot dynamics parameters", RAAD 2017). Torques
-are those of joint sensors.
+Files `data/KUKA/HW/measurements_{1,2}.npz` and `model/kuka_lwr4.urdf` of the repository kjyv/FloBaRoID, which
+identifies robots. Torques are those of joint sensors.
 """
 
 from functools import partial

@@ -53,9 +53,7 @@ def read_slides(
     return read_each(lambda path: read_slide(path.parent, path.name), paths, left_out)
 
 
-def read_motion(
-    folder: str | Path, entry: Any, left_out: dict[str, str] | None = None
-) -> list[JointLog]:
+def read_motion(folder: str | Path, entry: Any, left_out: dict[str, str] | None = None) -> list[JointLog]:
     """The arm's joints on the slides, `entry.part` trials of each material, on a clock of `entry.rate_hz`."""
     runs = [synchronise(one, entry.rate_hz) for one in read_slides(folder, entry.part, left_out)]
     return [

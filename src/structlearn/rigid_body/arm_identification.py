@@ -50,9 +50,6 @@ ModelKey = tuple[str, str]
 CONSISTENT = ("tri", "cov")
 """Structures of physically consistent inertias."""
 
-WRITTEN: ModelKey = ("cov", "coulomb")
-"""The model that becomes a URDF: physically consistent inertias, and friction that a URDF knows."""
-
 
 @dataclass(frozen=True)
 class NetworkTraining:
@@ -104,7 +101,8 @@ def identify_arm(
 ) -> Identified:
     """Every model on the part `TRAIN`, and what it predicts of all parts.
 
-    Identification starts from the URDF's inertias; structures are learned with every friction of `LEARNED_FRICTIONS`, networks as they are listed.
+    Identification starts from the URDF's inertias; structures are learned with every friction of
+    `LEARNED_FRICTIONS`, networks as they are listed.
     """
     kinds = [kind for kind in NETWORKS if kind in networks]
     work: list[tuple[Kind, str]] = [(kind, name) for kind in kinds for name in NETWORKS[kind]]
@@ -206,16 +204,20 @@ def trace_table(
     return pd.DataFrame(columns)
 
 
-def write_identified(source: Path, target: Path, robot: Robot, identified: Identified) -> pd.DataFrame:
-    """The model `WRITTEN` as a URDF from the tree of the maker's, and what comes back from the file.
+def write_identified(
+    source: Path, target: Path, robot: Robot, identified: Identified, friction: str
+) -> pd.DataFrame:
+    """The model Cov with Coulomb friction, or an offset too, as a URDF from the tree of the maker's.
+
+    A URDF cannot hold the offset.
 
     Returns:
         `joint`, `difference_n_m`: largest difference at random states between torques of the model and those
         of Pinocchio's recursive Newton-Euler with the file.
     """
-    model = identified.models[WRITTEN]
+    model = identified.models["cov", friction]
     inertias = model.inertias().of(0)
-    viscous, coulomb = model.friction_coefficients()[0].T
+    viscous, coulomb = model.friction_coefficients()[0].T[:2]
     write_urdf(source, target, robot.tree, inertias, viscous, coulomb)
     differences = torque_differences(read_urdf(target), inertias)
     return pd.DataFrame({"joint": np.arange(1, len(differences) + 1), "difference_n_m": differences})

@@ -121,7 +121,9 @@ def fit_structure(
             added = prior * apart.mean()
             slope[: len(reference)] += prior / len(apart) * change
         gradients = structure_gradient(place, *parts(values), squares, slope[None])
-        return error @ error + weight * (pull @ pull) + added, np.concatenate([its.ravel() for its in gradients])
+        return error @ error + weight * (pull @ pull) + added, np.concatenate(
+            [its.ravel() for its in gradients]
+        )
 
     found = minimize(
         loss,
@@ -134,11 +136,12 @@ def fit_structure(
 
 
 def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Log-det divergence of the links' pseudo-inertias from known ones (Lee, Wensing, Park 2020), convex in theta.
+    """Log-det divergence of the links' pseudo-inertias from known ones (Lee, Wensing, Park 2020).
 
         D = tr(P0^-1 P) - log det(P0^-1 P) - 4        P = [[tr(I)/2 1 - I, h], [h^T, m]]
 
-    It does not depend on frames or units, and grows without bound towards what no body has.
+    It is convex in theta, does not depend on frames or units, and grows without bound towards inertias that
+    no body has.
 
     Args:
         theta: (10 n,) of the regressor's columns.
@@ -147,7 +150,9 @@ def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.nda
     Returns:
         (n,) of the links, and the slope (10 n,) of their sum.
     """
-    found, reference = (its.reshape(-1, SYMMETRIC_COLUMNS) @ PSEUDO.reshape(SYMMETRIC_COLUMNS, 16) for its in (theta, known))
+    found, reference = (
+        its.reshape(-1, SYMMETRIC_COLUMNS) @ PSEUDO.reshape(SYMMETRIC_COLUMNS, 16) for its in (theta, known)
+    )
     found, inverse = found.reshape(-1, 4, 4), np.linalg.inv(reference.reshape(-1, 4, 4))
     ratio = inverse @ found
     apart = np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4.0

@@ -171,7 +171,9 @@ def block_norms(
         }
         columns = {key: block_sums(values, length) for key, values in norms.items()}
         samples = block_sums(np.ones(len(part)), length)
-        tables.append(pd.DataFrame({"part": name, "block": np.arange(len(samples)), "samples": samples, **columns}))
+        tables.append(
+            pd.DataFrame({"part": name, "block": np.arange(len(samples)), "samples": samples, **columns})
+        )
     return pd.concat(tables, ignore_index=True)
 
 

@@ -1,6 +1,6 @@
-"""What an arm's logs tell beside its links: drives known by motor currents, a load, intervals of the bodies."""
+"""Drives known by motor currents, a load or payload, and intervals of an arm's links."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -306,8 +306,8 @@ def payload_check(robot: Robot, motion: Motion) -> dict[str, pd.DataFrame]:
 
     Returns:
         `payload_torques`: `sign` (1: as recorded, -1: reversed), `payload` (whether one was fitted), `joint`,
-        `measured_n_m` and `model_n_m` (means; the measured one with its sign), `left_n_m` (root mean square of
-        the difference). `payloads`: `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last joint's frame.
+        `measured_n_m` and `model_n_m` (means), `left_n_m` (root mean square of the difference). `payloads`:
+        `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last joint's frame.
     """
     columns = torque_regressor(robot.tree, motion.q, motion.qd, motion.qdd)
     model = columns @ link_parameters(robot.inertias.tensors()).numpy()

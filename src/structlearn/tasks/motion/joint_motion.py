@@ -113,8 +113,8 @@ def learn_motion(
     Returns:
         What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
         `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `friction`, `links`,
-        `traces`, `written`: of `arm_identification`. `blocks`: of `block_table`; `norms`: of `block_norms`. `gravity`: of
-        `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
+        `traces`, `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`.
+        `gravity`: of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
         `excitation`: one row, `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and what
         is found of drives and loads: of `drives_and_load`. Without structures nothing is learned, and the
         tables are those of `check_torques`.
@@ -159,7 +159,7 @@ def learn_motion(
         tables |= weighed_loads(robot.tree, motions, gains, parameters)
         tables["carried"] = followed_loads(robot, motions, parameters)
     if parameters.body_draws:
-        model = identified.models[arm_identification.WRITTEN]
+        model = identified.models["cov", parameters.judged_friction]
         tables["bodies"] = body_intervals(robot, parts[TRAIN], model, parameters)
     base = base_parameters(robot.tree)
     fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *parameters.drawing)
@@ -178,7 +178,9 @@ def learn_motion(
             {"parameter": base.formulas(robot.tree)} | bounds | {"urdf": base.values(robot.inertias)}
         ),
         "excitation": pd.DataFrame({"condition": [fit.condition], "parameters": [len(base.columns)]}),
-        "written": arm_identification.write_identified(source, folder / "identified.urdf", robot, identified),
+        "written": arm_identification.write_identified(
+            source, folder / "identified.urdf", robot, identified, parameters.judged_friction
+        ),
     }
     for (kind, friction), models in identified.models.items():
         write_dynamics_models(models, folder / f"models/{kind}_{friction}.safetensors")
@@ -190,7 +192,7 @@ def learn_motion(
 def check_torques(
     robot: Robot, logs: Mapping[str, Log], parameters: MotionParameters
 ) -> dict[str, pd.DataFrame]:
-    """Whether torques of all logs together fit the URDF: `gravity` of `gravity_check`, and of `payload_check`."""
+    """Whether torques of all logs together fit the URDF: by `gravity_check` and `payload_check`."""
     motion = joined([cut_motion(cast("JointLog", log), parameters)[0] for log in logs.values()])
     return {"gravity": gravity_check(robot, motion, parameters)} | payload_check(robot, motion)
 

@@ -22,7 +22,7 @@ from structlearn.tasks.motion.motion_results import (
     chosen,
 )
 
-TRACED = (URDF, ("mlp", "none"), ("cov", "viscous"), BEST)
+TRACED = (URDF, ("mlp", "none"), (BEST, "viscous"), (BEST, "coulomb"), (BEST, "offset"))
 """Models whose torques are drawn beside the measured ones."""
 
 TRACED_JOINTS = 4
@@ -38,7 +38,7 @@ STAGES = {
 
 def motion_figures(results: MotionResults) -> dict[str, Drawing | list[Drawing]]:
     """All figures by name."""
-    worst = results.test.loc[BEST].sort_values(ascending=False).index[:TRACED_JOINTS]
+    worst = results.test.loc[results.best].sort_values(ascending=False).index[:TRACED_JOINTS]
     first, *others = [torque_panel(results, joint) for joint in worst]
     drawn: dict[str, Drawing | list[Drawing]] = {"motion": [errors_panel(results), first]}
     if others:
@@ -56,10 +56,14 @@ def errors_panel(results: MotionResults) -> Figure:
     """NMSE over the joints by model; intervals for the model that is written."""
     figure, axes = panel("Motion not learned from", 3.5, xlabel="joint", ylabel="NMSE", yscale="log")
     for key in (key for key in LOOKS if key in results.test.index):
-        its, line = results.test.loc[key], "--" if key == BOUNDS else "-"
-        axes.plot(its.index, its, line, marker="o", markersize=4, color=LOOKS[key].colour, label=LOOKS[key].name)
-    values, draws, _ = results.nmse(results.tested, BEST)
-    axes.vlines(results.joints, *percentiles(draws), color=LOOKS[BEST].colour, linewidth=2.5, alpha=0.5)
+        its, line = results.test.loc[key], "--" if key[0] == BOUNDS else "-"
+        axes.plot(
+            its.index, its, line, marker="o", markersize=4, color=LOOKS[key].colour, label=LOOKS[key].name
+        )
+    _, draws, _ = results.nmse(results.tested, results.best)
+    axes.vlines(
+        results.joints, *percentiles(draws), color=LOOKS[results.best].colour, linewidth=2.5, alpha=0.5
+    )
     axes.set_xticks(results.joints)
     return legend(figure)
 
@@ -72,7 +76,8 @@ def torque_panel(results: MotionResults, joint: int) -> Figure:
     its = chosen(results["traces"], joint=joint)
     axes.plot(its["time_s"], its["measured"], color=BLACK, linewidth=2.4, alpha=0.35, label="measured")
     for key in TRACED:
-        if (name := "_".join(key).removesuffix("_none")) in its:
+        name = "_".join(key).removesuffix("_none")
+        if name in its and (key[1] != "offset" or key == results.best):
             axes.plot(its["time_s"], its[name], color=LOOKS[key].colour, linewidth=1.0, label=LOOKS[key].name)
     low, high = its["measured"].min(), its["measured"].max()
     axes.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))

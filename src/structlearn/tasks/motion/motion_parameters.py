@@ -69,6 +69,7 @@ class MotionParameters(Parameters):
     joint_weights: Literal["variance", "limit"]
     prior: float = Field(ge=0)
     refit_friction: bool
+    judged_friction: Literal["coulomb", "offset"]
     body_draws: NonNegativeInt
     largest_condition: float = Field(gt=1)
     gravity_share: float = Field(gt=0, lt=1)

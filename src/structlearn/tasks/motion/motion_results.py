@@ -10,15 +10,13 @@ import pandas as pd
 from structlearn.core.block_bootstrap import block_count, block_sums, drawn_counts, percentiles
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, Look
 from structlearn.reporting.claims import Evidence, Found, confidence, counted, exact, mean, unknown
+from structlearn.reporting.findings import Findings
 from structlearn.rigid_body.model_names import DEFAULT, NAMES, STRICT
 from structlearn.rigid_body.motion import drawn_nmse
 from structlearn.tasks.motion.motion_parameters import DriveParameters, LoadParameters, MotionParameters
 
-URDF, BEST, BOUNDS = ("urdf", "none"), ("cov", "coulomb"), ("least_squares", "coulomb")
-"""The URDF as it came, the model that becomes a URDF, and that which need not be physically consistent."""
-
-SENSED = ("cov", "offset")
-"""With an offset, which a URDF cannot hold: sensors of torque need not be zeroed."""
+URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
+"""The URDF as it came; the kinds that become a URDF, and that need not be physically consistent."""
 
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
 CONSISTENT = ("tri", "cov")
@@ -38,9 +36,9 @@ LOOKS = {
     ("mlp_scaled", "none"): Look("MLP, scaled", ORANGE),
     ("delan", "viscous"): Look("DeLaN", PURPLE),
     ("cov", "viscous"): Look("Cov, viscous", SKY),
-    BEST: Look("Cov, Coulomb", BLUE),
+    (BEST, "coulomb"): Look("Cov, Coulomb", BLUE),
     ("cov", "offset"): Look("Cov, Coulomb, offset", GREEN),
-    BOUNDS: Look("least squares, Coulomb", BLACK),
+    (BOUNDS, "coulomb"): Look("least squares, Coulomb", BLACK),
 }
 """Models with their friction as figures show them; keys are those of the protocol's tables."""
 
@@ -92,6 +90,16 @@ class MotionResults:
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         return self.tables[name]
+
+    @property
+    def best(self) -> tuple[str, str]:
+        """The model that verdicts are about."""
+        return BEST, self.parameters.judged_friction
+
+    @property
+    def bounds(self) -> tuple[str, str]:
+        """Least squares with the same friction."""
+        return BOUNDS, self.parameters.judged_friction
 
     @cached_property
     def parts(self) -> list[str]:
@@ -160,9 +168,9 @@ class MotionResults:
         value, draws, count = self.nmse(self.tested, model)
         return Drawn(value.mean(), draws.mean(axis=1), count)
 
-    def joint_nmse(self, part: str, model: tuple[str, str] = BEST) -> dict[str, Drawn]:
-        """NMSE of a model by joint (`joint 1`, ...)."""
-        values, draws, count = self.nmse(part, model)
+    def joint_nmse(self, part: str, model: tuple[str, str] | None = None) -> dict[str, Drawn]:
+        """NMSE of a model, by default the best, by joint (`joint 1`, ...)."""
+        values, draws, count = self.nmse(part, model or self.best)
         each = zip(self.joints, values, draws.T, strict=True)
         return {f"joint {joint}": Drawn(value, its, count) for joint, value, its in each}
 
@@ -198,13 +206,18 @@ class MotionResults:
         found = Drawn(whole["mass_kg"], draws, whole["blocks"])
         return found.scaled(100.0 / self.of_load.known_kg, -100.0)
 
+    def load_kg(self, pair: str, gains: str) -> Drawn:
+        """Mass of the load in kg."""
+        true = self.of_load.known_kg
+        return self.load_error(pair, gains).scaled(0.01 * true, true)
+
     def settled(self, log: str) -> pd.DataFrame:
         """What was found while the load was carried, after the wait."""
         its = chosen(self["carried"], log=log, stage=CARRYING)
         return its[its["since_s"] > self.of_load.settled_s]
 
     def carried_error(self, log: str) -> Drawn:
-        """Mean absolute error of the mass in percent while it is carried; without draws where that is short."""
+        """Mean absolute error of the mass in percent while it is carried; no draws where that is short."""
         load, own = self.of_load, self.parameters
         error = 100.0 * np.abs(self.settled(log)["mass_kg"].to_numpy() / load.known_kg - 1.0)
         length = round(load.memory_s * own.rate_hz / load.batch)
@@ -222,9 +235,29 @@ class MotionResults:
         return Drawn(whole["value"], draws, whole["blocks"])
 
 
-def evidence(results: MotionResults) -> dict[str, Found]:
-    """By the names that claims use; what the logs cannot decide is unknown."""
-    return _models(results) | _whole(results) | _drives(results) | _load(results) | _written(results)
+def motion_findings(results: MotionResults) -> Findings:
+    """Every number of the page that is no table's; what the logs cannot decide is unknown."""
+    find = Findings("blocks of motion")
+    rows = _models(results) | _drives(results) | _load(results)
+    rows |= {name: its.evidence() for name, its in results.whole_errors(results.best).items()}
+    for name, found in rows.items():
+        find.add(name, found, unit=UNITS.get(name, ""), headline=name in HEADLINES)
+    find.among("joints").exact("written_torques", *_worst(results["written"]["difference_n_m"]), unit="N m")
+    links = chosen(results["links"], model=BEST, friction=results.parameters.judged_friction)
+    possible = links[["positive_mass", "positive_definite", "triangle"]].all(axis=1)
+    find.among("links").counted("possible_bodies", int(possible.sum()), len(possible))
+    return find
+
+
+HEADLINES = ("nmse", "nmse_urdf", "limit_percent", "relative_percent", "norm_n_m", "load_kg", "load_carried")
+UNITS = {"delays": "ms", "assumed_gains": "%", "load_kg": "kg", "norm_n_m": "N m"} | dict.fromkeys(
+    ("load", "load_alone", "load_quoted", "load_carried", "limit_percent", "relative_percent"), "%"
+)
+"""Of findings by name; others have none."""
+
+
+def _worst(values: pd.Series) -> tuple[float, int]:
+    return float(values.max()), len(values)
 
 
 def _cases(drawn: Mapping[str, Drawn], missing: str = "") -> Found:
@@ -250,7 +283,7 @@ def _models(results: MotionResults) -> dict[str, Found]:
     for kind in (name for name in STRICT if (name, "viscous") in known):
         rough, fine = (results.mean_nmse((kind, friction)) for friction in ("viscous", "coulomb"))
         factors[MODELS[kind]] = Drawn(rough.value / fine.value, rough.draws / fine.draws, rough.n)
-    own, bounds = (results.joint_nmse(part, key) for key in (BEST, BOUNDS))
+    own, bounds = (results.joint_nmse(part, key) for key in (results.best, results.bounds))
     level = {
         joint: Drawn(its.value / bounds[joint].value, its.draws / bounds[joint].draws, its.n)
         for joint, its in own.items()
@@ -264,6 +297,9 @@ def _models(results: MotionResults) -> dict[str, Found]:
     consistent = [kind for kind in CONSISTENT if (kind, "coulomb") in known]
     with_coulomb, last = test.loc[[(kind, "coulomb") for kind in consistent]], test.columns[-1]
     return {
+        "nmse": results.mean_nmse(results.best).evidence(),
+        "nmse_urdf": results.mean_nmse(URDF).evidence(),
+        "mean_nmse": {model_words(key): results.mean_nmse(key).evidence() for key in test.index},
         "better_joints": counted(int(better.sum()), len(better)),
         "over_networks": _cases(apart, NO_NETWORKS.reason),
         "over_networks_by_seed": {
@@ -276,7 +312,10 @@ def _models(results: MotionResults) -> dict[str, Found]:
         "level": _cases(level),
         "over_least_squares": {
             FRICTIONS[friction]: exact(
-                max((test.loc[kind, friction] / test.loc["least_squares", friction]).max() for kind in consistent),
+                max(
+                    (test.loc[kind, friction] / test.loc["least_squares", friction]).max()
+                    for kind in consistent
+                ),
                 len(consistent) * len(better),
             )
             for friction in ("viscous", "coulomb", "offset")
@@ -288,10 +327,6 @@ def _models(results: MotionResults) -> dict[str, Found]:
             f"joint {last}": exact(with_coulomb[last].max(), len(consistent)),
         },
     }
-
-
-def _whole(results: MotionResults) -> dict[str, Found]:
-    return {name: its.evidence() for name, its in results.whole_errors(SENSED).items()}
 
 
 def _drives(results: MotionResults) -> dict[str, Found]:
@@ -320,19 +355,11 @@ def _load(results: MotionResults) -> dict[str, Found]:
         gains: results.load_error(ALL_PAIRS, gains).evidence() if (ALL_PAIRS, gains) in pairs else NO_LOAD
         for gains in ("found", "quoted")
     }
+    whole = results.load_kg(ALL_PAIRS, "found").evidence() if (ALL_PAIRS, "found") in pairs else NO_LOAD
     return {
+        "load_kg": whole,
         "load": together["found"],
         "load_alone": _cases(alone, NO_LOAD.reason),
         "load_quoted": together["quoted"],
         "load_carried": _cases(long, "nowhere is the load carried long enough"),
-    }
-
-
-def _written(results: MotionResults) -> dict[str, Found]:
-    differences = results["written"]["difference_n_m"].to_numpy()
-    links = chosen(results["links"], model=BEST[0], friction=BEST[1])
-    possible = links[["positive_mass", "positive_definite", "triangle"]].all(axis=1)
-    return {
-        "written_torques": exact(np.max(differences), len(differences)),
-        "possible_bodies": counted(int(possible.sum()), len(possible)),
     }

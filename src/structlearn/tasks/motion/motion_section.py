@@ -1,5 +1,6 @@
 """The dynamics of an arm on its task's page: models tested on held-out motion, and whether to trust them."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from structlearn.tasks.motion.motion_results import (
     BOUNDS,
     EMPTY,
     RIVALS,
-    SENSED,
     URDF,
     Drawn,
     MotionResults,
@@ -45,17 +45,21 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "tested": results.tested,
         "worst": best[worst].evidence(),
         "worst_joint": results.names[list(best).index(worst)],
-        "best": test.loc[BEST].min(),
-        "worst_of": {"urdf": test.loc[URDF].max(), "bounds": test.loc[BOUNDS].max()}
+        "best": test.loc[results.best].min(),
+        "worst_of": {"urdf": test.loc[URDF].max(), "bounds": test.loc[results.bounds].max()}
         | {"viscous": test.loc["cov", "viscous"].max()},
-        "friction_factor": test.loc["cov", "viscous"] / test.loc[BEST],
+        "friction_factor": test.loc["cov", "viscous"] / test.loc[results.best],
         "condition": excitation["condition"],
         "base_parameters": int(excitation["parameters"]),
         "unsure": len(results["base"].query("low < 0 < high")),
         "blocks": best[worst].n,
         "gravity": {word: list(its["name"]) for word, its in gravity.groupby("holds")},
         "further": {
-            log: (errors.loc[BEST].max(), errors.loc[BEST].idxmax(), errors.loc[BOUNDS].max())
+            log: (
+                errors.loc[results.best].max(),
+                errors.loc[results.best].idxmax(),
+                errors.loc[results.bounds].max(),
+            )
             for log, errors in results.errors.items()
             if log in results.parts[2:]
         },
@@ -77,12 +81,33 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
     if carried:
         empty = chosen(results["carried"], stage=EMPTY)
         facts["load"] = results.load_error(ALL_PAIRS, "found").evidence()
-        facts["load_kg"] = _mass(results, ALL_PAIRS, "found").evidence()
+        facts["load_kg"] = results.load_kg(ALL_PAIRS, "found").evidence()
         quoted = not chosen(results["loads"], gains="quoted").empty
         facts["quoted_percent"] = results.load_error(ALL_PAIRS, "quoted").value if quoted else np.nan
         facts["largest_empty_kg"] = empty["mass_kg"].abs().max()
         facts["first"] = results.carried_logs[0]
     return facts
+
+
+def check_facts(tables: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
+    """Values for the sentences about logs that are too slow to identify an arm."""
+    torques, payloads = tables["payload_torques"], tables["payloads"].set_index("sign")
+    left = torques[torques["payload"]].groupby("sign")["left_n_m"].max()
+    return {
+        "left_reversed": left[-1],
+        "left_as_recorded": left[1],
+        "mass_reversed": payloads.loc[-1, "mass_kg"],
+        "mass_as_recorded": payloads.loc[1, "mass_kg"],
+    }
+
+
+def check_tables(tables: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
+    """Tables keyed by name, likewise."""
+    return {
+        "payload_torques": shown(tables["payload_torques"]),
+        "payloads": shown(tables["payloads"]),
+        "motion_gravity": _gravity(tables["gravity"]),
+    }
 
 
 def motion_tables(results: MotionResults) -> dict[str, Table]:
@@ -117,8 +142,10 @@ def _text(found: Drawn, number: str) -> str:
 def _joints(results: MotionResults) -> Table:
     """NMSE of every joint, with intervals."""
     columns = {"joint": results.joints, "name": results.names}
-    for key in (URDF, BOUNDS, BEST):
-        columns[model_words(key)] = [_text(its, ".2g") for its in results.joint_nmse(results.tested, key).values()]
+    for key in (URDF, results.bounds, results.best):
+        columns[model_words(key)] = [
+            _text(its, ".2g") for its in results.joint_nmse(results.tested, key).values()
+        ]
     return Table(pd.DataFrame(columns))
 
 
@@ -126,18 +153,28 @@ def _errors(results: MotionResults) -> Table:
     wide = results.test
     numbers = wide.add_prefix("joint_").assign(mean=wide.mean(axis=1)).reset_index(drop=True)
     numbers.insert(0, "model", [model_words(key) for key in wide.index])
-    plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS[0]).tolist())
+    plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS).tolist())
     return shown(numbers, plain)
 
 
 def _whole(results: MotionResults) -> Table:
     """Errors of all joints together, with intervals."""
-    names = {"limit_percent": "NRMS (% of the limits)", "relative_percent": "relative (%)", "norm_n_m": "norm (N m)"}
+    names = {
+        "limit_percent": "NRMS (% of the limits)",
+        "relative_percent": "relative (%)",
+        "norm_n_m": "norm (N m)",
+    }
     numbers = {"limit_percent": ".3f"}
     rows = [
         {"model": model_words(key)}
-        | {names[name]: _text(its, numbers.get(name, ".2f")) for name, its in results.whole_errors(key).items()}
-        for key in (URDF, BOUNDS, BEST, (BOUNDS[0], "offset"), SENSED)
+        | {
+            names[name]: _text(its, numbers.get(name, ".2f"))
+            for name, its in results.whole_errors(key).items()
+        }
+        for key in (
+            URDF,
+            *((kind, friction) for friction in ("coulomb", "offset") for kind in (BOUNDS, BEST)),
+        )
     ]
     return Table(pd.DataFrame(rows))
 
@@ -146,7 +183,7 @@ def _further(results: MotionResults) -> Table:
     rows = [
         {"log": log, "model": model_words(key)} | results.errors[log].loc[key].add_prefix("joint_").to_dict()
         for log in results.parts[2:]
-        for key in (URDF, *RIVALS, BEST, BOUNDS)
+        for key in (URDF, *RIVALS, results.best, results.bounds)
         if key in results.errors[log].index
     ]
     return shown(pd.DataFrame(rows))
@@ -176,7 +213,7 @@ def _bodies(results: MotionResults) -> Table:
     if "bodies" in results.tables:
         its = results["bodies"]
     else:
-        key = {"model": BEST[0], "friction": BEST[1]}
+        key = {"model": BEST, "friction": results.parameters.judged_friction}
         links = chosen(results["links"], **key).rename(columns={"true_mass_kg": "urdf"})
         values = [name for name in LINKS if name in links]
         its = links.melt(["link", "urdf"], values, "parameter")
@@ -217,17 +254,12 @@ def _drives(results: MotionResults) -> Table:
     return Table(pd.DataFrame(rows))
 
 
-def _mass(results: MotionResults, pair: str, gains: str) -> Drawn:
-    true = results.of_load.known_kg
-    return results.load_error(pair, gains).scaled(0.01 * true, true)
-
-
 def _loads(results: MotionResults) -> Table:
     rows = [
         {
             "logs": row.pair,
             "gains": row.gains,
-            "mass (kg)": _text(_mass(results, row.pair, row.gains), ".3f"),
+            "mass (kg)": _text(results.load_kg(row.pair, row.gains), ".3f"),
             "error (%)": _text(results.load_error(row.pair, row.gains), ".1f"),
             "centre (m)": ", ".join(rounded(getattr(row, f"centre_{axis}_m"), ".3f") for axis in "xyz"),
         }
