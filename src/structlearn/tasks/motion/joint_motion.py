@@ -113,8 +113,8 @@ def learn_motion(
     Returns:
         What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
         `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `friction`, `links`,
-        `traces`, `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`.
-        `gravity`: of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
+        `traces`, `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
+        of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
         `excitation`: one row, `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and what
         is found of drives and loads: of `drives_and_load`. Without structures nothing is learned, and the
         tables are those of `check_torques`.

@@ -188,7 +188,7 @@ class MotionResults:
         counts = np.vstack([np.ones(len(sums)), counts])  # the first is the whole
         samples, squared, errors = np.moveaxis(np.tensordot(counts, sums, 1), -1, 0)
         lengths, drawn = counts @ norms, {}
-        limits = 2.0 * self["gravity"]["limit_n_m"].to_numpy()
+        limits = 2.0 * self["gravity"]["limit_n_m"].replace(0.0, np.nan).to_numpy()  # 0: the URDF has none
         drawn["limit_percent"] = 100.0 * (np.sqrt(errors / samples) / limits).mean(axis=1)
         drawn["relative_percent"] = 100.0 * np.sqrt(errors.sum(axis=1) / squared.sum(axis=1))
         drawn["norm_n_m"] = lengths[:, 1] / lengths[:, 0]

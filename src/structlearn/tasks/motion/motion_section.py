@@ -6,27 +6,74 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table
 from structlearn.reporting.document import Table
 from structlearn.reporting.prose import interval, rounded
+from structlearn.tasks.motion.motion_figures import motion_figures
 from structlearn.tasks.motion.motion_results import (
     ALL_PAIRS,
     BEST,
     BOUNDS,
     EMPTY,
+    FRICTIONS,
     RIVALS,
     URDF,
     Drawn,
     MotionResults,
     chosen,
     model_words,
+    motion_findings,
 )
 from structlearn.tasks.public.page.recorded_tables import shown
+from structlearn.tasks.section import Section
+from structlearn.tasks.task_entry import MotionEntry
+from structlearn.tasks.task_files import TaskFiles
 
 NUMBERS = {"mass_kg": ".2f", "viscous": ".2f", "coulomb": ".2f"}
 """How parameters of a link are written; others with three digits behind the point."""
 
+OPTIONAL = ("choice", "drives", "drive_draws", "gains", "delay_curves", "loads", "load_draws", "carried", "bodies")
+REQUIRED = (
+    *("motions", "errors", "blocks", "norms", "friction", "links", "traces", "gravity", "base", "excitation"),
+    "written",
+)
+"""Tables of the stage; a task has the optional ones by its parameters."""
+
 LINKS = ("mass_kg", "centre_x_m", "centre_y_m", "centre_z_m", "viscous", "coulomb")
 """Parameters of a link that a page shows."""
+
+
+def section(files: TaskFiles) -> Section:
+    """Of a task with logs of joints."""
+    parameters = files.entry(MotionEntry)
+    provenance = read_log_table(
+        files.recorded / "logs.parquet", JointLog if parameters.drives is None else DriveLog
+    )[0].provenance
+    if not parameters.structures:
+        tables = {name: files.table(f"motion/{name}") for name in ("gravity", "payload_torques", "payloads")}
+        facts, shown_tables = check_facts(tables), check_tables(tables)
+        return Section(
+            "motion",
+            "Torques beside the URDF",
+            "torque_check.html.jinja",
+            facts=facts | {"origin": provenance},
+            tables=shown_tables,
+        )
+    there = [name for name in OPTIONAL if (files.folder / f"motion/{name}.parquet").is_file()]
+    results = MotionResults(
+        {name: files.table(f"motion/{name}") for name in (*REQUIRED, *there)}, parameters
+    )
+    urdf = f"{files.folder}/motion/identified.urdf"
+    return Section(
+        "motion",
+        "The arm's dynamics",
+        "motion.html.jinja",
+        lead="motion_lead.html.jinja",
+        facts=motion_facts(results) | {"urdf": urdf, "origin": provenance},
+        findings=motion_findings(results),
+        tables=motion_tables(results),
+        pictures=motion_figures(results),
+    )
 
 
 def motion_facts(results: MotionResults) -> dict[str, Any]:
@@ -39,6 +86,9 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
     facts: dict[str, Any] = {
         "chosen": results.parameters,
         "logs": len(motions),
+        "joints": len(results.joints),
+        "whole": {name: its.evidence() for name, its in results.whole_errors(results.best).items()},
+        "friction": FRICTIONS[results.best[1]],
         "learned_s": seconds["learned_s"],
         "tested_s": seconds["tested_s"],
         "train_log": results.train_log,
