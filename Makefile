@@ -19,6 +19,7 @@ help:
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
 	$(IN_ENVIRONMENT) dvc repro
 	@$(BIN)/python -m structlearn.core.wall_clock
+	@sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
 	@echo "reports/index.html is up to date"
 
 test: lint  ## lint, run all tests

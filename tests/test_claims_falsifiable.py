@@ -36,7 +36,7 @@ from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_c
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.public.page import assembly, calibration_results
-from structlearn.testbeds.dynamics.page.evidence import evidence as dynamics_evidence
+from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.evidence import evidence as obstacles_evidence
 from structlearn.testbeds.scraping.page.people_results import (
     People,
@@ -152,7 +152,7 @@ SCRAPING = "structlearn.testbeds.scraping.page"
 RECORDED = "structlearn.tasks.public.page"
 PAGES = {
     "dynamics": Page(
-        "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_evidence
+        "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
     ),
     "obstacles": Page(
         "structlearn.testbeds.obstacles.page",

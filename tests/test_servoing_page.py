@@ -1,19 +1,17 @@
 """The page of the servoing testbed, on a toy finger and tables whose numbers are known."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import reporting_verdicts
-import yaml
 from committed import committed
 from tactile_toy import toy_dataset
 
 from structlearn.core.params import Population
 from structlearn.reporting.claims import Evidence, claims_table
-from structlearn.reporting.document import environment, render
+from structlearn.reporting.document import render
 from structlearn.reporting.studies import Study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
@@ -249,16 +247,6 @@ def verdicts(results):
 def rendered(results):
     """The page without its figures being drawn."""
     return render(page.document(results, tables.tables(results)), reporting_verdicts.AnyFigure())
-
-
-def test_card_names_metrics(results):
-    """Of people alone: what was not studied is not on the card."""
-    card = yaml.safe_load(Path(page.__file__).with_name("card.yaml").read_text())
-    facts = with_people(results, everything(**loops(published=0.3, ll_published=0.7, ours=0.9))).metrics()
-    made = [environment(page.PACKAGE).from_string(number["here"]).render(facts) for number in card["numbers"]]
-    assert (made[0], made[2]) == ("0.0050", "0.10")
-    assert made[1].split() == ["30.0", "%", "|", "70.0", "%", "|", "90.0", "%", "over", "4", "people"]
-    assert not any(key.startswith("people") for key in results.metrics())
 
 
 def test_claims_on_predictions_can_say_yes_and_no(results):

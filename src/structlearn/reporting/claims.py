@@ -360,16 +360,29 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
     """One row per case of each claim, as the CSV file holds them; with its set where there are several.
 
     Returns `by`, `statement`, `source`, `published`, `case`, `here` (in words), `n`, `verdict`,
-    `verdict_of_all`, `by_construction`: why nothing could refute it, and `study`: that the number is quoted
-    from; both are empty elsewhere.
+    `verdict_of_all`, `by_construction`: why nothing could refute it, `study`: that the number is quoted
+    from; both are empty elsewhere; and `evidence`, the claim's name, by which the front page finds it.
     """
     texts = ("by", "statement", "source", "published")
     rows = [
-        (*(getattr(one.claim, name) for name in texts), *case, one.verdict, one.claim.by_construction, study)
+        (
+            *(*(getattr(one.claim, name) for name in texts), *case, one.verdict),
+            *(one.claim.by_construction, study, one.claim.evidence),
+        )
         for one in judged
         for case, study in zip(one.cases, one.studies or [""] * len(one.cases), strict=True)
     ]
-    columns = [*texts, "case", "here", "n", "verdict", "verdict_of_all", "by_construction", "study"]
+    columns = [
+        *texts,
+        "case",
+        "here",
+        "n",
+        "verdict",
+        "verdict_of_all",
+        "by_construction",
+        "study",
+        "evidence",
+    ]
     table = pd.DataFrame(rows, columns=columns)
     if any(one.heading for one in judged):
         sets = [

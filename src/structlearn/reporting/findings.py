@@ -10,7 +10,7 @@ They are written as `findings.csv`. Claims name rows (`evidence: cost_ratio`), t
 (`{{ cost_ratio_level | f(".2f") }}`, see `values_by_key`), `metrics.json` is the rows marked as headlines.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,32 +30,14 @@ class _Row:
     found: Found
     unit: str
     population: str
-    headline: bool
+    headline: bool | Collection[str]
 
 
-Finder = Callable[..., Found]
-"""Method of `Findings`: name of the row, what a constructor of `claims` takes (or a mapping of that by case),
-and `unit`, `headline`, `missing`."""
+def _finder(make: Callable[..., Evidence]) -> Callable[..., Found]:
+    """The method of `Findings` for a constructor of evidence."""
 
-
-def _finder(make: Callable[..., Evidence]) -> Finder:
-    """A method that computes evidence by `make` and adds it.
-
-    Intervals of several cases are widened so that all of them together cover with 95 %. A case without
-    samples is `missing` and widens nothing.
-    """
-
-    def find(
-        self: "Findings", name: str, *given: Any, unit: str = "", headline: bool = False, missing: str = ""
-    ) -> Found:
-        if not isinstance(given[0], Mapping):
-            return self.add(name, make(*given), unit=unit, headline=headline)
-        cases = {str(case): one if isinstance(one, tuple) else (one,) for case, one in given[0].items()}
-        there = {case: one for case, one in cases.items() if np.ndim(one[0]) == 0 or len(one[0])}
-        many = {} if make in (claims.exact, claims.counted) else {"comparisons": len(there)}
-        lacking = unknown(missing) if missing else UNKNOWN
-        found = {case: make(*one, **many) if case in there else lacking for case, one in cases.items()}
-        return self.add(name, found, unit=unit, headline=headline)
+    def find(self: "Findings", name: str, *given: Any, **row: Any) -> Found:
+        return self.by(make, name, *given, **row)
 
     find.__doc__ = make.__doc__
     return find
@@ -75,8 +57,10 @@ class Findings(Mapping[str, Found]):
         other._rows = self._rows
         return other
 
-    def add(self, name: str, found: Found, *, unit: str = "", headline: bool = False) -> Found:
-        """Add a row for what was computed elsewhere.
+    def add(
+        self, name: str, found: Found, *, unit: str = "", headline: bool | Collection[str] = False
+    ) -> Found:
+        """Add a row for what was computed elsewhere; `headline`: for `metrics.json`, all or some cases.
 
         Raises:
             ValueError: there is such a row already.
@@ -88,18 +72,35 @@ class Findings(Mapping[str, Found]):
         self._rows[name] = _Row(found, unit, self._population, headline)
         return found
 
+    def by(
+        self, make: Callable[..., Evidence], name: str, *given: Any, missing: str = "", **row: Any
+    ) -> Found:
+        """Add a row by a constructor of evidence, from what it takes or a mapping of that by case.
+
+        Intervals of several cases are widened so that all of them together cover with 95 %. A case without
+        samples is not tested, as it is `missing`, and widens nothing. `row`: see `add`.
+        """
+        if not isinstance(given[0], Mapping):
+            return self.add(name, make(*given), **row)
+        cases = {str(case): one if isinstance(one, tuple) else (one,) for case, one in given[0].items()}
+        there = {case: one for case, one in cases.items() if np.ndim(one[0]) == 0 or len(one[0])}
+        many = {} if make in (claims.exact, claims.counted) else {"comparisons": len(there)}
+        lacking = unknown(missing) if missing else UNKNOWN
+        found = {case: make(*one, **many) if case in there else lacking for case, one in cases.items()}
+        return self.add(name, found, **row)
+
     def unknown(self, name: str, reason: str = "") -> Found:
         """A row of what could not be found, and why."""
         return self.add(name, unknown(reason))
 
-    exact: Finder = _finder(claims.exact)
-    mean: Finder = _finder(claims.mean)
-    difference: Finder = _finder(claims.difference)
-    geometric_mean: Finder = _finder(claims.geometric_mean)
-    share: Finder = _finder(claims.share)
-    clustered_share: Finder = _finder(claims.clustered_share)
-    rate_difference: Finder = _finder(claims.rate_difference)
-    counted: Finder = _finder(claims.counted)
+    exact = _finder(claims.exact)
+    mean = _finder(claims.mean)
+    difference = _finder(claims.difference)
+    geometric_mean = _finder(claims.geometric_mean)
+    share = _finder(claims.share)
+    clustered_share = _finder(claims.clustered_share)
+    rate_difference = _finder(claims.rate_difference)
+    counted = _finder(claims.counted)
 
     def __getitem__(self, name: str) -> Found:
         return self._rows[name].found
@@ -113,9 +114,10 @@ class Findings(Mapping[str, Found]):
     def table(self) -> pd.DataFrame:
         """The rows of `findings.csv`, one per case."""
         rows = [
-            (name, case, one.value, one.low, one.high, one.n, *labels, one.study, one.reason)
+            {"name": name, "case": case, "value": one.value, "low": one.low, "high": one.high, "n": one.n}
+            | {"unit": row.unit, "population": row.population, "study": one.study, "reason": one.reason}
+            | {"headline": row.headline if isinstance(row.headline, bool) else case in row.headline}
             for name, row in self._rows.items()
-            for labels in [(row.unit, row.population, row.headline)]
             for case, one in ({"": row.found} if isinstance(row.found, Evidence) else row.found).items()
         ]
         return pd.DataFrame(rows, columns=COLUMNS)
