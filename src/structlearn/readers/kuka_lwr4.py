@@ -48,7 +48,7 @@ def _read(folder: Path, path: Path) -> JointLog:
     except (OSError, EOFError, ValueError, BadZipFile) as error:
         raise InputError(f"{path}: cannot be read as arrays: {error}") from error
     except KeyError as missing:
-        raise InputError(f"{path}: has no array {missing}") from missing
+        raise InputError(f"{path}: {missing.args[0]}") from missing
     if times.ndim != 1 or not np.isfinite(times).all() or np.abs(times).max(initial=0.0) > 9e9:
         raise InputError(f"{path}: times are no times in s")
     stamps = np.round(1e9 * times).astype(np.int64)

@@ -32,7 +32,17 @@ from structlearn.tasks.task_files import TaskFiles
 NUMBERS = {"mass_kg": ".2f", "viscous": ".2f", "coulomb": ".2f"}
 """How parameters of a link are written; others with three digits behind the point."""
 
-OPTIONAL = ("choice", "drives", "drive_draws", "gains", "delay_curves", "loads", "load_draws", "carried", "bodies")
+OPTIONAL = (
+    "choice",
+    "drives",
+    "drive_draws",
+    "gains",
+    "delay_curves",
+    "loads",
+    "load_draws",
+    "carried",
+    "bodies",
+)
 REQUIRED = (
     *("motions", "errors", "blocks", "norms", "friction", "links", "traces", "gravity", "base", "excitation"),
     "written",
@@ -60,9 +70,7 @@ def section(files: TaskFiles) -> Section:
             tables=shown_tables,
         )
     there = [name for name in OPTIONAL if (files.folder / f"motion/{name}.parquet").is_file()]
-    results = MotionResults(
-        {name: files.table(f"motion/{name}") for name in (*REQUIRED, *there)}, parameters
-    )
+    results = MotionResults({name: files.table(f"motion/{name}") for name in (*REQUIRED, *there)}, parameters)
     urdf = f"{files.folder}/motion/identified.urdf"
     return Section(
         "motion",
