@@ -44,7 +44,9 @@ def made_up(name: str, good: bool = True) -> MotionResults:
     links = rows({"model": "cov"}, link=list("abcdefg"[: len(joints)]), true_mass_kg=1.0, mass_kg=1.5)
     links = links.assign(positive_mass=True, positive_definite=good, triangle=True)
     links[[f"centre_{axis}_m" for axis in "xyz"]] = 0.1
-    rubbing = [rows({"model": "cov", "term": term}, joint=joints, value=0.1) for term in ("viscous", "coulomb")]
+    rubbing = [
+        rows({"model": "cov", "term": term}, joint=joints, value=0.1) for term in ("viscous", "coulomb")
+    ]
     traced = {"_".join(key).removesuffix("_none"): np.sin(np.arange(10.0 * len(joints))) for key in MODELS}
     logs = [entry.train or "exciting_traj", *parts[1:]]
     tables |= {
@@ -76,7 +78,9 @@ def made_up(name: str, good: bool = True) -> MotionResults:
         tables |= _drives(entry, joints, good) | _load(entry, good)
         parameters = ("mass_kg", "centre_x_m", "ixx_kg_m2", "viscous", "coulomb")
         its = {"value": 1.5, "half_width": 0.1, "urdf": 1.0}
-        tables["bodies"] = pd.concat([rows({"parameter": one} | its, link=list("abcdef")) for one in parameters])
+        tables["bodies"] = pd.concat(
+            [rows({"parameter": one} | its, link=list("abcdef")) for one in parameters]
+        )
     return MotionResults(tables, entry)
 
 
@@ -141,7 +145,11 @@ def _load(entry, good) -> dict[str, pd.DataFrame]:
         for number, stage in enumerate((protocol.LEARNED, protocol.EMPTY, protocol.CARRYING)):
             since = np.arange(1.0, seconds + 1.0)
             mass = 0.0 if stage != protocol.CARRYING else true * (1.02 if good else 1.5)
-            its = {"time_s": since + number * seconds, "since_s": since, "mass_kg": mass + 0.01 * np.sin(since)}
+            its = {
+                "time_s": since + number * seconds,
+                "since_s": since,
+                "mass_kg": mass + 0.01 * np.sin(since),
+            }
             its |= {f"moment_{axis}_kg_m": 0.1 * mass for axis in "xyz"}
             carried.append(rows({"log": log, "stage": stage}, **its, nmse_fixed=0.3, nmse_learned=0.1))
     return {

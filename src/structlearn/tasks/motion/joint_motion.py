@@ -21,11 +21,9 @@ from structlearn.readers.joint_log import (
     DriveLog,
     JointLog,
     Log,
-    read_joint_logs,
     read_log_table,
     signals_of,
 )
-from structlearn.readers.stamps import AS_WRITTEN, StampPolicy
 from structlearn.rigid_body import arm_identification
 from structlearn.rigid_body.arm_identification import (
     NETWORKS,
@@ -64,6 +62,7 @@ from structlearn.tasks.motion.drives_and_load import (
     weighed_loads,
 )
 from structlearn.tasks.motion.motion_parameters import MotionParameters, NetworkChoiceParameters
+from structlearn.tasks.task_files import is_public, local_path
 
 TEST = "test"
 """Part that is tested on, where it is not a log by its own name."""
@@ -83,26 +82,24 @@ CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)
 THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
 """At the end of a name: it is the load that was weighed, of others the mass is not known."""
 
-LOGS = "logs.parquet"
-"""Table of logs in a folder that an import left."""
-
 
 def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
-    """The robot with the inertias of its URDF, and the URDF: a path, or a file of `pybullet_data`."""
-    urdf = urdf_path(str(Path(parameters.urdf).expanduser()))
+    """The robot with the inertias of its URDF, and the URDF: a path, or a file of `pybullet_data`.
+
+    A public set may have it in a folder of its own.
+    """
+    path = local_path(parameters.urdf)
+    if is_public(parameters.urdf) and not path.is_file():
+        path = next(iter(sorted(path.parent.rglob(path.name))), path)
+    urdf = urdf_path(str(path))
     return read_urdf(urdf, parameters.locked_joints), urdf
 
 
-def logs_of(
-    parameters: MotionParameters, tree: KinematicTree, stamps: StampPolicy = AS_WRITTEN
-) -> dict[str, JointLog] | dict[str, DriveLog]:
-    """Logs by name: of an import's table, or of bags that hold joint states with efforts."""
-    source = Path(parameters.source).expanduser()
+def read_logs(path: Path, parameters: MotionParameters) -> dict[str, JointLog] | dict[str, DriveLog]:
+    """Logs by name from the table of an import; of motor currents where the parameters name drives."""
     if parameters.drives is not None:
-        return {log.name: log for log in read_log_table(source / LOGS, DriveLog)}
-    if (source / LOGS).is_file():
-        return {log.name: log for log in read_log_table(source / LOGS)}
-    return {log.name: log for log in read_joint_logs(source, parameters.topic, tree.names, stamps)}
+        return {log.name: log for log in read_log_table(path, DriveLog)}
+    return {log.name: log for log in read_log_table(path)}
 
 
 def learn_motion(
@@ -145,7 +142,7 @@ def learn_motion(
     first = next(name for name in parts if name != TRAIN)
     if min(len(parts[TRAIN]), len(parts[first])) < parameters.block:
         raise InputError(
-            f"{parameters.source}: {len(parts[TRAIN]) / parameters.rate_hz:.1f} s to learn from and "
+            f"{', '.join(logs)}: {len(parts[TRAIN]) / parameters.rate_hz:.1f} s to learn from and "
             f"{len(parts[first]) / parameters.rate_hz:.1f} s to test on are too short for blocks of "
             f"{parameters.block_s:g} s"
         )

@@ -55,7 +55,8 @@ def motion_figures(results: MotionResults) -> dict[str, Drawing | list[Drawing]]
 def errors_panel(results: MotionResults) -> Figure:
     """NMSE over the joints by model; intervals for the model that is written."""
     figure, axes = panel("Motion not learned from", 3.5, xlabel="joint", ylabel="NMSE", yscale="log")
-    for key in (key for key in LOOKS if key in results.test.index):
+    there = [key for key in LOOKS if key in results.test.index and (key[0] != BOUNDS or key == results.bounds)]
+    for key in there:
         its, line = results.test.loc[key], "--" if key[0] == BOUNDS else "-"
         axes.plot(
             its.index, its, line, marker="o", markersize=4, color=LOOKS[key].colour, label=LOOKS[key].name

@@ -1,4 +1,4 @@
-"""Parameters of identifying an arm from logs of its joints. Fields: `stages/own/params.yaml`, `motion`."""
+"""Parameters of identifying an arm from logs of its joints. Fields: `stages/tasks/params.yaml`, `motion`."""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal, Self
@@ -48,7 +48,6 @@ class LoadParameters(Parameters):
 class MotionParameters(Parameters):
     """Identification of an arm from logs of its joints."""
 
-    source: str = Field(min_length=1)
     topic: str = Field(min_length=1)
     urdf: str = Field(min_length=1)
     locked_joints: tuple[str, ...]

@@ -39,6 +39,7 @@ LOOKS = {
     (BEST, "coulomb"): Look("Cov, Coulomb", BLUE),
     ("cov", "offset"): Look("Cov, Coulomb, offset", GREEN),
     (BOUNDS, "coulomb"): Look("least squares, Coulomb", BLACK),
+    (BOUNDS, "offset"): Look("least squares, Coulomb, offset", BLACK),
 }
 """Models with their friction as figures show them; keys are those of the protocol's tables."""
 

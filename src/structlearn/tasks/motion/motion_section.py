@@ -8,6 +8,7 @@ import pandas as pd
 
 from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table
 from structlearn.reporting.document import Table
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
 from structlearn.tasks.motion.motion_figures import motion_figures
 from structlearn.tasks.motion.motion_results import (
@@ -16,6 +17,7 @@ from structlearn.tasks.motion.motion_results import (
     BOUNDS,
     EMPTY,
     FRICTIONS,
+    HEADLINES,
     RIVALS,
     URDF,
     Drawn,
@@ -61,24 +63,26 @@ def section(files: TaskFiles) -> Section:
     )[0].provenance
     if not parameters.structures:
         tables = {name: files.table(f"motion/{name}") for name in ("gravity", "payload_torques", "payloads")}
-        facts, shown_tables = check_facts(tables), check_tables(tables)
+        find = check_findings(tables)
         return Section(
             "motion",
             "Torques beside the URDF",
             "torque_check.html.jinja",
-            facts=facts | {"origin": provenance},
-            tables=shown_tables,
+            facts={"find": find.numbers(), "origin": provenance},
+            metrics=find.numbers(),
+            tables=check_tables(tables),
         )
     there = [name for name in OPTIONAL if (files.folder / f"motion/{name}.parquet").is_file()]
     results = MotionResults({name: files.table(f"motion/{name}") for name in (*REQUIRED, *there)}, parameters)
-    urdf = f"{files.folder}/motion/identified.urdf"
+    urdf, find = f"{files.folder}/motion/identified.urdf", motion_findings(results)
     return Section(
         "motion",
         "The arm's dynamics",
         "motion.html.jinja",
         lead="motion_lead.html.jinja",
         facts=motion_facts(results) | {"urdf": urdf, "origin": provenance},
-        findings=motion_findings(results),
+        evidence=find,
+        metrics={name: value for name, value in find.numbers().items() if name in HEADLINES},
         tables=motion_tables(results),
         pictures=motion_figures(results),
     )
@@ -128,6 +132,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
             if key in test.index
         ],
         "carried": carried,
+        "first": next(iter(carried), None),
         "urdf_difference_n_m": results["written"]["difference_n_m"].max(),
     }
     if "gains" in results.tables:
@@ -143,20 +148,20 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         quoted = not chosen(results["loads"], gains="quoted").empty
         facts["quoted_percent"] = results.load_error(ALL_PAIRS, "quoted").value if quoted else np.nan
         facts["largest_empty_kg"] = empty["mass_kg"].abs().max()
-        facts["first"] = results.carried_logs[0]
     return facts
 
 
-def check_facts(tables: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
-    """Values for the sentences about logs that are too slow to identify an arm."""
-    torques, payloads = tables["payload_torques"], tables["payloads"].set_index("sign")
-    left = torques[torques["payload"]].groupby("sign")["left_n_m"].max()
-    return {
-        "left_reversed": left[-1],
-        "left_as_recorded": left[1],
-        "mass_reversed": payloads.loc[-1, "mass_kg"],
-        "mass_as_recorded": payloads.loc[1, "mass_kg"],
-    }
+def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
+    """Of logs that are too slow to identify an arm."""
+    find, signs = Findings("joints"), {-1: "reversed", 1: "as_recorded"}
+    torques, payloads = tables["payload_torques"], tables["payloads"].set_index("sign")["mass_kg"]
+    left = torques[torques["payload"]].groupby("sign")["left_n_m"]
+    worst = {word: (left.max()[sign], left.size()[sign]) for sign, word in signs.items()}
+    find.exact("torque_left", worst, unit="N m", headline=True)
+    find.exact(
+        "payload", {word: (payloads[sign], 1) for sign, word in signs.items()}, unit="kg", headline=True
+    )
+    return find
 
 
 def check_tables(tables: Mapping[str, pd.DataFrame]) -> dict[str, Table]:

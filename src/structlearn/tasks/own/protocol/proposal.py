@@ -1,4 +1,4 @@
-"""An entry of `stages/own/params.yaml` for recordings without an entry, with its warnings.
+"""An entry of `stages/tasks/own.yaml` for recordings without an entry, with its warnings.
 
 It holds what the files tell and the defaults do not. What was chosen among several, and what may go wrong, is
 said beside the key that it is about.
@@ -37,7 +37,7 @@ times as good."""
 
 @dataclass(frozen=True)
 class Proposal:
-    """What to paste below `tasks:`.
+    """What to paste below `movement:`.
 
     Attributes:
         name: of the task.
@@ -80,10 +80,10 @@ def propose(
 
 
 def task_name(source: str) -> str:
-    """A name for a task whose files lie at a path: letters, digits and _ of its last part."""
+    """A name for a task whose files lie at a path: lower-case letters, digits and _ of its last part."""
     path = Path(source).expanduser().absolute()
-    words = re.findall(r"[A-Za-z0-9]+", path.stem if path.is_file() else path.name)
-    return "_".join(words) or "task"
+    words = re.findall(r"[a-z0-9]+", (path.stem if path.is_file() else path.name).lower())
+    return "_".join(words)[:60] or "task"
 
 
 def from_home(path: str) -> str:

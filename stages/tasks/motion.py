@@ -1,0 +1,23 @@
+"""Identify the arm of a task from logs of its joints (dissertation III.4).
+
+What loads slowly is imported where it is needed: of a public set that is not here there are no logs.
+"""
+
+from structlearn.core.artefacts import publish
+from structlearn.tasks.task_entry import MotionEntry
+from structlearn.tasks.task_files import TaskFiles, run_for_task
+
+
+def main(files: TaskFiles) -> None:
+    from structlearn.tasks.motion.joint_motion import arm_of, learn_motion, read_logs
+
+    parameters = files.entry(MotionEntry)
+    robot, urdf = arm_of(parameters)
+    logs = read_logs(files.recorded / "logs.parquet", parameters)
+    with publish(files.folder / "motion") as folder:
+        folder.mkdir()
+        learn_motion(robot, logs, parameters, urdf, folder)
+
+
+if __name__ == "__main__":
+    run_for_task(main, out="motion")
