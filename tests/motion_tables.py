@@ -10,7 +10,6 @@ from committed import committed_entry
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS, URDF
 from structlearn.tasks.motion import drives_and_load as protocol
 from structlearn.tasks.motion.motion_results import MotionResults
-from structlearn.tasks.task_entry import MotionEntry
 
 DRAWS = 60
 STRUCTURES = ("nostr", "symm", "spd", "tri", "cov", LEAST_SQUARES)
@@ -38,7 +37,7 @@ def rows(keys: Mapping[str, object], **columns) -> pd.DataFrame:
 @lru_cache
 def made_up(name: str, good: bool = True) -> MotionResults:
     """What the stage would write of a public set, with narrow intervals on the side that is asked for."""
-    entry, joints = committed_entry(name, MotionEntry), np.arange(1, JOINTS[name] + 1)
+    entry, joints = committed_entry(name), np.arange(1, JOINTS[name] + 1)
     parts = ("train", entry.test or "test") + (("20_01_31-unload",) if name == "ur10e" else ())
     tables = _errors(parts, MODELS | ({} if good else BAD), joints)
     links = rows({"model": "cov"}, link=list("abcdefg"[: len(joints)]), true_mass_kg=1.0, mass_kg=1.5)

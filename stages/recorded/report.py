@@ -4,7 +4,6 @@ from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.core.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.public import PARAMETER_FILE
 from structlearn.tasks.public.page.assembly import recorded_pictures, recorded_report
 from structlearn.tasks.public.page.recorded_results import read_results
@@ -26,8 +25,6 @@ PARAMETERS = {
     "recorded_boxes": ScenePeopleParameters,
     "recorded_latent_touch": LatentTouchParameters,
     "recorded_skin": TouchParameters,
-    "recorded_dynamics": MotionParameters,
-    "recorded_ur10e": MotionParameters,
 }
 
 

@@ -6,7 +6,6 @@ from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.readers import synchronise
-from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.public import PARAMETER_FILE, public_files
 from structlearn.tasks.public.protocol.corrections import complete
 from structlearn.tasks.public.protocol.slides import SlideParameters
@@ -14,7 +13,6 @@ from structlearn.tasks.public.views import movement_recordings as movements
 from structlearn.tasks.public.views.boxes_recording import write_box_reaches
 from structlearn.tasks.public.views.movement_recordings import write_unscrewing
 from structlearn.tasks.public.views.skin_recording import write_skin
-from structlearn.tasks.public.views.ur10e_recording import write_carried
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 
@@ -61,12 +59,6 @@ def show_skin(stored: public_files.RecordedFiles, folder: Path) -> None:
     write_skin(folder / "skin.rrd", stored.of_set("skin"), skin.tuned_on)
 
 
-def show_ur10e(stored: public_files.RecordedFiles, folder: Path) -> None:
-    own, tables = stage_parameters("recorded_ur10e", MotionParameters, PARAMETER_FILE), stored.of_set("ur10e")
-    if own.load is not None and len(tables["carried"]):
-        write_carried(folder / "ur10e.rrd", stored.ur10e_urdf, tables, stored.ur10e_log, own.load)
-
-
 SHOWN = {
     public_files.REACHES: show_reaches,
     public_files.HIGHER_REACHES: show_higher_reaches,
@@ -75,7 +67,6 @@ SHOWN = {
     public_files.SLIDES: show_slides,
     public_files.BOXES: show_boxes,
     public_files.SKIN: show_skin,
-    public_files.UR10E: show_ur10e,
 }
 """By set."""
 

@@ -4,14 +4,14 @@ What loads slowly is imported where it is needed: of a public set that is not he
 """
 
 from structlearn.core.artefacts import publish
-from structlearn.tasks.task_entry import MotionEntry
+from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
 from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:
-    from structlearn.tasks.motion.joint_motion import arm_of, learn_motion, read_logs
+    from structlearn.tasks.motion.joint_motion import arm_of, learn_motion
 
-    parameters = files.entry(MotionEntry)
+    parameters = files.entry(MotionParameters)
     robot, urdf = arm_of(parameters)
     logs = read_logs(files.recorded / "logs.parquet", parameters)
     with publish(files.folder / "motion") as folder:

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from structlearn.core.artefacts import Metrics
-from structlearn.reporting.claims import Found
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.figure_style import Drawing
+from structlearn.reporting.findings import Findings
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,12 @@ class Section:
         lead: likewise, what opens the page: `<p class="lead">` with a sentence or two, and the main figure;
             the index of public sets quotes both.
         facts: what the sentences name.
-        metrics: flat, all begin with `name`; the first of the page are its headlines.
+        find: every number that it states, in a table; claims and templates name its rows.
+        metrics: numbers alone, of a section that has no such table yet; the first of the page are headlines.
         tables: by name.
         pictures: by name.
         sources: of figures and tables by name: a folder of the task's data, and the stage that writes it;
             the sections of a page may share them.
-        evidence: by the names of the claims that it decides.
     """
 
     name: str
@@ -33,8 +33,8 @@ class Section:
     template: str
     lead: str = ""
     facts: Mapping[str, object] = field(default_factory=dict)
+    find: Findings = field(default_factory=Findings)
     metrics: Metrics = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
     pictures: Mapping[str, Drawing | Sequence[Drawing]] = field(default_factory=dict)
     sources: Mapping[str, Source] = field(default_factory=dict)
-    evidence: Mapping[str, Found] = field(default_factory=dict)

@@ -94,16 +94,6 @@ class MovementEntry(SourceParameters):
         return found
 
 
-class MotionEntry(SourceParameters, MotionParameters):
-    """Logs of an arm's joints. Fields: `stages/tasks/params.yaml`, `defaults.motion`."""
-
-    kind = "motion"
-
-    def sources(self) -> dict[str, tuple[str, ...]]:
-        """All files and folders that are read, as they are written, by what they are for."""
-        return super().sources() | {"urdf": (self.urdf,)}
-
-
 class TouchEntry(SourceParameters, TouchParameters):
     """Touches of a skin. Fields: `stages/tasks/params.yaml`, `defaults.touch`."""
 
@@ -121,11 +111,14 @@ class ObstacleEntry(SourceParameters, ScenePeopleParameters):
     clock: ClockParameters | None
 
 
-ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionEntry, TouchEntry, ObstacleEntry)
+ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionParameters, TouchEntry, ObstacleEntry)
 KINDS = {entry.kind: entry for entry in ENTRIES}
 """Kinds of data, as entries are grouped."""
 
-STAGES = {kind: (f"report_{kind}",) for kind in KINDS} | {"movement": ("report_movement", "view_movement")}
+STAGES = {kind: (f"report_{kind}",) for kind in KINDS} | {
+    "movement": ("report_movement", "view_movement"),
+    "motion": ("report_motion", "view_motion"),
+}
 """Last stages of a task by kind, which bring up to date all others."""
 
 

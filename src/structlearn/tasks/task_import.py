@@ -28,7 +28,8 @@ from structlearn.readers.joint_log import write_log_table
 from structlearn.readers.runs import write_runs
 from structlearn.readers.settings import setting_folders
 from structlearn.readers.source import ClockParameters, SourceParameters
-from structlearn.tasks.task_entry import MotionEntry, MovementEntry, ObstacleEntry
+from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.task_entry import MovementEntry, ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 
 WORDS = {
@@ -116,7 +117,7 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
     write_table(came_in(recordings), folder / "came_in.parquet")
 
 
-def _logs(task: MotionEntry, folder: Path, left_out: LeftOut) -> None:
+def _logs(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
     """`logs`."""
     write_log_table(read_source(task, task.source, left_out), folder / "logs.parquet")
 

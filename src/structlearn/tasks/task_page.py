@@ -9,6 +9,7 @@ import numpy as np
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import Judged, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Source, environment
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import HEADLINES, publish_report
 from structlearn.tasks.motion import motion_section
 from structlearn.tasks.own.page import (
@@ -65,9 +66,13 @@ def publish_page(files: TaskFiles) -> None:
     tables = {name: table for section in sections for name, table in section.tables.items()}
     pictures = {name: drawing for section in sections for name, drawing in section.pictures.items()}
     metrics = {name: value for section in sections for name, value in section.metrics.items() if known(value)}
+    find = Findings.of_metrics(metrics, tuple(metrics)[:HEADLINES])
+    for section in sections:
+        find.include(section.find)
     public = is_public(task.source)
     facts: dict[str, Any] = {name: section.facts for name, section in shown.items()}
-    facts |= metrics | {
+    facts |= find.numbers() | {
+        "find": find,
         "task": files.name,
         "title": files.name,
         "stage": STAGES[kind][1] if kind in STAGES else "segment",
@@ -87,7 +92,7 @@ def publish_page(files: TaskFiles) -> None:
         stage=f"{PIPELINE}:report_{kind}@{files.name}",
         facts=facts,
         tables=tables,
-        judged=judged(files.name, sections, facts),
+        judged=judged(files.name, find, facts),
         sources={
             name: Source(f"{files.folder}/{folder}", f"{PIPELINE}:{stage}@{files.name}")
             for name, (folder, stage) in STAGES.items()
@@ -99,7 +104,7 @@ def publish_page(files: TaskFiles) -> None:
         and not absent
         and any(one.simulated for one in files.runs("demonstrations")),
     )
-    publish_report(files.report, {"index": page}, pictures, tables, metrics, list(metrics)[:HEADLINES])
+    publish_report(files.report, {"index": page}, pictures, tables, find)
 
 
 def known(value: object) -> bool:
@@ -114,15 +119,14 @@ def _in_package(section: Section, module: str) -> Section:
     return replace(section, template=f"{folder}/{section.template}", lead=lead)
 
 
-def judged(name: str, sections: list[Section], facts: Mapping[str, object]) -> list[Judged]:
+def judged(name: str, find: Findings, facts: Mapping[str, object]) -> list[Judged]:
     """Claims about a task, in `claims/NAME.yaml` beside its entry; not tested where there are no data."""
     path = FOLDER / "claims" / f"{name}.yaml"
     if not path.exists():
         return []
     claims = read_claims(path)
-    evidence = {key: found for section in sections for key, found in section.evidence.items()}
-    without = unknown("nothing recorded decides it" if sections else "not recorded here")
-    found = {one.evidence: evidence.get(one.evidence) or without for one in claims}
+    without = unknown("nothing recorded decides it" if find else "not recorded here")
+    found = {one.evidence: find.get(one.evidence) or without for one in claims}
     published = path.with_name("published.yaml")
     facts = {"published": read_values(published) if published.exists() else {}} | dict(facts)
     return judge(claims, found, environment(PACKAGE), facts)

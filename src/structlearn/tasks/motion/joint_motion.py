@@ -21,7 +21,6 @@ from structlearn.readers.joint_log import (
     DriveLog,
     JointLog,
     Log,
-    read_log_table,
     signals_of,
 )
 from structlearn.rigid_body import arm_identification
@@ -93,13 +92,6 @@ def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
         path = next(iter(sorted(path.parent.rglob(path.name))), path)
     urdf = urdf_path(str(path))
     return read_urdf(urdf, parameters.locked_joints), urdf
-
-
-def read_logs(path: Path, parameters: MotionParameters) -> dict[str, JointLog] | dict[str, DriveLog]:
-    """Logs by name from the table of an import; of motor currents where the parameters name drives."""
-    if parameters.drives is not None:
-        return {log.name: log for log in read_log_table(path, DriveLog)}
-    return {log.name: log for log in read_log_table(path)}
 
 
 def learn_motion(
@@ -334,8 +326,8 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     rubbing = friction_columns(motion.qd, FRICTION)
     rows = []
     for joint, name in enumerate(robot.tree.names):
-        columns = np.column_stack([gravity[:, joint], moving[:, joint], rubbing[:, joint]])
-        share = np.linalg.lstsq(columns, motion.torque[:, joint], rcond=None)[0][0]
+        parts = np.column_stack([gravity[:, joint], moving[:, joint], rubbing[:, joint]])
+        share = np.linalg.lstsq(parts, motion.torque[:, joint], rcond=None)[0][0]
         varies = gravity[:, joint].std()
         torque = motion.torque[:, joint].std()
         holds, limit = _holds(share, varies, parameters), robot.model.effortLimit[joint]

@@ -1,5 +1,6 @@
 """Figures of an arm's logs: errors by joint, torques, the load over time, delays and gains of the drives."""
 
+from collections.abc import Sequence
 from textwrap import fill
 
 import numpy as np
@@ -15,6 +16,7 @@ from structlearn.tasks.motion.motion_results import (
     BOUNDS,
     CARRYING,
     EMPTY,
+    FRICTIONS,
     LEARNED,
     LOOKS,
     URDF,
@@ -36,11 +38,11 @@ STAGES = {
 """What the arm does while the load is followed, and the ground behind it."""
 
 
-def motion_figures(results: MotionResults) -> dict[str, Drawing | list[Drawing]]:
+def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures by name."""
     worst = results.test.loc[results.best].sort_values(ascending=False).index[:TRACED_JOINTS]
     first, *others = [torque_panel(results, joint) for joint in worst]
-    drawn: dict[str, Drawing | list[Drawing]] = {"motion": [errors_panel(results), first]}
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {"motion": [errors_panel(results), first]}
     if others:
         drawn["motion_torques"] = others
     if "gains" in results.tables:
@@ -55,8 +57,8 @@ def motion_figures(results: MotionResults) -> dict[str, Drawing | list[Drawing]]
 def errors_panel(results: MotionResults) -> Figure:
     """NMSE over the joints by model; intervals for the model that is written."""
     figure, axes = panel("Motion not learned from", 3.5, xlabel="joint", ylabel="NMSE", yscale="log")
-    there = [key for key in LOOKS if key in results.test.index and (key[0] != BOUNDS or key == results.bounds)]
-    for key in there:
+    others = {(BOUNDS, friction) for friction in FRICTIONS} - {results.bounds}
+    for key in (key for key in LOOKS if key in results.test.index and key not in others):
         its, line = results.test.loc[key], "--" if key[0] == BOUNDS else "-"
         axes.plot(
             its.index, its, line, marker="o", markersize=4, color=LOOKS[key].colour, label=LOOKS[key].name
@@ -153,8 +155,10 @@ def gain_panel(results: MotionResults) -> Figure:
     axes.plot(gains["joint"] + 0.2, gains["quoted"], "x", color=VERMILION, label="quoted")
     known = gains[~gains["assumed"]] if results.rest_log else gains[:0]
     axes.plot(known["joint"] - 0.2, known["found"], "o", color=BLUE, label="at rest")
-    assumed, hollow = gains[gains["assumed"]], {"color": BLUE, "fillstyle": "none"}
-    axes.plot(assumed["joint"] - 0.2, assumed["found"], "o", label="assumed", **hollow)
+    assumed = gains[gains["assumed"]]
+    axes.plot(
+        assumed["joint"] - 0.2, assumed["found"], "o", color=BLUE, fillstyle="none", label="assumed"
+    )
     moving = [results.drive("gain in motion", results.train_log, joint) for joint in gains["joint"]]
     values = np.array([one.value for one in moving])
     bars = np.abs(np.array([percentiles(one.draws) for one in moving]).T - values)

@@ -1,11 +1,14 @@
-"""Parameters of identifying an arm from logs of its joints. Fields: `stages/tasks/params.yaml`, `motion`."""
+"""Logs of an arm's joints as a task names them. Fields: `stages/tasks/params.yaml`, `motion`."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
 
 from structlearn.core.params import Parameters
+from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table
+from structlearn.readers.source import SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]
 
@@ -45,8 +48,10 @@ class LoadParameters(Parameters):
     settled_s: float = Field(gt=0)
 
 
-class MotionParameters(Parameters):
-    """Identification of an arm from logs of its joints."""
+class MotionParameters(SourceParameters):
+    """Logs of an arm's joints, and its identification from them."""
+
+    kind = "motion"
 
     topic: str = Field(min_length=1)
     urdf: str = Field(min_length=1)
@@ -88,6 +93,10 @@ class MotionParameters(Parameters):
             raise ValueError("structures lack cov, which becomes the URDF")
         return self
 
+    def sources(self) -> dict[str, tuple[str, ...]]:
+        """All files and folders that are read, as they are written, by what they are for."""
+        return super().sources() | {"urdf": (self.urdf,)}
+
     @property
     def block(self) -> int:
         """Samples of a block."""
@@ -97,3 +106,10 @@ class MotionParameters(Parameters):
     def drawing(self) -> tuple[int, int, int]:
         """Samples of a block, draws and seed of a bootstrap over blocks."""
         return self.block, self.draws, self.seed
+
+
+def read_logs(path: Path, parameters: MotionParameters) -> dict[str, Any]:
+    """Logs by name from the table of an import; of motor currents where the parameters name drives."""
+    if parameters.drives is not None:
+        return {log.name: log for log in read_log_table(path, DriveLog)}
+    return {log.name: log for log in read_log_table(path)}

@@ -6,18 +6,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table
 from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
 from structlearn.tasks.motion.motion_figures import motion_figures
+from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
 from structlearn.tasks.motion.motion_results import (
     ALL_PAIRS,
     BEST,
     BOUNDS,
     EMPTY,
     FRICTIONS,
-    HEADLINES,
     RIVALS,
     URDF,
     Drawn,
@@ -28,7 +27,6 @@ from structlearn.tasks.motion.motion_results import (
 )
 from structlearn.tasks.public.page.recorded_tables import shown
 from structlearn.tasks.section import Section
-from structlearn.tasks.task_entry import MotionEntry
 from structlearn.tasks.task_files import TaskFiles
 
 NUMBERS = {"mass_kg": ".2f", "viscous": ".2f", "coulomb": ".2f"}
@@ -57,32 +55,28 @@ LINKS = ("mass_kg", "centre_x_m", "centre_y_m", "centre_z_m", "viscous", "coulom
 
 def section(files: TaskFiles) -> Section:
     """Of a task with logs of joints."""
-    parameters = files.entry(MotionEntry)
-    provenance = read_log_table(
-        files.recorded / "logs.parquet", JointLog if parameters.drives is None else DriveLog
-    )[0].provenance
+    parameters = files.entry(MotionParameters)
+    first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
     if not parameters.structures:
         tables = {name: files.table(f"motion/{name}") for name in ("gravity", "payload_torques", "payloads")}
-        find = check_findings(tables)
         return Section(
             "motion",
             "Torques beside the URDF",
             "torque_check.html.jinja",
-            facts={"find": find.numbers(), "origin": provenance},
-            metrics=find.numbers(),
+            facts={"origin": first.provenance},
+            find=check_findings(tables),
             tables=check_tables(tables),
         )
     there = [name for name in OPTIONAL if (files.folder / f"motion/{name}.parquet").is_file()]
     results = MotionResults({name: files.table(f"motion/{name}") for name in (*REQUIRED, *there)}, parameters)
-    urdf, find = f"{files.folder}/motion/identified.urdf", motion_findings(results)
+    urdf = f"{files.folder}/motion/identified.urdf"
     return Section(
         "motion",
         "The arm's dynamics",
         "motion.html.jinja",
         lead="motion_lead.html.jinja",
-        facts=motion_facts(results) | {"urdf": urdf, "origin": provenance},
-        evidence=find,
-        metrics={name: value for name, value in find.numbers().items() if name in HEADLINES},
+        facts=motion_facts(results) | {"urdf": urdf, "origin": first.provenance},
+        find=motion_findings(results),
         tables=motion_tables(results),
         pictures=motion_figures(results),
     )

@@ -14,7 +14,6 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers import Recording
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.joint_log import DriveLog, read_log_table
 from structlearn.readers.runs import read_runs, read_streams
 
 RAW = "raw/recorded"
@@ -38,15 +37,11 @@ LEARNED = {
 }
 """File of what was learned from a set."""
 
-BOXES, SKIN, UR10E = "boxes", "skin", "ur10e"
+BOXES, SKIN = "boxes", "skin"
 
 SETS = {
     BOXES: ("reaches", "errors", "people", "left_out", "paths", "shapes"),
     SKIN: ("errors", "maps", "servo", "paths", "force", "lags", "traces"),
-    UR10E: (
-        *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "links"),
-        *("traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
-    ),
 }
 """Tables of sets that have a folder and a stage of their own."""
 
@@ -77,12 +72,6 @@ TABLES = {
     "touch_sets": "latent_touch/sets",
     "touch_likeness": "latent_touch/likeness",
     "touch_correlations": "latent_touch/correlations",
-    "panda_errors": "dynamics/errors",
-    "panda_friction": "dynamics/friction",
-    "panda_links": "dynamics/links",
-    "panda_traces": "dynamics/traces",
-    "slide_torques": "dynamics/slide_torques",
-    "slide_payloads": "dynamics/slide_payloads",
 } | {f"{name}_{table}": f"{name}/{table}" for name, tables in SETS.items() for table in tables}
 """Tables that a page shows, by name."""
 
@@ -154,16 +143,6 @@ class RecordedFiles:
         """Those of the tables of one of `SETS` for which there were data, by their own names."""
         there = [table for table in SETS[name] if self._has(f"{name}/{table}.parquet")]
         return {table: self._table(f"{name}/{table}") for table in there}
-
-    def ur10e_log(self, name: str) -> DriveLog:
-        """One log of the UR10e."""
-        logs = read_log_table(self.data / RAW / "ur10e/logs.parquet", DriveLog)
-        return next(log for log in logs if log.name == name)
-
-    @property
-    def ur10e_urdf(self) -> Path:
-        """The URDF that was identified."""
-        return self.data / "recorded/ur10e/identified.urdf"
 
     def sequence(self) -> pd.DataFrame:
         """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""

@@ -21,14 +21,12 @@ from structlearn.tasks.public.page.parts import (
     avoidance_part,
     boxes_part,
     higher_reaches_part,
-    panda_part,
     reaches_part,
     scraping_part,
     skin_part,
     slides_part,
     touch_part,
     unscrewing_part,
-    ur10e_part,
 )
 from structlearn.tasks.public.page.parts.part import Part
 from structlearn.tasks.public.page.recorded_results import RecordedResults
@@ -47,8 +45,6 @@ PARTS = (
     boxes_part.PART,
     touch_part.PART,
     skin_part.PART,
-    panda_part.PART,
-    ur10e_part.PART,
 )
 """In the order of the index."""
 
@@ -58,8 +54,6 @@ PAGES = {
     "boxes": "People past boxes: one obstacle's features, and a look ahead",
     "touch": "Recorded touch in a latent space",
     "skin": "Recorded touch: is the map the skin?",
-    "panda": "Inverse dynamics of a recorded Franka Panda",
-    "ur10e": "A second arm: a UR10e and its load",
 }
 """Titles of the pages behind the index."""
 
@@ -73,9 +67,6 @@ HEADLINES = (
     "touch_reconstruction_nmse_simulated_to_slides",
     "eflesh_map_nmse",
     "eflesh_latent_mm",
-    "panda_nmse_cov_coulomb",
-    "ur10e_nmse_mean_cov_coulomb",
-    "ur10e_load_kg",
 )
 """The metrics that stand for all others."""
 

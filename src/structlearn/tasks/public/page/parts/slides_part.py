@@ -121,8 +121,6 @@ def group_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1
 def facts(results: RecordedResults) -> dict[str, object]:
     """Values for its sentences."""
     deviations, left_out = results["slide_deviations"], results["slide_left_one_out"]
-    torques, payloads = results["slide_torques"], results["slide_payloads"].set_index("sign")
-    left = torques[torques["payload"]].groupby("sign")["left_n_m"].max()
     material, found = slide_material(results), evidence(results)
     either = found["other_material"]
     channels = by_channels(results).set_index(["material", "channels"])["nmse"]
@@ -143,10 +141,6 @@ def facts(results: RecordedResults) -> dict[str, object]:
             for name, its in list(({} if isinstance(either, Evidence) else either).items())[:FEW]
         },
         "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)[:FEW]},
-        "left_turned": left[-1],
-        "left_as_recorded": left[1],
-        "mass_turned": payloads.loc[-1, "mass_kg"],
-        "mass_as_recorded": payloads.loc[1, "mass_kg"],
     }
 
 
@@ -157,8 +151,6 @@ def tables(results: RecordedResults) -> dict[str, Table]:
         "slide_channels": shown(by_channels(results)),
         "slide_clock": shown(clock.assign(unit=clock["kind"].map(STREAM_UNITS))),
         "slides": shown(by_group(results)),
-        "slide_torques": shown(results["slide_torques"]),
-        "slide_payloads": shown(results["slide_payloads"]),
     }
 
 
@@ -209,7 +201,7 @@ PART = Part(
     page="movements",
     needs=(
         *("clock_errors", "slide_deviations", "slide_left_one_out", "slide_channels", "slide_across"),
-        *("slide_statistics", "slide_torques", "slide_payloads"),
+        "slide_statistics",
     ),
     parameters=("recorded_slides",),
     metrics=metrics,
