@@ -156,9 +156,7 @@ def gain_panel(results: MotionResults) -> Figure:
     known = gains[~gains["assumed"]] if results.rest_log else gains[:0]
     axes.plot(known["joint"] - 0.2, known["found"], "o", color=BLUE, label="at rest")
     assumed = gains[gains["assumed"]]
-    axes.plot(
-        assumed["joint"] - 0.2, assumed["found"], "o", color=BLUE, fillstyle="none", label="assumed"
-    )
+    axes.plot(assumed["joint"] - 0.2, assumed["found"], "o", color=BLUE, fillstyle="none", label="assumed")
     moving = [results.drive("gain in motion", results.train_log, joint) for joint in gains["joint"]]
     values = np.array([one.value for one in moving])
     bars = np.abs(np.array([percentiles(one.draws) for one in moving]).T - values)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
 
 from structlearn.core.params import Parameters
-from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table
+from structlearn.readers.joint_log import DriveLog, read_log_table
 from structlearn.readers.source import SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]

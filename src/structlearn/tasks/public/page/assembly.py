@@ -20,13 +20,9 @@ from structlearn.reporting.figure_style import Drawing
 from structlearn.tasks.public.page.parts import (
     avoidance_part,
     boxes_part,
-    higher_reaches_part,
-    reaches_part,
-    scraping_part,
     skin_part,
     slides_part,
     touch_part,
-    unscrewing_part,
 )
 from structlearn.tasks.public.page.parts.part import Part
 from structlearn.tasks.public.page.recorded_results import RecordedResults
@@ -36,10 +32,6 @@ PACKAGE = __package__
 STAGE = "stages/recorded/dvc.yaml:report"
 
 PARTS = (
-    reaches_part.PART,
-    higher_reaches_part.PART,
-    unscrewing_part.PART,
-    scraping_part.PART,
     slides_part.PART,
     avoidance_part.PART,
     boxes_part.PART,
@@ -49,7 +41,7 @@ PARTS = (
 """In the order of the index."""
 
 PAGES = {
-    "movements": "Recorded reaches, unscrewing, scraping and slides",
+    "movements": "Recorded slides",
     "avoidance": "Recorded obstacle avoidance",
     "boxes": "People past boxes: one obstacle's features, and a look ahead",
     "touch": "Recorded touch in a latent space",
@@ -58,9 +50,6 @@ PAGES = {
 """Titles of the pages behind the index."""
 
 HEADLINES = (
-    "reach_cut_error_ms_2mm",
-    "reach_left_ten_out_mean_mm",
-    "coupling_path_mean_mm",
     "obstacle_nmse_x",
     "boxes_hits",
     "boxes_path_mm",
