@@ -31,6 +31,11 @@ FIRST_ELECTRODE = 25
 """Columns of `bio` before the electrodes, without the time: pressures, temperatures and 22 vibrations."""
 
 
+def read_touch(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
+    """The first `entry.part` slides over each material."""
+    return read_slides(folder, entry.part, left_out)
+
+
 def read_slides(
     folder: str | Path, trials: int | None = None, left_out: dict[str, str] | None = None
 ) -> list[Recording]:
@@ -55,15 +60,13 @@ def read_slides(
 
 def read_motion(folder: str | Path, entry: Any, left_out: dict[str, str] | None = None) -> list[JointLog]:
     """The arm's joints on the slides, `entry.part` trials of each material, on a clock of `entry.rate_hz`."""
-    runs = [synchronise(one, entry.rate_hz) for one in read_slides(folder, entry.part, left_out)]
-    return [
-        JointLog(
-            *(run.name, JOINTS, np.round(1e9 * run.time).astype(np.int64)),
-            *(run.joint_positions, run.joint_velocities, run.joint_torques),
-            provenance=run.provenance,
-        )
-        for run in runs
-    ]
+    logs = []
+    for recording in read_slides(folder, entry.part, left_out):
+        run = synchronise(recording, entry.rate_hz)
+        signals = [getattr(run, f"joint_{name}") for name in ("positions", "velocities", "torques")]
+        stamps = np.round(1e9 * run.time).astype(np.int64)
+        logs.append(JointLog(run.name, JOINTS, stamps, *signals, provenance=run.provenance))
+    return logs
 
 
 def material_of(trial: str) -> str:

@@ -38,14 +38,6 @@ PARTS = ("segment", "rests", "feedback", "corrections", "robot")
 """Keys that a task has only if its entry names them."""
 
 
-class TouchEntry(SourceParameters, TouchParameters):
-    """Touches of a skin. Fields: `stages/tasks/params.yaml`, `defaults.touch`."""
-
-    kind = "touch"
-
-    clock: ClockParameters
-
-
 class ObstacleEntry(SourceParameters, ScenePeopleParameters):
     """Reaches past obstacles. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
 
@@ -55,13 +47,18 @@ class ObstacleEntry(SourceParameters, ScenePeopleParameters):
     clock: ClockParameters | None
 
 
-ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionParameters, TouchEntry, ObstacleEntry)
+ENTRIES: tuple[type[SourceParameters], ...] = (
+    MovementEntry,
+    MotionParameters,
+    TouchParameters,
+    ObstacleEntry,
+)
 KINDS = {entry.kind: entry for entry in ENTRIES}
 """Kinds of data, as entries are grouped."""
 
-STAGES = {kind: (f"report_{kind}",) for kind in KINDS} | {
-    "movement": ("report_movement", "view_movement"),
-    "motion": ("report_motion", "view_motion"),
+VIEWED = ("movement", "motion", "touch")
+STAGES = {
+    kind: (f"report_{kind}", f"view_{kind}") if kind in VIEWED else (f"report_{kind}",) for kind in KINDS
 }
 """Last stages of a task by kind, which bring up to date all others."""
 

@@ -1,6 +1,5 @@
 """Paths of the files of the recorded data, and typed readers."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,8 +7,6 @@ import pandas as pd
 
 from structlearn.core.artefacts import filled, read_csv, read_table
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.primitives.primitive_files import read_vector_primitive
-from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers import Recording
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.runs import read_runs, read_streams
@@ -19,44 +16,22 @@ LEFT_OUT = "data/raw/recorded/left_out.csv"
 
 SLIDES = "slides"
 
-LEARNED = {SLIDES: "expected"}
+LEARNED: dict[str, str] = {}
 """File of what was learned from a set."""
 
-BOXES, SKIN = "boxes", "skin"
+BOXES = "boxes"
 
 SETS = {
     BOXES: ("reaches", "errors", "people", "left_out", "paths", "shapes"),
-    SKIN: ("errors", "maps", "servo", "paths", "force", "lags", "traces"),
 }
 """Tables of sets that have a folder and a stage of their own."""
 
 TABLES = {
-    "clock_errors": "slides/clock_errors",
-    "slide_deviations": "slides/deviations",
-    "slide_left_one_out": "slides/left_one_out",
-    "slide_channels": "slides/channels",
-    "slide_across": "slides/across_materials",
-    "slide_statistics": "slides/statistics",
     "avoidance_scores": "avoidance/scores",
     "avoidance_folds": "avoidance/folds",
     "avoidance_phase": "avoidance/phase_worth",
-    "touch_errors": "latent_touch/errors",
-    "touch_sets": "latent_touch/sets",
-    "touch_likeness": "latent_touch/likeness",
-    "touch_correlations": "latent_touch/correlations",
 } | {f"{name}_{table}": f"{name}/{table}" for name, tables in SETS.items() for table in tables}
 """Tables that a page shows, by name."""
-
-CALIBRATION = ("comparison", "electrodes", "fingers", "spectra", "components", "traces")
-"""Tables of simulated touch beside recorded touch."""
-
-
-def shown_map(maps: pd.DataFrame, tuned_on: Collection[str]) -> pd.DataFrame:
-    """The map of the skin that is shown: the first that asks about a run that nothing was tuned on."""
-    untouched = maps[~maps["asked_about"].isin(tuned_on)]
-    maps = untouched if len(untouched) else maps
-    first = maps[["learned_from", "asked_about"]].iloc[0]
-    return maps[(maps["learned_from"] == first.iloc[0]) & (maps["asked_about"] == first.iloc[1])]
 
 
 @dataclass(frozen=True)
@@ -96,11 +71,6 @@ class RecordedFiles:
         """Those of `TABLES` for which there were data."""
         return {name: self._table(path) for name, path in TABLES.items() if self._has(f"{path}.parquet")}
 
-    def calibration(self) -> dict[str, pd.DataFrame]:
-        """All of `CALIBRATION`, or nothing where there were no data."""
-        names = [name for name in CALIBRATION if self._has(f"calibration/{name}.parquet")]
-        return {name: self._table(f"calibration/{name}") for name in names}
-
     def learned(self, name: str) -> bool:
         """Whether there were enough data of a set to learn from it."""
         return self._has(f"{name}/{LEARNED[name]}.safetensors")
@@ -115,10 +85,6 @@ class RecordedFiles:
         """Those of the tables of one of `SETS` for which there were data, by their own names."""
         there = [table for table in SETS[name] if self._has(f"{name}/{table}.parquet")]
         return {table: self._table(f"{name}/{table}") for table in there}
-
-    def expected_slide(self) -> VectorPrimitive:
-        """Expected traces of the electrodes on the material that was learned."""
-        return read_vector_primitive(self.data / f"recorded/{SLIDES}/{LEARNED[SLIDES]}.safetensors")
 
     def _has(self, path: str) -> bool:
         """Whether a stage that ran wrote a file; where it had no data its folder is empty."""

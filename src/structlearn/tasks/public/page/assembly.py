@@ -20,9 +20,6 @@ from structlearn.reporting.figure_style import Drawing
 from structlearn.tasks.public.page.parts import (
     avoidance_part,
     boxes_part,
-    skin_part,
-    slides_part,
-    touch_part,
 )
 from structlearn.tasks.public.page.parts.part import Part
 from structlearn.tasks.public.page.recorded_results import RecordedResults
@@ -32,20 +29,14 @@ PACKAGE = __package__
 STAGE = "stages/recorded/dvc.yaml:report"
 
 PARTS = (
-    slides_part.PART,
     avoidance_part.PART,
     boxes_part.PART,
-    touch_part.PART,
-    skin_part.PART,
 )
 """In the order of the index."""
 
 PAGES = {
-    "movements": "Recorded slides",
     "avoidance": "Recorded obstacle avoidance",
     "boxes": "People past boxes: one obstacle's features, and a look ahead",
-    "touch": "Recorded touch in a latent space",
-    "skin": "Recorded touch: is the map the skin?",
 }
 """Titles of the pages behind the index."""
 
@@ -53,9 +44,6 @@ HEADLINES = (
     "obstacle_nmse_x",
     "boxes_hits",
     "boxes_path_mm",
-    "touch_reconstruction_nmse_simulated_to_slides",
-    "eflesh_map_nmse",
-    "eflesh_latent_mm",
 )
 """The metrics that stand for all others."""
 

@@ -17,7 +17,7 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, to_table
 from structlearn.core.artefacts import publish, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import Parameters
-from structlearn.readers import clmc, eflesh, slide, synchronise
+from structlearn.readers import clmc, slide, synchronise
 from structlearn.readers.bag_files import natural_order
 from structlearn.readers.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.readers.recording import Recording
@@ -93,10 +93,6 @@ READERS = {
     "biotac_slides": _movements(slide.read_slides, forms=(STREAMS,)),
     # the protocol names the reaches in which tracking jumped
     "reaches_past_boxes": _movements(lambda folder, _, out: read_reaches_past_boxes(folder, out), jumps=True),
-    "eflesh": Reader(
-        lambda folder, _, out: eflesh.read_all_runs(folder, out),
-        lambda found, to, _: eflesh.write_runs(found, to),
-    ),
 }
 """Layouts of public recordings by name."""
 

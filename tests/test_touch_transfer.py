@@ -4,31 +4,41 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from committed import committed
+from committed import committed_task
 from tactile_toy import toy_dataset, toy_geodesics
 
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import clmc, slide, synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import biotac
-from structlearn.tactile.latent_parameters import LatentSpaceParameters, LatentTrainingParameters
 from structlearn.tactile.touch_dataset import TEST, TRAIN
-from structlearn.tasks.public.protocol import latent_touch, touch_sets
-from structlearn.tasks.public.protocol.touch_sets import LatentTouchParameters, TouchSet
+from structlearn.tasks.touch import touch_transfer
+from structlearn.tasks.touch.touch_names import (
+    COMPONENTS,
+    MAGNITUDES,
+    NEW_MATERIAL,
+    NEW_SET,
+    NEW_TRIALS,
+    OWN_UNITS,
+    PARTNERS,
+    PLAIN,
+    SIMULATED,
+    SLIDES,
+    STRUCTURED,
+    UNSCREWING,
+)
+from structlearn.tasks.touch.touch_transfer import TouchSet
 
 SKIN = biotac()
-FEW = committed(
-    LatentTouchParameters,
-    "recorded_latent_touch",
+FEW = committed_task(
+    "biotac",
     folds=2,
-    spaces=committed(
-        LatentSpaceParameters,
-        "recorded_latent_touch.spaces",
-        seeds=1,
-        training=committed(LatentTrainingParameters, "train_latent.training", steps=2, batch_size=8),
-        pair_pool=100,
-        evaluation_pairs=50,
-    ),
+    spaces={
+        "seeds": 1,
+        "training": {"steps": 2, "batch_size": 8},
+        "pair_pool": 100,
+        "evaluation_pairs": 50,
+    },
 )
 
 
@@ -43,12 +53,12 @@ def touch_set(name, groups, seed=0, scale=1.0):
 def results():
     """Slides and their partner are the same touches in other counts, the other two sets are not."""
     sets = [
-        touch_set(touch_sets.SLIDES, ("a", "a", "b", "b")),
-        touch_set(touch_sets.MAGNITUDES, ("c",) * 4, scale=0.25),
-        touch_set(touch_sets.UNSCREWING, ("1", "2", "3")),
-        touch_set(touch_sets.SIMULATED, ("c",) * 4, seed=3),
+        touch_set(SLIDES, ("a", "a", "b", "b")),
+        touch_set(MAGNITUDES, ("c",) * 4, scale=0.25),
+        touch_set(UNSCREWING, ("1", "2", "3")),
+        touch_set(SIMULATED, ("c",) * 4, seed=3),
     ]
-    return latent_touch.learn_touch(sets, SKIN, FEW)
+    return touch_transfer.learn_transfer(sets, SKIN, FEW)
 
 
 def demonstration(name, counts):
@@ -64,7 +74,7 @@ def test_counts_that_rise_are_pressure_and_every_trial_is_a_contact():
     electrode = 8
     counts = np.full((200, 19), -5.0)
     counts[:, electrode] = 400.0
-    samples = touch_sets.held_touch([demonstration(name, counts) for name in "ab"], SKIN, 1.0)
+    samples = touch_transfer.held_touch([demonstration(name, counts) for name in "ab"], SKIN, 1.0)
     np.testing.assert_allclose(samples.signals, -np.tile(counts, (2, 1)), rtol=1e-4)
     np.testing.assert_allclose(samples.pressure, (400.0 - 18 * 5.0) / 19, rtol=1e-4)
     np.testing.assert_allclose(samples.contact_point[0], SKIN.project(SKIN.electrodes[electrode]), atol=1e-6)
@@ -77,7 +87,7 @@ def test_counts_that_rise_are_pressure_and_every_trial_is_a_contact():
 def test_magnitudes_forget_the_direction_of_a_change():
     samples = toy_dataset(contacts=2, samples=50)
     flipped = replace(samples, signals=samples.signals * np.float32([-1, 1] * 9 + [-1]))
-    found, other = (touch_sets.magnitudes(one, SKIN) for one in (samples, flipped))
+    found, other = (touch_transfer.magnitudes(one, SKIN) for one in (samples, flipped))
     np.testing.assert_array_equal(found.signals, other.signals)
     np.testing.assert_array_equal(found.contact_point, other.contact_point)
     assert (found.signals <= 0).all()
@@ -85,53 +95,53 @@ def test_magnitudes_forget_the_direction_of_a_change():
 
 
 def test_every_trial_is_left_out_once_and_every_material_once():
-    slides = touch_set(touch_sets.SLIDES, ("a", "b", "a", "b", "b"))
-    parts = latent_touch.left_out(slides, 2)
+    slides = touch_set(SLIDES, ("a", "b", "a", "b", "b"))
+    parts = touch_transfer.parts_left_out(slides, 2)
     for found in parts.values():
         np.testing.assert_array_equal(np.sort(np.concatenate(found)), np.arange(5))
-    assert [part.tolist() for part in parts[latent_touch.NEW_MATERIAL]] == [[0, 2], [1, 3, 4]]
-    held_out = slides.without(parts[latent_touch.NEW_MATERIAL][0])
+    assert [part.tolist() for part in parts[NEW_MATERIAL]] == [[0, 2], [1, 3, 4]]
+    held_out = slides.without(parts[NEW_MATERIAL][0])
     np.testing.assert_array_equal(held_out.split == TEST, np.isin(held_out.trial, [0, 2]))
     assert (slides.without(()).split == TRAIN).all()
-    logs = touch_set(touch_sets.UNSCREWING, ("1", "2", "3"))
-    assert list(latent_touch.left_out(logs, 5)) == [latent_touch.NEW_TRIALS]
-    assert len(latent_touch.left_out(logs, 5)[latent_touch.NEW_TRIALS]) == 3
+    logs = touch_set(UNSCREWING, ("1", "2", "3"))
+    assert list(touch_transfer.parts_left_out(logs, 5)) == [NEW_TRIALS]
+    assert len(touch_transfer.parts_left_out(logs, 5)[NEW_TRIALS]) == 3
     with pytest.raises(InputError, match="unscrewing: of a single trial none can be left out"):
-        latent_touch.left_out(replace(logs, groups=("1",)), 2)
+        touch_transfer.parts_left_out(replace(logs, groups=("1",)), 2)
 
 
 def test_all_is_asked_of_all_models(results):
-    counts = results.errors.groupby(["learned_from", "asked_about", "new", "model"])["part"].nunique()
-    for model in latent_touch.MODELS:
+    counts = results["errors"].groupby(["learned_from", "asked_about", "new", "model"])["part"].nunique()
+    for model in (STRUCTURED, PLAIN, COMPONENTS):
         for new, parts in (
-            (latent_touch.NEW_TRIALS, 2),
-            (latent_touch.NEW_MATERIAL, 2),
-            (latent_touch.OWN_UNITS, 2),
+            (NEW_TRIALS, 2),
+            (NEW_MATERIAL, 2),
+            (OWN_UNITS, 2),
         ):
-            assert counts[touch_sets.SLIDES, touch_sets.SLIDES, new, model] == parts
-        for source, target in latent_touch.PARTNERS.items():
-            assert counts[source, target, latent_touch.NEW_SET, model] >= 1
-    assert results.errors["reconstruction"].notna().all()
+            assert counts[SLIDES, SLIDES, new, model] == parts
+        for source, target in PARTNERS.items():
+            assert counts[source, target, NEW_SET, model] >= 1
+    assert results["errors"]["reconstruction"].notna().all()
 
 
 def test_a_partner_in_other_counts_is_as_good_as_the_set_itself(results):
     """All samples of the set are those learned from and those left out."""
-    errors = results.errors[results.errors["model"] == latent_touch.COMPONENTS]
+    errors = results["errors"][results["errors"]["model"] == COMPONENTS]
     by = errors.groupby(["learned_from", "new"])["reconstruction"].mean()
-    slides = by[touch_sets.SLIDES]
-    low, high = sorted(slides[[latent_touch.LEARNED, latent_touch.NEW_TRIALS]])
-    assert 0.9 * low < slides[latent_touch.NEW_SET] < 1.1 * high
+    slides = by[SLIDES]
+    low, high = sorted(slides[[touch_transfer.LEARNED, NEW_TRIALS]])
+    assert 0.9 * low < slides[NEW_SET] < 1.1 * high
 
 
 def test_likeness_is_one_for_the_same_touches(results):
-    its = results.likeness.set_index(["first", "second"])["correlation"]
-    assert its[touch_sets.SLIDES, touch_sets.MAGNITUDES] == pytest.approx(1.0, abs=1e-6)
-    assert its[touch_sets.UNSCREWING, touch_sets.SIMULATED] < 0.999
-    assert its[touch_sets.UNSCREWING, touch_sets.UNSCREWING] < 0.999
-    sets = results.sets.set_index("set")
-    ratio = sets.loc[touch_sets.SLIDES, "counts"] / sets.loc[touch_sets.MAGNITUDES, "counts"]
+    its = results["likeness"].set_index(["first", "second"])["correlation"]
+    assert its[SLIDES, MAGNITUDES] == pytest.approx(1.0, abs=1e-6)
+    assert its[UNSCREWING, SIMULATED] < 0.999
+    assert its[UNSCREWING, UNSCREWING] < 0.999
+    sets = results["sets"].set_index("set")
+    ratio = sets.loc[SLIDES, "counts"] / sets.loc[MAGNITUDES, "counts"]
     assert ratio == pytest.approx(4.0, rel=1e-5)
-    diagonal = results.correlations.query("electrode == other")["correlation"]
+    diagonal = results["correlations"].query("electrode == other")["correlation"]
     np.testing.assert_allclose(diagonal, 1.0)
 
 
@@ -141,31 +151,37 @@ def test_a_faulty_trial_is_left_out_altogether():
     few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0})
     faulty = ("mat9_3",)
     simulated = toy_dataset(contacts=4, samples=130)
-    sets = touch_sets.touch_sets(trials, trials[:2], simulated, SKIN, 1.0, faulty, few)
+    sets = touch_transfer.touch_sets(
+        {SLIDES: trials, UNSCREWING: trials[:2]}, simulated, SKIN, 1.0, faulty, few
+    )
     assert [one.name for one in sets] == ["slides", "unscrewing", "simulated", "simulated, magnitudes"]
     assert sets[0].groups == ("mat9", "mat15")
     assert len(sets[0].samples) == 300
-    alone = touch_sets.touch_sets(trials[1:2], trials, simulated, SKIN, 1.0, faulty, few)
+    alone = touch_transfer.touch_sets(
+        {SLIDES: trials[1:2], UNSCREWING: trials[::2]}, simulated, SKIN, 1.0, faulty, few
+    )
     assert [one.name for one in alone] == ["unscrewing", "simulated"]
     with pytest.raises(MissingInputError, match="no two slides or logs of unscrewing"):
-        touch_sets.touch_sets(trials[1:2], trials[:1], simulated, SKIN, 1.0, faulty, few)
+        touch_transfer.touch_sets(
+            {SLIDES: trials[1:2], UNSCREWING: trials[:1]}, simulated, SKIN, 1.0, faulty, few
+        )
 
 
 def test_a_set_goes_on_without_the_other(capsys):
     """What is learned from slides needs no logs; a set too small for a map of the skin is left aside."""
-    found = latent_touch.learn_touch(
-        [touch_set(touch_sets.SLIDES, ("a", "a", "b", "b")), touch_set(touch_sets.MAGNITUDES, ("c",) * 4)],
+    found = touch_transfer.learn_transfer(
+        [touch_set(SLIDES, ("a", "a", "b", "b")), touch_set(MAGNITUDES, ("c",) * 4)],
         SKIN,
         FEW,
     )
-    assert set(found.sets["set"]) == {touch_sets.SLIDES, touch_sets.MAGNITUDES}
-    assert set(found.errors["learned_from"]) == set(found.sets["set"])
-    assert list(found.likeness["first"]) == [touch_sets.SLIDES] * 2
+    assert set(found["sets"]["set"]) == {SLIDES, MAGNITUDES}
+    assert set(found["errors"]["learned_from"]) == set(found["sets"]["set"])
+    assert list(found["likeness"]["first"]) == [SLIDES] * 2
     counts = 50.0 + 10.0 * np.random.default_rng(0).normal(size=(150, 19)).cumsum(axis=0) / 12
     long, short = ([demonstration(name, np.abs(counts[:samples])) for name in "ab"] for samples in (150, 20))
     few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0, "neighbours": 45})
     simulated = toy_dataset(contacts=4, samples=130)
-    sets = touch_sets.touch_sets(long, short, simulated, SKIN, 1.0, (), few)
+    sets = touch_transfer.touch_sets({SLIDES: long, UNSCREWING: short}, simulated, SKIN, 1.0, (), few)
     assert [one.name for one in sets] == ["slides", "simulated, magnitudes"]
     assert "unscrewing left aside: touch: 40 points in a bin" in capsys.readouterr().out
 
@@ -182,7 +198,7 @@ def test_recorded_unscrewing_knows_its_contact_point_and_rises_with_force(record
     log = np.loadtxt(path)
     force, own = np.linalg.norm(log[:, 70:73], axis=1), 1e-3 * log[:, 76:79]
     recording = clmc.read_unscrewing(recorded_data / "clmc")[0]
-    samples = touch_sets.held_touch([synchronise(recording)], SKIN, 100.0)
+    samples = touch_transfer.held_touch([synchronise(recording)], SKIN, 100.0)
     assert np.corrcoef(samples.pressure, force)[0, 1] > 0.98
     wanted = SKIN.project(np.column_stack([own[:, 1], -own[:, 0], own[:, 2]]))
     distance = np.linalg.norm(samples.contact_point - wanted, axis=1)

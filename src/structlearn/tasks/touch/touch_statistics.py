@@ -1,7 +1,7 @@
 """What touch looks like in numbers, the same for recorded and simulated traces of fingers.
 
-Every statistic takes the counts (T, E) of one finger or of several beside each other, at a constant rate, as
-the sensor gave them: not smoothed and not interpolated, for that would take noise away.
+Every statistic takes the counts (T, E) of one finger at a constant rate, as the sensor gave them: neither
+smoothed nor interpolated, for that would take noise away.
 """
 
 from collections.abc import Sequence
@@ -26,21 +26,13 @@ ELECTRODES = 19
 
 @dataclass(frozen=True)
 class FingerTrace:
-    """What one finger read in one run.
-
-    Attributes:
-        group: the set that the run belongs to.
-        run: its name.
-        finger: `left` or `right`.
-        counts: (T, 19) as read, at the sensor's rate.
-        contact: sample from which on the contact stands; None: from the start.
-    """
+    """What one finger read in one run of a set: counts (T, 19) at the sensor's rate."""
 
     group: str
     run: str
     finger: str
     counts: np.ndarray
-    contact: int | None = None
+    contact: int | None = None  # sample from which on the contact stands; None: from the start
 
     @property
     def moving(self) -> np.ndarray:
@@ -52,9 +44,6 @@ def finger_traces(
     group: str, recording: Recording | Demonstration, rate_hz: float, settling_s: float = 0.0
 ) -> list[FingerTrace]:
     """Traces of the fingers of one recording; where its segments are known, the first one makes the contact.
-
-    Returns:
-        One trace per finger.
 
     Raises:
         InputError: there are no electrodes, not 19 per finger, or they come slower than `rate_hz`.
@@ -72,10 +61,8 @@ def finger_traces(
         raise InputError(f"{recording.name}: has electrodes of {len(fingers)} fingers, not of one or two")
     segments = recording.true_segments
     contact = None if segments is None else round((float(segments[0, 1]) + settling_s) * rate_hz)
-    return [
-        FingerTrace(group, recording.name, finger, counts, contact)
-        for finger, counts in zip(FINGERS, fingers, strict=False)
-    ]
+    named = zip(FINGERS, fingers, strict=False)
+    return [FingerTrace(group, recording.name, finger, counts, contact) for finger, counts in named]
 
 
 def _touch(recording: Recording | Demonstration) -> list[tuple[np.ndarray, float]]:
@@ -90,24 +77,18 @@ def joined(
     group: str, run: str, parts: Sequence[Recording], rate_hz: float, settling_s: float = 0.0
 ) -> list[FingerTrace]:
     """Traces of one run whose primitives were recorded as files of their own; the first makes the contact."""
-    traces = [finger_traces(group, part, rate_hz) for part in parts]
+    traces = zip(*(finger_traces(group, part, rate_hz) for part in parts), strict=True)
+    settled = round(settling_s * rate_hz)
     return [
         FingerTrace(
-            group,
-            run,
-            its[0].finger,
-            np.vstack([part.counts for part in its]),
-            len(its[0].counts) + round(settling_s * rate_hz),
+            group, run, its[0].finger, np.vstack([one.counts for one in its]), len(its[0].counts) + settled
         )
-        for its in zip(*traces, strict=True)
+        for its in traces
     ]
 
 
 def contact_change(counts: np.ndarray, contact: int, average: int) -> np.ndarray:
     """How far contact moved every electrode: mean of the samples before `contact` less that of the first.
-
-    Returns:
-        (E,) counts.
 
     Raises:
         MissingInputError: the trace ends before the contact is made, or both means overlap.
@@ -126,16 +107,10 @@ def movement_range(counts: np.ndarray) -> np.ndarray:
 
 
 def noise(counts: np.ndarray, rate_hz: float) -> np.ndarray:
-    """Standard deviation of the white noise of every electrode, rounding included.
+    """Standard deviation of the white noise of every electrode, rounding included, (E,) counts.
 
     Second differences take a straight line away and multiply the variance of white noise by 6. The root mean
-    square is that of the median window.
-
-    Returns:
-        (E,) counts.
-
-    Raises:
-        MissingInputError: the trace is shorter than one window.
+    square is that of the median window; a MissingInputError where the trace is shorter than one.
     """
     window = round(NOISE_WINDOW_S * rate_hz)
     second = np.diff(counts, n=2, axis=0)

@@ -1,52 +1,47 @@
-"""The magnetic skin: blocks held out, maps, forces and servoing on toy runs; its page on made-up tables."""
+"""Touches of a skin: blocks held out, maps, forces and servoing on toy runs; findings on made-up tables."""
 
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from committed import committed
-from reporting_verdicts import AnyFigure, cases
+from committed import committed_task
 from viewer_files import contents, note
 
-from structlearn.core.artefacts import read_table, write_table
 from structlearn.core.errors import MissingInputError
 from structlearn.palette import PLATE_CORNERS, place_colours
 from structlearn.readers import eflesh
-from structlearn.readers.touch_log import TouchLog, read_touch_logs
-from structlearn.reporting.document import render, words_in_view
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.pressed_skin import block_numbers, held_out
-from structlearn.tasks.public import public_files, public_names
-from structlearn.tasks.public.page import parts
-from structlearn.tasks.public.page.assembly import recorded_report
-from structlearn.tasks.public.page.parts.skin_evidence import SkinRuns, skin_evidence
-from structlearn.tasks.public.page.parts.skin_figures import skin_pictures
-from structlearn.tasks.public.page.parts.skin_part import skin_metrics
-from structlearn.tasks.public.page.recorded_results import RecordedResults
-from structlearn.tasks.public.views.skin_recording import write_skin
 from structlearn.tasks.touch import skin_force, skin_readings, skin_servoing
+from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
 from structlearn.tasks.touch.skin_touches import folds_of, gathered, learn_skin, learn_touch
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch.touch_names import (
+    CORRECTED,
+    FORCE_MODELS,
+    NEW_BLOCKS,
+    NEW_PRESSES,
+    NEW_RUN,
+    QUADRATIC,
+    SPACES,
+    STRUCTURED,
+    TEXT_SERVO,
+)
+from structlearn.tasks.touch.touch_view import write_skin
 
-SMALL = committed(
-    TouchParameters,
-    "recorded_skin",
+CHANNELS = tuple(str(channel) for channel in range(15))
+BRIEF = {"seeds": 1, "pair_pool": 5000, "evaluation_pairs": 2000}
+SMALL = committed_task(
+    "eflesh",
     tuned_on=["a"],
     block_mm=3.0,
     folds=2,
     copies=2,
     rival_samples=150,
-    spaces={
-        "seeds": 1,
-        "pair_pool": 5000,
-        "evaluation_pairs": 2000,
-        "training": {"steps": 200, "evaluate_every": 200},
-    },
+    spaces=BRIEF | {"training": {"steps": 200, "evaluate_every": 200}},
     servo={"walks": 500, "trials": 8, "steps": 10},
 )
-CLAIMS = "skin_claims.yaml"
 
 
 def grid(size, passes=1):
@@ -65,9 +60,8 @@ def toy_run(name, seed, depth_mm=0.0, size=10):
     squared = np.square(place[:, None] - centres).sum(axis=-1)
     counts = bumps.choice([-300, 300], 15) * np.exp(-squared / (2 * 0.006**2)) * np.exp(-300 * depth)[:, None]
     counts += rng.normal(size=counts.shape)
-    nothing = np.full(len(place), np.nan)
     place = np.column_stack([place, depth])
-    return TouchLog(name, SMALL.channels, counts, place, np.arange(len(place)) * 4.0, nothing)
+    return TouchLog(name, CHANNELS, counts, place, np.arange(len(place)) * 4.0)
 
 
 def toy_strokes(name, presses=8, gain=1.0):
@@ -81,7 +75,7 @@ def toy_strokes(name, presses=8, gain=1.0):
     counts = np.outer(2e5 * depth(time - 0.35), np.random.default_rng(3).normal(size=15))
     place = np.column_stack([np.zeros((len(time), 2)), -depth(time)])
     weighed = np.where(np.arange(len(time)) % 2, np.nan, force)
-    return TouchLog(name, SMALL.channels, counts, place, time, weighed)
+    return TouchLog(name, CHANNELS, counts, place, time, weighed)
 
 
 def touches(log, parameters=SMALL):
@@ -130,7 +124,7 @@ def test_the_map_is_the_skin_and_rivals_have_none(learned):
     _, tables = learned
     errors = tables["errors"].groupby(["new", "learned_from", "model"])[["map_nmse", "latent_mm"]].mean()
     for run in ("a", "b"):
-        its = errors.loc[skin_readings.NEW_RUN, run]
+        its = errors.loc[NEW_RUN, run]
         assert its.loc["structured", "map_nmse"] < 0.2
         assert its.loc["structured", "map_nmse"] < 0.5 * its.loc["3 principal components", "map_nmse"]
         assert its.loc["Gaussian process", "latent_mm"] < 1.0
@@ -155,7 +149,7 @@ def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
     assert 0 < len(one_depth.pressure) < 288
     assert np.abs(one_depth.place[:, 2]).max() <= 0.5e-3
     servo = tables["servo"]
-    assert set(servo["controller"]) == {public_names.SKIN_SERVO, *public_names.SKIN_SERVO_TEXT}
+    assert set(servo["controller"]) == {CORRECTED, *TEXT_SERVO}
     assert (servo.loc[servo["arrived"], "left_mm"] <= SMALL.servo.tolerance_mm).all()
 
 
@@ -179,7 +173,7 @@ def test_lags_and_forces_are_found(learned):
     _, tables = learned
     np.testing.assert_allclose(tables["lags"][["signals_s", "force_s"]], [[0.35, 0.6]] * 2, atol=0.03)
     errors = tables["force"].groupby(["new", "model"])["rms_n"].mean()
-    assert errors[skin_force.NEW_RUN, skin_force.QUADRATIC] < 0.5
+    assert errors[NEW_RUN, QUADRATIC] < 0.5
     assert set(tables["force"]["press"]) == set(range(8))
 
 
@@ -199,20 +193,9 @@ def test_a_run_in_one_block_has_nothing_held_out():
     quick = SMALL.model_copy(update={"folds": 4, "block_mm": 4.0})
     narrow = toy_run("narrow", 2)
     strip = narrow.place[:, 0] < 4e-3
-    cut = {name: getattr(narrow, name)[strip] for name in ("time", "place", "counts", "force")}
+    cut = {name: getattr(narrow, name)[strip] for name in ("time", "place", "counts")}
     errors = held_out_errors(replace(narrow, **cut), quick)  # two blocks, of folds 0 and 2
     assert errors.groupby("model")["block"].nunique().eq(2).all()
-
-
-def test_names_are_those_of_the_protocols(root):
-    assert tuple(public_names.SKIN_MODELS) == skin_readings.MODELS
-    assert set(public_names.SKIN_FORCE) == {skin_force.QUADRATIC, skin_force.PRESSURE, skin_readings.PROCESS}
-    assert (public_names.SKIN_SERVO, public_names.SKIN_SERVO_TEXT) == (
-        skin_servoing.CORRECTED,
-        skin_servoing.TEXT,
-    )
-    known = skin_readings.NEW_BLOCKS, skin_force.NEW_PRESSES, skin_readings.NEW_RUN
-    assert known == (public_names.SKIN_NEW_BLOCKS, public_names.SKIN_NEW_PRESSES, public_names.SKIN_NEW_RUN)
 
 
 @lru_cache
@@ -220,12 +203,12 @@ def made_up(good=True):
     """Results in which every claim holds, or none does."""
     runs, wiggle = ("a", "b"), np.linspace(-0.01, 0.01, 6)
     errors = []
-    for model in public_names.SKIN_MODELS:
+    for model in SPACES:
         ours = (model == "structured") == good
         level = 0.01 if ours else 0.5
         for first in runs:
             for second in runs:
-                new = public_names.SKIN_NEW_BLOCKS if first == second else public_names.SKIN_NEW_RUN
+                new = NEW_BLOCKS if first == second else NEW_RUN
                 table = pd.DataFrame({"block": range(6), "presses": 20, "model": model, "seed": 0})
                 table = table.assign(learned_from=first, asked_about=second, new=new)
                 for name in ("map_nmse", "pressure_nmse", "signal_nmse", "depth_nmse"):
@@ -244,7 +227,7 @@ def made_up(good=True):
         [
             (model, controller, trial, ((model == "structured") == good), 0.5, 1.05 if good else 2.0)
             for model in ("structured", "reconstruction only")
-            for controller in (*public_names.SKIN_SERVO_TEXT, public_names.SKIN_SERVO)
+            for controller in (*TEXT_SERVO, CORRECTED)
             for trial in range(20)
         ],
         columns=["model", "controller", "trial", "arrived", "left_mm", "length_ratio"],
@@ -253,8 +236,8 @@ def made_up(good=True):
     force = pd.DataFrame(
         [
             (new, model, press, (0.3 if good else 3.0) + 0.01 * press, 1.0)
-            for new in (public_names.SKIN_NEW_PRESSES, public_names.SKIN_NEW_RUN)
-            for model in public_names.SKIN_FORCE
+            for new in (NEW_PRESSES, NEW_RUN)
+            for model in FORCE_MODELS
             for press in range(4)
         ],
         columns=["new", "model", "press", "rms_n", "worst_n"],
@@ -278,52 +261,29 @@ def made_up(good=True):
     return SkinRuns(tables, ("a",))
 
 
-def document(results):
-    tables = {f"skin_{name}": table for name, table in results.tables.items()}
-    known = RecordedResults(tables, parameters={"recorded_skin": SMALL})
-    return recorded_report(known, Path("no such folder")).pages["skin"]
-
-
 def test_blocks_of_the_run_tuned_on_decide_nothing():
     spoiled = made_up().tables["errors"].copy()
     own = (spoiled["learned_from"] == "a") & (spoiled["asked_about"] == "a")
     spoiled.loc[own, ["map_nmse", "latent_mm"]] = 99.0
     results = SkinRuns(made_up().tables | {"errors": spoiled}, ("a",))
-    assert skin_evidence(results)["map_text"] == skin_evidence(made_up())["map_text"]
-    alone = SkinRuns({"errors": spoiled[own]}, ("a",))
-    words = cases(parts.__name__, skin_evidence(alone), CLAIMS)
-    assert words["map_text"] == {"": "not tested"}
+    assert find_skin(results)["map_nmse"] == find_skin(made_up())["map_nmse"]
+    alone = find_skin(SkinRuns({"errors": spoiled[own]}, ("a",)))
+    assert alone["map_nmse"].reason == "no runs for it are recorded here"
+    assert alone["latent_mm"].n == 0
 
 
-@pytest.mark.parametrize(
-    "there",
-    [
-        ("errors", "maps", "servo", "paths", "force", "lags", "traces"),
-        ("errors", "maps", "servo", "paths"),
-        ("errors", "force", "lags"),
-    ],
-)
-def test_the_page_shows_what_is_there(there, tmp_path):
-    results = SkinRuns({name: made_up().tables[name] for name in there}, ("a",))
-    page = render(document(results), AnyFigure())
-    assert words_in_view(page) <= 1000
-    assert all(f"figure-{name}" in page for name in skin_pictures(results))
-    write_skin(tmp_path / "skin.rrd", results.tables, results.tuned_on)
-    assert "recorded" in note(tmp_path / "skin.rrd")
-    shown = contents(tmp_path / "skin.rrd")[1]
-    assert ("/map/presses" in shown) == ("maps" in there)
+def test_the_recording_shows_what_is_there(tmp_path):
+    for there in (("maps", "paths", "traces"), ("maps", "paths"), ("traces",), ()):
+        write_skin(tmp_path / "skin.rrd", {name: made_up().tables[name] for name in there}, ("a",))
+        assert "recorded" in note(tmp_path / "skin.rrd")
+        assert ("/map/presses" in contents(tmp_path / "skin.rrd")[1]) == ("maps" in there)
 
 
-def test_nothing_to_learn_from_gives_nothing(tmp_path):
-    assert learn_touch([], SMALL) == ({}, {})
-    write_skin(tmp_path / "skin.rrd", {}, ("a",))
-
-
-def test_metrics_are_those_of_the_aims():
-    values = skin_metrics(made_up())
-    wanted = ("map_nmse", "latent_mm", "latent_cross_run_mm", "pressure_nmse", "depth_nmse", "force_n")
-    assert {f"eflesh_{name}{end}" for name in wanted for end in ("", "_low", "_high")} <= set(values)
-    assert values["eflesh_latent_mm"] == pytest.approx(0.5)
+def test_findings_are_those_of_the_aims():
+    find = find_skin(made_up())
+    for name in ("map_nmse", "latent_mm", "latent_cross_run_mm", "pressure_nmse", "depth_nmse", "force_n"):
+        assert find[name].low < find[name].value < find[name].high
+    assert find["latent_mm"].value == pytest.approx(0.5)
 
 
 def test_places_have_the_colours_of_their_corners():
@@ -332,27 +292,16 @@ def test_places_have_the_colours_of_their_corners():
     assert hexes == [*PLATE_CORNERS[0], *PLATE_CORNERS[1]]
 
 
-def test_tables_are_found_by_their_names(tmp_path, learned):
-    _, tables = learned
-    assert set(tables) == {*public_files.SETS[public_files.SKIN], "map", "recordings"}
-    folder = tmp_path / "recorded/skin"
-    folder.mkdir(parents=True)
-    write_table(tables["lags"], folder / "lags.parquet")
-    assert list(public_files.RecordedFiles(tmp_path).of_set("skin")) == ["lags"]
-    assert len(read_table(folder / "lags.parquet")) == 2
-
-
-def test_the_recorded_skin_carries_over(recorded_data, tmp_path):
+def test_the_recorded_skin_carries_over(recorded_data):
     """A short training already finds the place of presses of another run within a millimetre and a half."""
-    eflesh.write_runs(eflesh.read_all_runs(recorded_data / "eflesh"), tmp_path)
-    logs = read_touch_logs(tmp_path, SMALL.channels)
-    assert any(np.isfinite(log.force).any() for log in logs)
-    pressed = [log for log in logs if np.isnan(log.force).all()][:2]
+    logs = eflesh.read_touch(recorded_data / "eflesh", SMALL, {})
+    assert any(log.force is not None for log in logs)
+    pressed = [log for log in logs if log.force is None][:2]
     brief = SMALL.spaces.training.model_copy(update={"steps": 400, "evaluate_every": 400})
     few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
     first, second = (touches(log, few) for log in pressed)
     skin = learn_skin(first, np.full(len(first.counts), True), few, with_dynamics=False)
     errors, _ = skin_readings.other_errors((skin, first, [second]), few)
     by_model = errors.groupby("model")[["map_nmse", "laid_mm"]].mean()
-    assert by_model.loc["structured", "map_nmse"] < 0.06
-    assert by_model.loc["structured", "laid_mm"] < 1.5
+    assert by_model.loc[STRUCTURED, "map_nmse"] < 0.06
+    assert by_model.loc[STRUCTURED, "laid_mm"] < 1.5

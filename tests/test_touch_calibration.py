@@ -6,8 +6,9 @@ from committed import committed
 
 from structlearn.core.errors import InputError
 from structlearn.readers.recording import Recording, Stream
-from structlearn.tasks.public.protocol import touch_calibration, touch_statistics
-from structlearn.tasks.public.protocol.touch_statistics import FingerTrace, finger_traces, joined
+from structlearn.tasks.touch import touch_calibration, touch_statistics
+from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE
+from structlearn.tasks.touch.touch_statistics import FingerTrace, finger_traces, joined
 
 RATE_HZ = 100.0
 NOTHING = np.zeros((100, 2))
@@ -135,11 +136,11 @@ def test_readers_without_fingers(counts, rate_hz, message):
 
 def traces(gain: float) -> list[FingerTrace]:
     recorded = [
-        FingerTrace(touch_calibration.REFERENCE, "run", finger, execution(seed), 300)
+        FingerTrace(REFERENCE, "run", finger, execution(seed), 300)
         for seed, finger in enumerate(("left", "right"))
     ]
     simulated = [
-        FingerTrace(touch_calibration.SIMULATED, f"{run}", finger, execution(10 * run + place, gain), 300)
+        FingerTrace(CALIBRATED, f"{run}", finger, execution(10 * run + place, gain), 300)
         for run in range(3)
         for place, finger in enumerate(("left", "right"))
     ]
@@ -180,6 +181,6 @@ def test_the_comparison_finds_a_factor():
 
 def test_traces_to_look_at_start_at_zero():
     table = touch_calibration.trace_table(traces(1.0), PARAMETERS)
-    assert set(table["group"]) == {touch_calibration.REFERENCE, touch_calibration.SIMULATED}
+    assert set(table["group"]) == {REFERENCE, CALIBRATED}
     assert abs(table[table["time_s"] < -2.0]["change"]).max() < 10
     assert table["time_s"].min() == -3.0

@@ -1,24 +1,23 @@
-"""Figures of the magnetic skin: the skin beside its map, errors of all models, ways on the plate, forces."""
+"""Figures of a skin: the skin beside its map, errors of all models, paths on the plate, forces."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
-from matplotlib.axes import Axes
+import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
-from structlearn.reporting.claims import Evidence
 from structlearn.reporting.figure_style import Drawing, Raster, styled
 from structlearn.reporting.panels import legend, map_panels, panel
-from structlearn.tasks.public import public_names
-from structlearn.tasks.public.page.parts.skin_evidence import ARROW, SkinRuns
-from structlearn.tasks.public.public_files import shown_map
+from structlearn.tasks.touch.skin_section import ARROW, SkinRuns, of_mean, shown_map
+from structlearn.tasks.touch.touch_names import NEW_RUN, SPACES
 
 BOUND_MM = 0.8
 """The aim of the claims."""
 
-WAYS = 16
-"""Ways that are drawn."""
+PATHS = 16
+"""Paths that are drawn."""
 
 STROKES_S = 120.0
 """Of the forces, so much is drawn."""
@@ -26,73 +25,68 @@ STROKES_S = 120.0
 
 def skin_pictures(runs: SkinRuns) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures by name, as far as there are data for them."""
-    drawn: dict[str, Drawing | Sequence[Drawing]] = {"skin_errors": errors_panel(runs)}
-    if "maps" in runs.tables:
-        drawn["skin_map"] = skin_map(runs)
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {}
+    if "errors" in runs.tables:
+        drawn = {"skin_map": skin_map(runs), "skin_errors": errors_panel(runs)}
     if "paths" in runs.tables:
-        drawn["skin_ways"] = ways_panel(runs)
+        drawn["skin_paths"] = paths_panel(runs)
     if "traces" in runs.tables:
         drawn["skin_force"] = force_panel(runs)
     return drawn
 
 
 def skin_map(runs: SkinRuns) -> list[Raster]:
-    """Where presses were, and where they lie in the map that was learned from another run."""
-    maps, numbers = shown_map(runs.tables["maps"], runs.tuned_on), runs.numbers
-    first = maps.iloc[0]
-    titles = (
-        f"The skin: where {numbers[first['asked_about']]} pressed it",
-        f"Its map, learned from {numbers[first['learned_from']]}",
-    )
+    """Where touches were, and where they lie in the map that was learned from another run or other blocks."""
+    if "maps" not in runs.tables:
+        maps = runs.tables["map"]
+        extent = 0.1e3 * np.ptp(maps[["x_m", "y_m"]], axis=0).max()
+        return map_panels(maps, ("Where touches were", "Where they lie in the map"), 4.4, extent)
+    maps = shown_map(runs.tables["maps"], runs.tuned_on)
+    learned, asked = (runs.numbers[maps[column].iloc[0]] for column in ("learned_from", "asked_about"))
+    titles = f"The skin: where {asked} pressed it", f"Its map, learned from {learned}"
     return map_panels(maps, titles, 4.6, 2.5)
 
 
 @styled
 def errors_panel(runs: SkinRuns) -> list[Figure]:
     """Map error and place error of all models, on blocks held out and on other runs."""
-    cases = {"blocks held out": runs.tested, "other run": runs.across}
-    figures = []
+    cases: dict[str, Callable[[str, str], pd.Series]] = {
+        "blocks held out": runs.held_out,
+        "other run": partial(runs.errors, NEW_RUN),
+    }
+    if "maps" not in runs.tables:
+        del cases["other run"]
+    figures, apart = [], len(SPACES) + 1
     for error, title, label in (
         ("map_nmse", "Distances on the map", "NMSE"),
         ("latent_mm", "Place of the press", "median error (mm)"),
     ):
         figure, axes = panel(title, ylabel=label, yscale="log" if error == "map_nmse" else "linear")
-        for place, (model, look) in enumerate(public_names.SKIN_MODELS.items()):
+        for place, (model, look) in enumerate(SPACES.items()):
             for group, of in enumerate(cases.values()):
-                _bar(
-                    axes,
-                    group * (len(public_names.SKIN_MODELS) + 1) + place,
-                    of(error, model),
-                    look,
-                    group == 0,
-                )
-        axes.set_xticks([1.5, 1.5 + len(public_names.SKIN_MODELS) + 1], list(cases))
+                found = of_mean(of(error, model))
+                if np.isfinite(found.value):
+                    ends = np.nan_to_num([[found.value - found.low], [found.high - found.value]])
+                    name, at = None if group else look.name, group * apart + place
+                    axes.bar(at, found.value, 0.8, color=look.colour, label=name)
+                    axes.errorbar(at, found.value, ends, color=BLACK, capsize=2.0)
+        axes.set_xticks([1.5 + group * apart for group in range(len(cases))], list(cases))
         axes.grid(visible=False, axis="x")
-        if error == "latent_mm":
+        if error == "latent_mm" and "maps" in runs.tables:
             axes.axhline(BOUND_MM, color=BLACK, linewidth=0.8, linestyle="--")
         figures.append(legend(figure))
     return figures
 
 
-def _bar(axes: Axes, place: float, found: Evidence, look: public_names.Look, labelled: bool) -> None:
-    if not np.isfinite(found.value):
-        return
-    ends = np.nan_to_num([[found.value - found.low], [found.high - found.value]])
-    label = look.name if labelled else None
-    axes.bar(place, found.value, 0.8, color=look.colour, label=label, yerr=ends, ecolor=BLACK, capsize=2.0)
-
-
 @styled
-def ways_panel(runs: SkinRuns) -> list[Figure]:
-    """Ways of the probe from press to press, one panel per run that was learned from."""
+def paths_panel(runs: SkinRuns) -> list[Figure]:
+    """Paths of the probe from press to press, one panel per run that was learned from."""
     numbers, figures = runs.numbers, []
     for (first, second), its in runs.tables["paths"].groupby(["learned_from", "asked_about"]):
         title = f"Servoing, {numbers[first]} {ARROW} {numbers[second]}"
         figure, axes = panel(title, 4.4, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
         middle = 0.5e3 * (its[["x_m", "y_m"]].min() + its[["x_m", "y_m"]].max()).to_numpy()
-        for trial, way in its.groupby("trial"):
-            if trial >= WAYS:
-                break
+        for _, way in its[its["trial"] < PATHS].groupby("trial"):
             path = 1e3 * way.sort_values("step")[["x_m", "y_m"]].to_numpy() - middle
             target = 1e3 * way[["target_x_m", "target_y_m"]].to_numpy()[0] - middle
             axes.plot(*np.array([path[0], target]).T, color=LIGHT_GREY, linewidth=0.9)
