@@ -72,11 +72,12 @@ STARTS = {
     ),
     "dynamics": (
         ("torch", "pinocchio"),
-        "dynamics/train.py dynamics/online.py dynamics/track.py recorded/dynamics.py recorded/ur10e.py",
+        "dynamics/train.py dynamics/online.py dynamics/track.py",
     ),
     "recordings": (
         ("rerun",),
-        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py tasks/view_movement.py",
+        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py tasks/view_motion.py "
+        "tasks/view_movement.py",
     ),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (

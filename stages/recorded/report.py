@@ -3,7 +3,6 @@
 from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.core.stage import run, stage_parameters
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.public import PARAMETER_FILE
 from structlearn.tasks.public.page.assembly import recorded_pictures, recorded_report
 from structlearn.tasks.public.page.recorded_results import read_results
@@ -13,8 +12,6 @@ from structlearn.tasks.public.public_files import RecordedFiles
 PARAMETERS = {
     "recorded_avoidance": RecordedAvoidanceParameters,
     "recorded_boxes": ScenePeopleParameters,
-    "recorded_dynamics": MotionParameters,
-    "recorded_ur10e": MotionParameters,
 }
 
 

@@ -38,16 +38,6 @@ PARTS = ("segment", "rests", "feedback", "corrections", "robot")
 """Keys that a task has only if its entry names them."""
 
 
-class MotionEntry(SourceParameters, MotionParameters):
-    """Logs of an arm's joints. Fields: `stages/tasks/params.yaml`, `defaults.motion`."""
-
-    kind = "motion"
-
-    def sources(self) -> dict[str, tuple[str, ...]]:
-        """All files and folders that are read, as they are written, by what they are for."""
-        return super().sources() | {"urdf": (self.urdf,)}
-
-
 class ObstacleEntry(SourceParameters, ScenePeopleParameters):
     """Reaches past obstacles. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
 
@@ -57,11 +47,16 @@ class ObstacleEntry(SourceParameters, ScenePeopleParameters):
     clock: ClockParameters | None
 
 
-ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionEntry, TouchParameters, ObstacleEntry)
+ENTRIES: tuple[type[SourceParameters], ...] = (
+    MovementEntry,
+    MotionParameters,
+    TouchParameters,
+    ObstacleEntry,
+)
 KINDS = {entry.kind: entry for entry in ENTRIES}
 """Kinds of data, as entries are grouped."""
 
-VIEWED = ("movement", "touch")
+VIEWED = ("movement", "motion", "touch")
 STAGES = {
     kind: (f"report_{kind}", f"view_{kind}") if kind in VIEWED else (f"report_{kind}",) for kind in KINDS
 }

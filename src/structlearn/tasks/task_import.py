@@ -30,8 +30,9 @@ from structlearn.readers.runs import write_runs, write_streams
 from structlearn.readers.settings import setting_folders
 from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.touch_log import write_touch_logs
+from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
-from structlearn.tasks.task_entry import MotionEntry, ObstacleEntry
+from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -126,7 +127,7 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
     write_table(came_in(recordings), folder / "came_in.parquet")
 
 
-def _logs(task: MotionEntry, folder: Path, left_out: LeftOut) -> None:
+def _logs(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
     """`logs`."""
     write_log_table(read_source(task, task.source, left_out), folder / "logs.parquet")
 

@@ -11,6 +11,7 @@ from structlearn.reporting.claims import Judged, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import HEADLINES, publish_report
+from structlearn.tasks.motion import motion_section
 from structlearn.tasks.movement import (
     check_section,
     corrections_section,
@@ -18,7 +19,6 @@ from structlearn.tasks.movement import (
     primitives_section,
 )
 from structlearn.tasks.own.page import (
-    motion_section,
     obstacles_section,
 )
 from structlearn.tasks.section import Section

@@ -9,7 +9,6 @@ from structlearn.core.artefacts import filled, read_csv, read_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import Recording
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.joint_log import DriveLog, read_log_table
 from structlearn.readers.runs import read_runs, read_streams
 
 RAW = "raw/recorded"
@@ -20,14 +19,10 @@ SLIDES = "slides"
 LEARNED: dict[str, str] = {}
 """File of what was learned from a set."""
 
-BOXES, UR10E = "boxes", "ur10e"
+BOXES = "boxes"
 
 SETS = {
     BOXES: ("reaches", "errors", "people", "left_out", "paths", "shapes"),
-    UR10E: (
-        *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "links"),
-        *("traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
-    ),
 }
 """Tables of sets that have a folder and a stage of their own."""
 
@@ -35,12 +30,6 @@ TABLES = {
     "avoidance_scores": "avoidance/scores",
     "avoidance_folds": "avoidance/folds",
     "avoidance_phase": "avoidance/phase_worth",
-    "panda_errors": "dynamics/errors",
-    "panda_friction": "dynamics/friction",
-    "panda_links": "dynamics/links",
-    "panda_traces": "dynamics/traces",
-    "slide_torques": "dynamics/slide_torques",
-    "slide_payloads": "dynamics/slide_payloads",
 } | {f"{name}_{table}": f"{name}/{table}" for name, tables in SETS.items() for table in tables}
 """Tables that a page shows, by name."""
 
@@ -96,16 +85,6 @@ class RecordedFiles:
         """Those of the tables of one of `SETS` for which there were data, by their own names."""
         there = [table for table in SETS[name] if self._has(f"{name}/{table}.parquet")]
         return {table: self._table(f"{name}/{table}") for table in there}
-
-    def ur10e_log(self, name: str) -> DriveLog:
-        """One log of the UR10e."""
-        logs = read_log_table(self.data / RAW / "ur10e/logs.parquet", DriveLog)
-        return next(log for log in logs if log.name == name)
-
-    @property
-    def ur10e_urdf(self) -> Path:
-        """The URDF that was identified."""
-        return self.data / "recorded/ur10e/identified.urdf"
 
     def _has(self, path: str) -> bool:
         """Whether a stage that ran wrote a file; where it had no data its folder is empty."""

@@ -7,18 +7,12 @@ from structlearn.palette import (
     BLACK,
     BLUE,
     DEMONSTRATION_COLOUR,
-    GREEN,
     GREY,
     ORANGE,
-    PURPLE,
     REPRODUCTION_COLOUR,
     SCENE_WAYS,
-    SKY,
-    VERMILION,
     Look,
 )
-from structlearn.rigid_body.model_names import DEFAULT
-from structlearn.rigid_body.model_names import NAMES as MODEL_NAMES
 
 RECORDED = Look("recorded", DEMONSTRATION_COLOUR)
 LEARNED = Look("primitive", REPRODUCTION_COLOUR)
@@ -51,24 +45,3 @@ INPUTS = {
 
 BOX_WAYS = {"recorded": Look("person", DEMONSTRATION_COLOUR)} | SCENE_WAYS
 """Ways past boxes: who or what moves the hand."""
-
-DYNAMICS_MODELS = {"urdf": MODEL_NAMES[DEFAULT]} | MODEL_NAMES | {"least_squares": "least squares"}
-
-FRICTIONS = {
-    "none": "",
-    "viscous": "viscous",
-    "coulomb": "viscous, Coulomb",
-    "offset": "viscous, Coulomb, offset",
-}
-
-DYNAMICS_LOOKS = {
-    ("urdf", "none"): Look(DYNAMICS_MODELS["urdf"], GREY),
-    ("mlp", "none"): Look("MLP", VERMILION),
-    ("mlp_scaled", "none"): Look("MLP, scaled", ORANGE),
-    ("delan", "viscous"): Look("DeLaN", PURPLE),
-    ("cov", "viscous"): Look("Cov, viscous", SKY),
-    ("cov", "coulomb"): Look("Cov, Coulomb", BLUE),
-    ("cov", "offset"): Look("Cov, Coulomb, offset", GREEN),
-    ("least_squares", "coulomb"): Look("least squares, Coulomb", BLACK),
-}
-"""Models of the Panda with their friction, as figures show them."""

@@ -20,8 +20,6 @@ from structlearn.reporting.figure_style import Drawing
 from structlearn.tasks.public.page.parts import (
     avoidance_part,
     boxes_part,
-    panda_part,
-    ur10e_part,
 )
 from structlearn.tasks.public.page.parts.part import Part
 from structlearn.tasks.public.page.recorded_results import RecordedResults
@@ -33,16 +31,12 @@ STAGE = "stages/recorded/dvc.yaml:report"
 PARTS = (
     avoidance_part.PART,
     boxes_part.PART,
-    panda_part.PART,
-    ur10e_part.PART,
 )
 """In the order of the index."""
 
 PAGES = {
     "avoidance": "Recorded obstacle avoidance",
     "boxes": "People past boxes: one obstacle's features, and a look ahead",
-    "panda": "Inverse dynamics of a recorded Franka Panda",
-    "ur10e": "A second arm: a UR10e and its load",
 }
 """Titles of the pages behind the index."""
 
@@ -50,9 +44,6 @@ HEADLINES = (
     "obstacle_nmse_x",
     "boxes_hits",
     "boxes_path_mm",
-    "panda_nmse_cov_coulomb",
-    "ur10e_nmse_mean_cov_coulomb",
-    "ur10e_load_kg",
 )
 """The metrics that stand for all others."""
 

@@ -8,7 +8,6 @@ import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from shutil import copyfile
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -18,9 +17,8 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, to_table
 from structlearn.core.artefacts import publish, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import Parameters
-from structlearn.readers import clmc, panda, slide, synchronise, ur10e
+from structlearn.readers import clmc, slide, synchronise
 from structlearn.readers.bag_files import natural_order
-from structlearn.readers.joint_log import write_log_table
 from structlearn.readers.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.readers.recording import Recording
 from structlearn.readers.runs import write_runs, write_streams
@@ -30,7 +28,7 @@ from structlearn.tasks.public.protocol.avoidance_samples import (
 )
 
 SOURCE_VARIABLE = "RECORDED_DATA"
-RUNS, STREAMS, LOGS = "runs.parquet", "streams.parquet", "logs.parquet"
+RUNS, STREAMS = "runs.parquet", "streams.parquet"
 
 LeftOut = dict[str, str]
 """Why files could not be read, by their names."""
@@ -80,18 +78,6 @@ def _write_avoidance(
     write_metrics(provenance, target / "provenance.json")
 
 
-def _write_panda(logs: Sequence[Any], target: Path, left_out: LeftOut) -> None:
-    if logs:
-        write_log_table(sorted(logs, key=lambda log: natural_order(log.name)), target / LOGS)
-
-
-def _write_ur10e(found: tuple[Sequence[Any], Path], target: Path, left_out: LeftOut) -> None:
-    logs, urdf = found
-    if logs:
-        write_log_table(sorted(logs, key=lambda log: log.name), target / LOGS)
-        copyfile(urdf, target / ur10e.URDF)
-
-
 READERS = {
     "clmc_reaches": _movements(lambda folder, part, left_out: clmc.read_reaches(folder, part, left_out)),
     "clmc_unscrewing": _movements(
@@ -107,10 +93,6 @@ READERS = {
     "biotac_slides": _movements(slide.read_slides, forms=(STREAMS,)),
     # the protocol names the reaches in which tracking jumped
     "reaches_past_boxes": _movements(lambda folder, _, out: read_reaches_past_boxes(folder, out), jumps=True),
-    "panda": Reader(lambda folder, _, out: panda.read_trajectories(folder, out), _write_panda),
-    "ur10e": Reader(
-        lambda folder, _, out: (ur10e.read_logs(folder, out), ur10e.urdf_path(folder)), _write_ur10e
-    ),
 }
 """Layouts of public recordings by name."""
 

@@ -11,26 +11,30 @@ import pytest
 import yaml
 from committed import TASK_FILE
 from pydantic import ValidationError
+from readers_bags import STORE
 from rigid_body_robots import joint, link
 
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
-from structlearn.readers.joint_log import JointLog
+from structlearn.readers import panda
+from structlearn.readers.joint_log import JointLog, write_log_table
 from structlearn.rigid_body.base_parameters import base_parameters
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
+from structlearn.tasks import bags
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.task_entry import MotionEntry
+from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
 
 
-def parameters(**changes) -> MotionEntry:
+def parameters(**changes) -> MotionParameters:
     """The defaults for a task's logs, quicker."""
     defaults = yaml.load(TASK_FILE.read_text(), yaml.CSafeLoader)["defaults"]["motion"]
     quick = {"source": "logs", "urdf": "arm.urdf", "rate_hz": 50.0, "smoothing_hz": 20.0, "rest_rad_s": 0.01}
     quick |= {"draws": 100, "iterations": 200, "gravity_n_m": 0.2}
-    return MotionEntry.model_validate(defaults | quick | changes)
+    return MotionParameters.model_validate(defaults | quick | changes)
 
 
 JOINTS = ("turn", "lift", "bend")
@@ -98,7 +102,7 @@ def identified(folder: Path, logs: list[JointLog], **changes) -> SimpleNamespace
 
 @pytest.fixture(scope="module")
 def several(tmp_path_factory):
-    """Three logs, the last of which is asked about."""
+    """Three logs, the last of which is tested on."""
     folder = tmp_path_factory.mktemp("several")
     logs = [made_up_log(arm()[0], f"log {seed}", seed) for seed in range(3)]
     return identified(folder, logs), folder
@@ -175,7 +179,7 @@ def test_a_motion_that_excites_little_has_a_large_condition_number(tmp_path):
 
 def test_a_log_that_is_too_short_or_lacks_a_joint_is_refused(tmp_path):
     log = made_up_log(arm()[0], "short", 0, seconds=3.0)
-    with pytest.raises(InputError, match=r"^logs: .* are too short for blocks of 2 s$"):
+    with pytest.raises(InputError, match=r"^short: .* are too short for blocks of 2 s$"):
         identified(tmp_path, [log])
     with pytest.raises(InputError, match=r"short: the log lacks the robot's joints bend"):
         identified(tmp_path, [replace(log, joints=("gripper", "other", "lift", "turn"))])
@@ -191,9 +195,85 @@ def test_a_load_of_known_weight_is_weighed_with_torques_too(tmp_path):
     found = results.loads.set_index(["pair", "gains"])
     assert found.loc[("aLoad", "found"), "mass_kg"] == pytest.approx(0.8, rel=0.1)
     assert found.loc[("aLoad", "found"), "centre_x_m"] == pytest.approx(0.2, abs=0.03)
-    assert set(results.motions["part"]) == {"learned from", "with the load", "asked about"}
+    assert set(results.motions["part"]) == {"learned from", "with the load", "tested on"}
     assert set(results.errors["part"]) == {"train", "b"}
     assert {"mass_kg", "viscous"} <= set(results.bodies["parameter"])
     assert set(results.carried["stage"]) == {"empty, learned from", "empty, another motion", "with the load"}
     with pytest.raises(ValidationError, match="drives and load need logs that are named"):
         parameters(load=load)
+
+
+def as_db3(log: JointLog, folder: Path) -> None:
+    """The log as `ros2 bag record` left it before MCAP."""
+    from rosbags.rosbag2 import Writer
+
+    state = STORE.types["sensor_msgs/msg/JointState"]
+    header, time = STORE.types["std_msgs/msg/Header"], STORE.types["builtin_interfaces/msg/Time"]
+    with Writer(folder / log.name, version=9) as writer:
+        topic = writer.add_connection("/joint_states", state.__msgtype__, typestore=STORE)
+        for row, stamp in enumerate(log.stamps.tolist()):
+            its = (log.positions[row], log.velocities[row], log.torques[row])
+            message = state(header(time(stamp // 10**9, stamp % 10**9), ""), list(log.joints), *its)
+            writer.write(topic, stamp, STORE.serialize_cdr(message, state.__msgtype__))
+
+
+def test_a_labs_bag_and_a_public_log_become_tables_of_one_form(tmp_path):
+    """From an older bag by the reader of a lab, and from the Panda's text files by that of a public set."""
+    path, public = tmp_path / "arm.urdf", tmp_path / "public"
+    path.write_text(ARM)
+    log = made_up_log(arm()[0], "take", 5, seconds=4.0)
+    as_db3(log, tmp_path / "bags")
+    lab = parameters(urdf=str(path))
+    public.mkdir()
+    count = len(log.stamps)
+    np.savetxt(public / "run_time.txt", log.time)
+    for word in ("positions", "velocity", "torques"):
+        np.savetxt(public / f"run_{word}.txt", np.arange(7.0 * count))
+    tables = {}
+    for name, found in (
+        ("lab", bags.read_motion(tmp_path / "bags", lab, {})),
+        ("panda", panda.read_motion(public)),
+    ):
+        write_log_table(found, tmp_path / f"{name}.parquet")
+        (tables[name],) = read_logs(tmp_path / f"{name}.parquet", lab).values()
+    assert type(tables["lab"]) is type(tables["panda"]) is JointLog
+    assert set(tables["lab"].joints) == set(JOINTS)  # the gripper is none of the URDF's
+    columns = [1 + JOINTS[::-1].index(joint) for joint in tables["lab"].joints]
+    for signal in ("positions", "velocities", "torques"):
+        assert getattr(tables["panda"], signal).shape == (count, 7)
+        np.testing.assert_array_equal(getattr(tables["lab"], signal), getattr(log, signal)[:, columns])
+
+
+def test_offsets_and_a_prior_are_options(tmp_path):
+    """Of sensors that are not zeroed the model with an offset is judged, and its URDF has the right links."""
+    logs = [made_up_log(arm()[0], f"log {seed}", seed) for seed in range(2)]
+    logs = [replace(log, torques=log.torques + 2.0) for log in logs]
+    options = {"judged_friction": "offset", "refit_friction": True, "joint_weights": "limit", "prior": 1e-6}
+    results = identified(tmp_path, logs, **options)
+    errors = results.errors.query("part == 'test' and model == 'cov'").groupby("friction")["nmse"].max()
+    assert errors["offset"] < 0.02 < errors["coulomb"]
+    base = base_parameters(arm()[0].tree)
+    true = base.values(heavier(arm()[0].inertias))
+    assert np.abs(base.values(read_urdf(tmp_path / "identified.urdf").inertias) - true).max() < 0.1
+    with pytest.raises(ValidationError, match="structures lack cov"):
+        parameters(structures=["tri"])
+
+
+def test_sign_and_payload_of_slow_motion_are_found(tmp_path):
+    point, robot = np.array([0.05, -0.02, 0.1]), arm()[0]
+    time = 0.1 * np.arange(200)
+    q = 0.3 + 0.2 * np.sin(0.3 * time[:, None] + np.arange(3))
+    qd = 0.06 * np.cos(0.3 * time[:, None] + np.arange(3))
+    motion = Motion(q, qd, np.gradient(qd, 0.1, axis=0, edge_order=2), np.zeros_like(q))
+    carried = link_parameters(robot.inertias.tensors()).numpy()
+    carried[20:24] += 2.0 * np.append(1.0, point)
+    torque = torque_regressor(robot.tree, motion.q, motion.qd, motion.qdd) @ carried
+    stamps = (1e9 * time).astype(np.int64)
+    log = JointLog("slow", JOINTS, stamps, q, qd, -torque)
+    its = identified(tmp_path, [log], structures=[], rate_hz=10.0, smoothing_hz=10.0, rest_rad_s=None)
+    found = its.payloads.set_index("sign").loc[-1]
+    assert found["mass_kg"] == pytest.approx(2.0, rel=1e-3)
+    np.testing.assert_allclose(found[["centre_x_m", "centre_y_m", "centre_z_m"]], point, atol=1e-3)
+    left = its.payload_torques.groupby(["sign", "payload"])["left_n_m"].max()
+    assert left[-1, True] < 1e-3 < left[-1, False] < left[1, False]
+    assert set(its.gravity["holds"]) <= {"no", "not tested"}

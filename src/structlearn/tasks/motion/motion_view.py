@@ -1,6 +1,6 @@
-"""Recording of the UR10e that carries its load, and finds out what it weighs."""
+"""Recording of an arm that carries a load, and of what is found of it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, VERMILION
-from structlearn.readers.joint_log import DriveLog
+from structlearn.readers.joint_log import MotionLog
+from structlearn.rigid_body.urdf import moved_link
 from structlearn.tasks.motion.motion_parameters import LoadParameters
+from structlearn.tasks.motion.motion_results import CARRYING
 from structlearn.viewer.arm_meshes import (
     arm_contents,
     arm_view,
@@ -22,21 +24,19 @@ from structlearn.viewer.arm_meshes import (
 from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import layout, recording, rgba, time_column
 
-ARM, BODY, LAST_LINK = "arm", "load", "wrist_3_link"
+ARM, BODY = "arm", "load"
 
 RATE_HZ, RADIUS_M = 25.0, 0.06
 """Of the motion; of the drawn load."""
 
 REFERENCE, FOUND, EMPTY = LIGHT_GREY, BLUE, GREY
 
-CARRYING = "with the load"
-
 
 def write_carried(
     path: str | Path,
     urdf: str | Path,
     tables: Mapping[str, pd.DataFrame],
-    read_log: Callable[[str], DriveLog],
+    logs: Mapping[str, MotionLog],
     load: LoadParameters,
 ) -> None:
     """Write the first motion with the load, and what is found of it online."""
@@ -44,15 +44,15 @@ def write_carried(
     name = carried["log"].iloc[0]
     learned = carried[(carried["log"] == name) & (carried["stage"] == CARRYING)]
     cut = tables["motions"].set_index("log").loc[name]
-    log = read_log(name)
+    log = logs[name]
     time = np.arange(0.0, cut["end_s"] - cut["start_s"], 1.0 / RATE_HZ)
     q = np.stack([np.interp(time + cut["start_s"], log.time, its) for its in log.positions.T], axis=1)
     weighed = tables["loads"].set_index(["pair", "gains"]).loc[(name, "found")]
     centre = weighed[[f"centre_{axis}_m" for axis in "xyz"]].to_numpy(float)
-    with recording(path, f"UR10e with its load: {name}") as stream:
+    with recording(path, f"Arm with its load: {name}") as stream:
         reach = send_sticks(stream, ARM, urdf, log.joints, time_column(time), q, (LIGHT_GREY, GREY))
         stream.send_blueprint(_blueprint(reach))
-        stream.log(BODY, rr.CoordinateFrame(link_frame(ARM, LAST_LINK)), static=True)
+        stream.log(BODY, rr.CoordinateFrame(link_frame(ARM, moved_link(urdf, log.joints[-1]))), static=True)
         ball = rr.Points3D(centre[None], colors=rgba([VERMILION]), radii=RADIUS_M)
         stream.log(BODY, ball, static=True)
         held = rr.LineStrips3D([[np.zeros(3), centre]], colors=rgba([VERMILION]), radii=0.2 * RADIUS_M)
@@ -65,7 +65,7 @@ def write_carried(
 
 def _blueprint(reach: float) -> rrb.Blueprint:
     around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # upright too
-    view = arm_view("UR10e with its load", [arm_contents(ARM), f"/{BODY}"], around)
+    view = arm_view("Arm with its load", [arm_contents(ARM), f"/{BODY}"], around)
     right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
     return layout(rrb.Horizontal(view, right, column_shares=[3, 3]))
 
@@ -78,8 +78,8 @@ def _notes(load: LoadParameters) -> str:
         "error of the empty arm's model": EMPTY,
     }
     return (
-        "### A recorded UR10e with a load at its flange\n\nThe arm was identified on a motion without the "
-        "load, by motor currents; sticks join its joints. What is older than "
+        "### A recorded arm with a load at its flange\n\nThe arm was identified on a motion without the "
+        "load; sticks join its joints. What is older than "
         f"{load.memory_s:g} s counts half.\n\n{legend(colours)}\n\n"
         "Its first moment: x red, y green, z blue.\n"
     )
