@@ -11,8 +11,6 @@ import pandas as pd
 import pytest
 from conftest import two_move_demonstration
 from reporting_verdicts import AnyFigure, verdicts
-from test_recorded_boxes_page import PARAMETERS as BOXES_PARAMETERS
-from test_recorded_boxes_page import made_up as past_boxes
 from test_recorded_skin import SMALL as SKIN_PARAMETERS
 from test_recorded_skin import made_up as on_skin
 from test_recorded_touch_statistics import PARAMETERS, calibrated, traces
@@ -31,7 +29,6 @@ from structlearn.segmentation.alignment import METHODS
 from structlearn.tasks.public import public_names
 from structlearn.tasks.public.page import assembly, calibration_figures, calibration_results, parts
 from structlearn.tasks.public.page.parts import (
-    avoidance_part,
     higher_reaches_part,
     reaches_part,
     slides_part,
@@ -39,7 +36,6 @@ from structlearn.tasks.public.page.parts import (
 )
 from structlearn.tasks.public.page.recorded_results import AXES, RecordedResults
 from structlearn.tasks.public.protocol import latent_touch, slides, touch_calibration, touch_sets
-from structlearn.tasks.public.protocol.avoidance_representations import REPRESENTATIONS
 from structlearn.tasks.public.public_files import CALIBRATION, TABLES
 
 FIT = FitParameters.model_construct(
@@ -48,7 +44,6 @@ FIT = FitParameters.model_construct(
 
 
 SET_PARAMETERS = {
-    **BOXES_PARAMETERS,
     "recorded_skin": SKIN_PARAMETERS,
     "recorded_ur10e": UR10E_PARAMETERS,
 }
@@ -181,31 +176,6 @@ def movement_tables(good):
     }
 
 
-def avoidance_tables(good):
-    gain = 0.1 if good else -0.1
-    ranks = {"human_inspired": 4, "network_validation": 3, "ridge": 3}
-    ranks |= {"network": 2, "pmnn": 1, "ensemble": -4}
-
-    def error(name, inputs):
-        return (0.6 if good else 1.6) + gain * ranks[name] + (0 if inputs == "phase" else 0.5 * gain)
-
-    folds = [
-        (name, inputs, axis, fold, error(name, inputs) + noise)
-        for name, inputs in REPRESENTATIONS
-        for axis in AXES
-        for fold, noise in enumerate(spread(0.0, 5, 0.002))
-    ]
-    folds = rows("representation inputs axis fold nmse", folds).assign(samples=20)
-    keys = ["representation", "inputs", "axis"]
-    scores = folds.groupby(keys, sort=False)["nmse"].mean().reset_index().assign(train=0.05)
-    worth = scores[(scores["inputs"] != "features") & (scores["representation"] != "pmnn")][keys]
-    return {
-        "avoidance_folds": folds,
-        "avoidance_scores": scores,
-        "avoidance_phase": worth.assign(gain=gain, half_width=0.02),
-    }
-
-
 def touch_tables(good):
     error = 0.01 if good else 0.8
     reconstruction = dict.fromkeys(latent_touch.MODELS, error) | {latent_touch.COMPONENTS: 0.5}
@@ -279,11 +249,11 @@ def made_up(good=True):
     primitives = [learn_primitive(name, [segments[0]], FIT) for name in ("prim1", "prim2", "prim3")]
     path = sequence.unroll(primitives, movements[0].dt)
     parts = [replace(movements[0], name=one.name) for one in primitives]
-    stored = reach_tables(good) | coupling_tables(good) | movement_tables(good) | avoidance_tables(good)
+    stored = reach_tables(good) | coupling_tables(good) | movement_tables(good)
     stored |= touch_tables(good) | panda_tables(good)
     stored["sequence"] = sequence.sequence_table(path, [one.name for one in primitives])
     reach, turn = learn_primitive("reach", segments, FIT), learn_primitive("turn", turns, FIT)
-    for name, its in (("boxes", past_boxes(good)), ("skin", on_skin(good)), ("ur10e", weighed(good))):
+    for name, its in (("skin", on_skin(good)), ("ur10e", weighed(good))):
         stored |= {f"{name}_{table}": frame for table, frame in its.tables.items()}
     return RecordedResults(stored, segments, [reach], turns, [turn], parts, SET_PARAMETERS)
 
@@ -357,13 +327,6 @@ def test_pairs_are_reaches_and_not_draws():
     uneven = made_up()["coupling_distances"].iloc[[0, *range(8)]]
     more = replace(made_up(), tables=made_up().tables | {"coupling_distances": uneven})
     assert higher_reaches_part.evidence(more)["coupling_gain"] == gain
-
-
-def test_the_best_representation_is_one_for_all_axes():
-    values = report(made_up()).metrics
-    scores = made_up()["avoidance_scores"].set_index(["representation", "inputs", "axis"])["nmse"]
-    for axis in AXES:
-        assert values[f"obstacle_nmse_{axis}"] == scores["ensemble", "phase", axis]
 
 
 @pytest.fixture(scope="module")
@@ -452,7 +415,8 @@ def test_slides_over_one_material_are_enough():
 
 
 def test_a_row_says_what_the_simulated_testbed_found(tmp_path):
-    like = next(claim.simulated for claim in avoidance_part.PART.claims if claim.simulated)
+    claims = (claim for part in assembly.PARTS for claim in part.claims)
+    like = next(claim.simulated for claim in claims if claim.simulated)
     folder = tmp_path / like.testbed / "tables"
     folder.mkdir(parents=True)
     lines = ("by,statement,case,verdict", f'text,"{like.statement}",,no', "text,other,,yes")
@@ -508,8 +472,6 @@ def test_the_claims_bound_is_the_parameters_factor(root):
 
 def test_names_are_those_of_the_protocols():
     """They stand as text in `names`, so that drawing does not import what learns."""
-    assert set(public_names.REPRESENTATIONS) == {name for name, _ in REPRESENTATIONS}
-    assert set(public_names.INPUTS) == {inputs for _, inputs in REPRESENTATIONS}
     assert tuple(public_names.TOUCH_MODELS) == latent_touch.MODELS
     assert set(public_names.SLIDE_GROUPS) == set(slides.GROUPS)
     assert {name: touch_sets.PARTNERS[name] for name in touch_sets.RECORDED} == touch_part.PARTNERS

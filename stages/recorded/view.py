@@ -11,7 +11,6 @@ from structlearn.tasks.public import PARAMETER_FILE, public_files
 from structlearn.tasks.public.protocol.corrections import complete
 from structlearn.tasks.public.protocol.slides import SlideParameters
 from structlearn.tasks.public.views import movement_recordings as movements
-from structlearn.tasks.public.views.boxes_recording import write_box_reaches
 from structlearn.tasks.public.views.movement_recordings import write_unscrewing
 from structlearn.tasks.public.views.skin_recording import write_skin
 from structlearn.tasks.public.views.ur10e_recording import write_carried
@@ -50,12 +49,6 @@ def show_slides(stored: public_files.RecordedFiles, folder: Path) -> None:
     movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
 
 
-def show_boxes(stored: public_files.RecordedFiles, folder: Path) -> None:
-    tables = stored.of_set("boxes")
-    if len(tables["paths"]):
-        write_box_reaches(folder / "boxes.rrd", tables)
-
-
 def show_skin(stored: public_files.RecordedFiles, folder: Path) -> None:
     skin = stage_parameters("recorded_skin", TouchParameters, PARAMETER_FILE)
     write_skin(folder / "skin.rrd", stored.of_set("skin"), skin.tuned_on)
@@ -73,7 +66,6 @@ SHOWN = {
     public_files.UNSCREWING: show_unscrewing,
     public_files.SCRAPING: show_scraping,
     public_files.SLIDES: show_slides,
-    public_files.BOXES: show_boxes,
     public_files.SKIN: show_skin,
     public_files.UR10E: show_ur10e,
 }

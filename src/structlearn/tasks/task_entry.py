@@ -34,6 +34,7 @@ from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.topics import JointPose, SceneTopicMap, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
 from structlearn.tasks.own.protocol.arm_parameters import RobotParameters
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
@@ -42,7 +43,7 @@ FOLDER = Path("stages/tasks")
 DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
 PIPELINE = FOLDER / "dvc.yaml"
 
-PARTS = ("feedback", "robot")
+PARTS = ("feedback", "robot", "representations")
 """Keys that a task has only if its entry names them."""
 
 
@@ -119,13 +120,17 @@ class ObstacleEntry(SourceParameters, ScenePeopleParameters):
 
     topics: SceneTopicMap | None
     clock: ClockParameters | None
+    representations: RepresentationParameters | None
 
 
 ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionEntry, TouchEntry, ObstacleEntry)
 KINDS = {entry.kind: entry for entry in ENTRIES}
 """Kinds of data, as entries are grouped."""
 
-STAGES = {kind: (f"report_{kind}",) for kind in KINDS} | {"movement": ("report_movement", "view_movement")}
+STAGES = {kind: (f"report_{kind}",) for kind in KINDS} | {
+    "movement": ("report_movement", "view_movement"),
+    "obstacles": ("report_obstacles", "view_obstacles"),
+}
 """Last stages of a task by kind, which bring up to date all others."""
 
 

@@ -11,13 +11,13 @@ from structlearn.reporting.claims import Judged, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import HEADLINES, publish_report
+from structlearn.tasks.obstacles import representations_section, scene_section
 from structlearn.tasks.own.page import (
     came_in_section,
     check_section,
     cuts_section,
     feedback_section,
     motion_section,
-    obstacles_section,
     primitives_section,
     touch_section,
 )
@@ -27,7 +27,7 @@ from structlearn.tasks.task_files import TaskFiles, is_public
 
 PACKAGE = "structlearn.tasks"
 
-SECTIONS: dict[str, tuple[tuple[str, Callable[[TaskFiles], Section]], ...]] = {
+SECTIONS: dict[str, tuple[tuple[str, Callable[[TaskFiles], Section | None]], ...]] = {
     "movement": (
         ("", came_in_section.section),
         ("", cuts_section.section),
@@ -38,9 +38,9 @@ SECTIONS: dict[str, tuple[tuple[str, Callable[[TaskFiles], Section]], ...]] = {
     ),
     "motion": (("", motion_section.section),),
     "touch": (("", touch_section.section),),
-    "obstacles": (("", obstacles_section.section),),
+    "obstacles": (("", scene_section.section), ("representations", representations_section.section)),
 }
-"""By kind: key of the task's parameters, null where it has none, and what makes the section; in order."""
+"""By kind, in order: key of the parameters without which there is no section, and what makes it."""
 
 STAGES = {
     "recordings": ("recorded", "import_movement"),
@@ -61,7 +61,8 @@ def publish_page(files: TaskFiles) -> None:
     """Publish the page of a task with its figures, tables, claims and key figures."""
     kind, task, absent = files.kind, read_checked(files.parameters), files.absent
     parts = () if absent else SECTIONS[kind]
-    sections = [_in_package(make(files), make.__module__) for key, make in parts if not key or files.has(key)]
+    made = [(make(files), make.__module__) for key, make in parts if not key or files.has(key)]
+    sections = [_in_package(section, module) for section, module in made if section is not None]
     shown = {section.name: section for section in sections}
     tables = {name: table for section in sections for name, table in section.tables.items()}
     pictures = {name: drawing for section in sections for name, drawing in section.pictures.items()}

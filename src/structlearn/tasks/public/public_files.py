@@ -38,10 +38,9 @@ LEARNED = {
 }
 """File of what was learned from a set."""
 
-BOXES, SKIN, UR10E = "boxes", "skin", "ur10e"
+SKIN, UR10E = "skin", "ur10e"
 
 SETS = {
-    BOXES: ("reaches", "errors", "people", "left_out", "paths", "shapes"),
     SKIN: ("errors", "maps", "servo", "paths", "force", "lags", "traces"),
     UR10E: (
         *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "links"),
@@ -70,9 +69,6 @@ TABLES = {
     "slide_channels": "slides/channels",
     "slide_across": "slides/across_materials",
     "slide_statistics": "slides/statistics",
-    "avoidance_scores": "avoidance/scores",
-    "avoidance_folds": "avoidance/folds",
-    "avoidance_phase": "avoidance/phase_worth",
     "touch_errors": "latent_touch/errors",
     "touch_sets": "latent_touch/sets",
     "touch_likeness": "latent_touch/likeness",

@@ -12,7 +12,6 @@ from structlearn.palette import (
     ORANGE,
     PURPLE,
     REPRODUCTION_COLOUR,
-    SCENE_WAYS,
     SKY,
     VERMILION,
     Look,
@@ -38,26 +37,6 @@ SLIDE_GROUPS = {
     "other material": Look("other material", VERMILION),
 }
 """Trials of the slides."""
-
-REPRESENTATIONS = {
-    "human_inspired": "human-inspired (Rai et al.)",
-    "network_validation": "network, as published",
-    "ridge": "ridge regression",
-    "network": "network",
-    "ensemble": "ensemble of networks",
-    "pmnn": "phase-modulated network",
-}
-"""Of the coupling term past obstacles; the text's network stops when validation samples say so."""
-
-INPUTS = {
-    "features": Look("features", GREY),
-    "phase_velocity": Look("features, phase velocity", ORANGE),
-    "phase": Look("features, phase and its velocity", BLUE),
-}
-"""What a representation sees."""
-
-BOX_WAYS = {"recorded": Look("person", DEMONSTRATION_COLOUR)} | SCENE_WAYS
-"""Ways past boxes: who or what moves the hand."""
 
 TOUCH_MODELS = {
     "structured": Look("structured latent space", BLUE),

@@ -18,8 +18,6 @@ from structlearn.reporting.claims import NOT_TESTED, Found, Judged, judge, unkno
 from structlearn.reporting.document import Document, Source, Table, anchor, environment
 from structlearn.reporting.figure_style import Drawing
 from structlearn.tasks.public.page.parts import (
-    avoidance_part,
-    boxes_part,
     higher_reaches_part,
     panda_part,
     reaches_part,
@@ -43,8 +41,6 @@ PARTS = (
     unscrewing_part.PART,
     scraping_part.PART,
     slides_part.PART,
-    avoidance_part.PART,
-    boxes_part.PART,
     touch_part.PART,
     skin_part.PART,
     panda_part.PART,
@@ -54,8 +50,6 @@ PARTS = (
 
 PAGES = {
     "movements": "Recorded reaches, unscrewing, scraping and slides",
-    "avoidance": "Recorded obstacle avoidance",
-    "boxes": "People past boxes: one obstacle's features, and a look ahead",
     "touch": "Recorded touch in a latent space",
     "skin": "Recorded touch: is the map the skin?",
     "panda": "Inverse dynamics of a recorded Franka Panda",
@@ -67,9 +61,6 @@ HEADLINES = (
     "reach_cut_error_ms_2mm",
     "reach_left_ten_out_mean_mm",
     "coupling_path_mean_mm",
-    "obstacle_nmse_x",
-    "boxes_hits",
-    "boxes_path_mm",
     "touch_reconstruction_nmse_simulated_to_slides",
     "eflesh_map_nmse",
     "eflesh_latent_mm",

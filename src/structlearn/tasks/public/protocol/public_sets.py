@@ -14,20 +14,14 @@ from typing import Any, NamedTuple
 import pandas as pd
 from pydantic import Field, field_validator
 
-from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, to_table
-from structlearn.core.artefacts import publish, write_metrics, write_table
+from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import Parameters
 from structlearn.readers import clmc, eflesh, panda, slide, synchronise, ur10e
 from structlearn.readers.bag_files import natural_order
 from structlearn.readers.joint_log import write_log_table
-from structlearn.readers.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.readers.recording import Recording
 from structlearn.readers.runs import write_runs, write_streams
-from structlearn.tasks.public.protocol.avoidance_samples import (
-    avoidance_provenance,
-    read_avoidance_samples,
-)
 
 SOURCE_VARIABLE = "RECORDED_DATA"
 RUNS, STREAMS, LOGS = "runs.parquet", "streams.parquet", "logs.parquet"
@@ -47,7 +41,6 @@ def _write_movements(
     found: Sequence[Recording],
     target: Path,
     left_out: LeftOut,
-    jumps: bool = False,
     forms: tuple[str, ...] = (RUNS,),
 ) -> None:
     """In natural order, numbers as names padded to equal length; what fails its checks is left out."""
@@ -57,7 +50,7 @@ def _write_movements(
     for name in sorted(named, key=natural_order):
         recording = Recording(name, named[name].streams, None, named[name].provenance, named[name].shapes)
         try:
-            runs.append(synchronise(recording, refuse_jumps=not jumps))
+            runs.append(synchronise(recording))
         except InputError as error:
             left_out[name] = str(error)
         else:
@@ -70,14 +63,6 @@ def _write_movements(
 
 def _movements(read: Callable[[Path, Any, LeftOut], Any], **options: Any) -> Reader:
     return Reader(read, lambda found, target, left_out: _write_movements(found, target, left_out, **options))
-
-
-def _write_avoidance(
-    found: tuple[AvoidanceDataset, Mapping[str, str]], target: Path, left_out: LeftOut
-) -> None:
-    samples, provenance = found
-    write_table(to_table(samples), target / "samples.parquet")
-    write_metrics(provenance, target / "provenance.json")
 
 
 def _write_panda(logs: Sequence[Any], target: Path, left_out: LeftOut) -> None:
@@ -100,13 +85,7 @@ READERS = {
     "clmc_scraping": _movements(
         lambda folder, part, _: clmc.read_scraping_execution(folder, part), forms=(RUNS, STREAMS)
     ),
-    "clmc_avoidance": Reader(
-        lambda folder, _, out: (read_avoidance_samples(folder), avoidance_provenance(folder)),
-        _write_avoidance,
-    ),
     "biotac_slides": _movements(slide.read_slides, forms=(STREAMS,)),
-    # the protocol names the reaches in which tracking jumped
-    "reaches_past_boxes": _movements(lambda folder, _, out: read_reaches_past_boxes(folder, out), jumps=True),
     "eflesh": Reader(
         lambda folder, _, out: eflesh.read_all_runs(folder, out),
         lambda found, to, _: eflesh.write_runs(found, to),
