@@ -34,6 +34,7 @@ from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
 from structlearn.reporting.claims import NO, Evidence, Found, read_claims
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
@@ -50,7 +51,7 @@ from structlearn.testbeds.scraping.page.people_results import (
     segmentation_evidence,
     sweep_evidence,
 )
-from structlearn.testbeds.servoing.page.evidence import evidence as servoing_evidence
+from structlearn.testbeds.servoing.page import findings as servoing_findings
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
 
 KNOWN = re.compile(
@@ -107,7 +108,7 @@ def dynamics() -> list[Any]:
 def servoing(results: Any) -> list[Any]:
     """Published controllers that work, on all skins, and a study of people."""
     table = pd.DataFrame({"variant": AS_IT_STANDS, "repeat": range(4)})
-    keys = [*results.metrics(), "servo_success_rate_sphere"]
+    keys = list(servoing_findings.findings(results).numbers())
     numbers = pd.DataFrame({key: 0.9 + 0.1 * test_servoing_page.WOBBLE for key in keys})
     study = Study(pd.concat([table, numbers], axis=1))
     every = {one: 12 for one in test_servoing_page.variants(3)}
@@ -118,6 +119,13 @@ def servoing(results: Any) -> list[Any]:
         studies=dict.fromkeys(STUDIES) | {"people": study},
     )
     return [working, results]
+
+
+def servoing_people(results: Any) -> Findings:
+    """What is found over people, on which all claims rest."""
+    find = Findings()
+    servoing_findings.over_people(find, results)
+    return find
 
 
 def of_people(results: Any) -> Mapping[str, Found]:
@@ -171,7 +179,7 @@ PAGES = {
         "structlearn.testbeds.servoing.page",
         "claims.yaml",
         lambda get: servoing(get("servoing_results")),
-        servoing_evidence,
+        servoing_people,
     ),
     "segmentation": Page(
         SCRAPING, "segmentation_claims.yaml", lambda get: [get("segmentation")], of_people, known=arithmetic

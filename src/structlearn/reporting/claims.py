@@ -312,6 +312,11 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
     return Judged(claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]), studies)
 
 
+def in_sentence(found: Evidence, number_format: str, unit: str = "") -> str:
+    """As `in_words`; of a share without n and pooled interval, since the sentence says over whom it is."""
+    return in_words(replace(found, people=None), number_format, unit)
+
+
 def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
     """`0.36 [0.30, 0.42] rad`, `3 of 63`, `0.0 % [0.0, 31.2] over 8 people, [0.0, 1.2] pooled`.
 

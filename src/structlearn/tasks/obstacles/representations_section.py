@@ -60,8 +60,10 @@ def listed(values: Any) -> str:
     return ", ".join(rounded(value, ".2f") for value in values)
 
 
-def section(files: TaskFiles) -> Section:
+def section(files: TaskFiles) -> Section | None:
     """Of a task whose samples of the coupling term are compared by representation."""
+    if not files.has("representations"):
+        return None
     found = {name: files.table(f"obstacles/{name}") for name in TABLES}
     return Section(
         "representations",

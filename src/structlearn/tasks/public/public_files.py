@@ -8,9 +8,7 @@ import pandas as pd
 
 from structlearn.core.artefacts import filled, read_csv, read_table
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.feedback.coupling_model import CouplingModel, read_networks
-from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
-from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.primitive_files import read_vector_primitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers import Recording
 from structlearn.readers.demonstration import Demonstration
@@ -20,22 +18,9 @@ from structlearn.readers.runs import read_runs, read_streams
 RAW = "raw/recorded"
 LEFT_OUT = "data/raw/recorded/left_out.csv"
 
-REACHES, HIGHER_REACHES, UNSCREWING, SCRAPING, SLIDES = (
-    "reaches",
-    "corrected_reaches",
-    "unscrewing",
-    "scraping",
-    "slides",
-)
-"""Sets of movements."""
+SLIDES = "slides"
 
-LEARNED = {
-    REACHES: "primitive",
-    HIGHER_REACHES: "networks",
-    UNSCREWING: "primitive",
-    SCRAPING: "primitives",
-    SLIDES: "expected",
-}
+LEARNED = {SLIDES: "expected"}
 """File of what was learned from a set."""
 
 SKIN, UR10E = "skin", "ur10e"
@@ -50,19 +35,6 @@ SETS = {
 """Tables of sets that have a folder and a stage of their own."""
 
 TABLES = {
-    "reach_errors": "reaches/reproduction",
-    "cut_errors": "reaches/cut_errors",
-    "coupling_completeness": "corrected_reaches/completeness",
-    "coupling_distances": "corrected_reaches/distances",
-    "coupling_profile": "corrected_reaches/profile",
-    "coupling_scores": "corrected_reaches/scores",
-    "coupling_targets": "corrected_reaches/targets",
-    "coupling_paths": "corrected_reaches/paths",
-    "unscrewing_errors": "unscrewing/errors",
-    "sequence": "scraping/sequence",
-    "sequence_errors": "scraping/errors",
-    "electrode_scores": "scraping/electrode_scores",
-    "electrode_traces": "scraping/electrode_traces",
     "clock_errors": "slides/clock_errors",
     "slide_deviations": "slides/deviations",
     "slide_left_one_out": "slides/left_one_out",
@@ -160,22 +132,6 @@ class RecordedFiles:
     def ur10e_urdf(self) -> Path:
         """The URDF that was identified."""
         return self.data / "recorded/ur10e/identified.urdf"
-
-    def sequence(self) -> pd.DataFrame:
-        """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""
-        return self._table(TABLES["sequence"])
-
-    def completeness(self) -> pd.DataFrame:
-        """Which higher reaches are complete."""
-        return self._table(TABLES["coupling_completeness"])
-
-    def primitives(self, name: str) -> list[PosePrimitive]:
-        """Primitives in their order that were learned from a set."""
-        return read_primitives(self.data / f"recorded/{name}/{LEARNED[name]}.safetensors")
-
-    def coupling_networks(self) -> dict[str, CouplingModel]:
-        """Per local axis, learned from higher reaches."""
-        return read_networks(self.data / f"recorded/{HIGHER_REACHES}/{LEARNED[HIGHER_REACHES]}.safetensors")
 
     def expected_slide(self) -> VectorPrimitive:
         """Expected traces of the electrodes on the material that was learned."""

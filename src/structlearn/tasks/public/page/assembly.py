@@ -18,14 +18,10 @@ from structlearn.reporting.claims import NOT_TESTED, Found, Judged, judge, unkno
 from structlearn.reporting.document import Document, Source, Table, anchor, environment
 from structlearn.reporting.figure_style import Drawing
 from structlearn.tasks.public.page.parts import (
-    higher_reaches_part,
     panda_part,
-    reaches_part,
-    scraping_part,
     skin_part,
     slides_part,
     touch_part,
-    unscrewing_part,
     ur10e_part,
 )
 from structlearn.tasks.public.page.parts.part import Part
@@ -36,10 +32,6 @@ PACKAGE = __package__
 STAGE = "stages/recorded/dvc.yaml:report"
 
 PARTS = (
-    reaches_part.PART,
-    higher_reaches_part.PART,
-    unscrewing_part.PART,
-    scraping_part.PART,
     slides_part.PART,
     touch_part.PART,
     skin_part.PART,
@@ -49,7 +41,7 @@ PARTS = (
 """In the order of the index."""
 
 PAGES = {
-    "movements": "Recorded reaches, unscrewing, scraping and slides",
+    "movements": "Recorded slides",
     "touch": "Recorded touch in a latent space",
     "skin": "Recorded touch: is the map the skin?",
     "panda": "Inverse dynamics of a recorded Franka Panda",
@@ -58,9 +50,6 @@ PAGES = {
 """Titles of the pages behind the index."""
 
 HEADLINES = (
-    "reach_cut_error_ms_2mm",
-    "reach_left_ten_out_mean_mm",
-    "coupling_path_mean_mm",
     "touch_reconstruction_nmse_simulated_to_slides",
     "eflesh_map_nmse",
     "eflesh_latent_mm",
