@@ -32,14 +32,14 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 @cache
 def _tree() -> dict[str, Any]:
-    files = (PARAMETER_FILE, RECORDED_FILE)
+    files = (PARAMETER_FILE, RECORDED_FILE, TASK_FILE)
     return {
         key: value for file in files for key, value in yaml.load(file.read_text(), yaml.CSafeLoader).items()
     }
 
 
 def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """All of both parameter files with some changes, e.g. to write it for stages in a folder of their own."""
+    """All of the parameter files with some changes, e.g. to write it for stages in a folder of their own."""
     return merged(deepcopy(_tree()), changes)
 
 

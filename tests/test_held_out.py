@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-import test_recorded_boxes
 import test_recorded_corrected_reaches
 import test_recorded_latent_touch
 import test_recorded_skin
 import test_simulation_board_refinement
 import test_task_motion
+import test_tasks_obstacles
 import torch
 import yaml
 from board_rollouts import small_board
@@ -33,13 +33,20 @@ from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_motions import arm, rubbing_motion, sine_motion
+from structlearn.tasks.own.protocol import own_feedback
+from structlearn.tasks.public.protocol import (
+    latent_touch,
+    movement,
+    slides,
+    touch_sets,
+)
 from structlearn.tasks.public.protocol.corrections import _split, corrected_reaches, learn_corrections
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_learning import PARAMETERS as AVOIDANCE
 from test_obstacles_learning import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
-from test_recorded_avoidance import phase_dependent
+from test_tasks_representations import phase_dependent
 
 from structlearn.avoidance import scene_folds
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
@@ -82,15 +89,8 @@ from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tactile.touch_dataset import TRAIN
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.own.protocol import own_feedback
-from structlearn.tasks.public.protocol import (
-    avoidance_representations,
-    latent_touch,
-    movement,
-    slides,
-    touch_sets,
-)
-from structlearn.tasks.public.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.tasks.obstacles import coupling_representations
+from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
 from structlearn.tasks.task_entry import OwnFeedbackParameters
 from structlearn.tasks.touch import skin_readings, skin_touches
 from structlearn.tasks.touch.touch_parameters import TouchParameters
@@ -439,13 +439,13 @@ def avoidance(monkeypatch, tmp_path):
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
 
 
-@of_stage("recorded/avoidance")
-def recorded_avoidance(monkeypatch, tmp_path):
+@of_stage("tasks/obstacles")
+def coupling_of_samples(monkeypatch, tmp_path):
     """Every representation on the second block."""
     network = {"hidden": (4,), "members": 2, "training": {"iterations": 2}}
     parameters = committed(
-        RecordedAvoidanceParameters,
-        "recorded_avoidance",
+        RepresentationParameters,
+        "defaults.obstacles.representations",
         folds=2,
         network=committed(NetworkParameters, "obstacle_training.per_setting", **network),
         pmnn=TRAINING,
@@ -453,9 +453,9 @@ def recorded_avoidance(monkeypatch, tmp_path):
     )
     learn = each(
         monkeypatch,
-        avoidance_representations,
+        coupling_representations,
         "_fitted",
-        lambda its: avoidance_representations.compare_on_recorded(its, parameters),
+        lambda its: coupling_representations.compare_representations(its, parameters),
     )
     data = phase_dependent(100)
     tested, taught = (
@@ -464,10 +464,10 @@ def recorded_avoidance(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1::2], data, tested, taught)
 
 
-@of_stage("recorded/boxes", "tasks/obstacles")
+@of_stage("tasks/obstacles")
 def reaches_past_boxes(monkeypatch, tmp_path):
     """Of three people, on one of whom constants were chosen: what was learned without the second."""
-    boxes = test_recorded_boxes
+    boxes = test_tasks_obstacles
 
     def trials(changed=None):
         return [

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import test_own_obstacles
 import test_own_touch
 import test_task_motion
+import test_tasks_obstacles
 import yaml
 from committed import merged, own_tasks
 
@@ -83,7 +83,7 @@ def page(root, tmp_path_factory) -> Path:
             table = pd.DataFrame(log.counts, columns=log.channels)
             table[["x_m", "y_m", "z_m"]] = log.place
             table.to_csv(f"touches/{log.name}.csv", index=False)
-        write_recordings([as_recording(one) for one in test_own_obstacles.recordings()], "reaches")
+        write_recordings([as_recording(one) for one in test_tasks_obstacles.recordings()], "reaches")
         for kind in TASKS:
             run(root, kind, "import_task", kind, "report")
     return folder
