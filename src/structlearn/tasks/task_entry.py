@@ -48,14 +48,6 @@ class MotionEntry(SourceParameters, MotionParameters):
         return super().sources() | {"urdf": (self.urdf,)}
 
 
-class TouchEntry(SourceParameters, TouchParameters):
-    """Touches of a skin. Fields: `stages/tasks/params.yaml`, `defaults.touch`."""
-
-    kind = "touch"
-
-    clock: ClockParameters
-
-
 class ObstacleEntry(SourceParameters, ScenePeopleParameters):
     """Reaches past obstacles. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
 
@@ -65,11 +57,14 @@ class ObstacleEntry(SourceParameters, ScenePeopleParameters):
     clock: ClockParameters | None
 
 
-ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionEntry, TouchEntry, ObstacleEntry)
+ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionEntry, TouchParameters, ObstacleEntry)
 KINDS = {entry.kind: entry for entry in ENTRIES}
 """Kinds of data, as entries are grouped."""
 
-STAGES = {kind: (f"report_{kind}",) for kind in KINDS} | {"movement": ("report_movement", "view_movement")}
+VIEWED = ("movement", "touch")
+STAGES = {
+    kind: (f"report_{kind}", f"view_{kind}") if kind in VIEWED else (f"report_{kind}",) for kind in KINDS
+}
 """Last stages of a task by kind, which bring up to date all others."""
 
 

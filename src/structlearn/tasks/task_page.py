@@ -20,11 +20,11 @@ from structlearn.tasks.movement import (
 from structlearn.tasks.own.page import (
     motion_section,
     obstacles_section,
-    touch_section,
 )
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import FOLDER, OF_PUBLIC, OWN, PIPELINE, read_checked
 from structlearn.tasks.task_files import TaskFiles, is_public
+from structlearn.tasks.touch import touch_section
 
 PACKAGE = "structlearn.tasks"
 

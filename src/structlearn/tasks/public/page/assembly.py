@@ -21,9 +21,6 @@ from structlearn.tasks.public.page.parts import (
     avoidance_part,
     boxes_part,
     panda_part,
-    skin_part,
-    slides_part,
-    touch_part,
     ur10e_part,
 )
 from structlearn.tasks.public.page.parts.part import Part
@@ -34,22 +31,16 @@ PACKAGE = __package__
 STAGE = "stages/recorded/dvc.yaml:report"
 
 PARTS = (
-    slides_part.PART,
     avoidance_part.PART,
     boxes_part.PART,
-    touch_part.PART,
-    skin_part.PART,
     panda_part.PART,
     ur10e_part.PART,
 )
 """In the order of the index."""
 
 PAGES = {
-    "movements": "Recorded slides",
     "avoidance": "Recorded obstacle avoidance",
     "boxes": "People past boxes: one obstacle's features, and a look ahead",
-    "touch": "Recorded touch in a latent space",
-    "skin": "Recorded touch: is the map the skin?",
     "panda": "Inverse dynamics of a recorded Franka Panda",
     "ur10e": "A second arm: a UR10e and its load",
 }
@@ -59,9 +50,6 @@ HEADLINES = (
     "obstacle_nmse_x",
     "boxes_hits",
     "boxes_path_mm",
-    "touch_reconstruction_nmse_simulated_to_slides",
-    "eflesh_map_nmse",
-    "eflesh_latent_mm",
     "panda_nmse_cov_coulomb",
     "ur10e_nmse_mean_cov_coulomb",
     "ur10e_load_kg",
