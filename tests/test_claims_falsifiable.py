@@ -13,8 +13,10 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from importlib.resources import files
 from itertools import chain, product
+from pathlib import Path
 from typing import Any
 
+import motion_tables
 import numpy as np
 import pandas as pd
 import pytest
@@ -36,6 +38,7 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
+from structlearn.tasks.motion.motion_results import motion_findings
 from structlearn.tasks.public.page import assembly, calibration_results
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
@@ -145,11 +148,15 @@ def deaf_to_phase(results: Any) -> Any:
     return replace(results, networks=alike)
 
 
-FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangle"}}
-"""Columns of the recorded tables that are no measurements, but follow from how Cov writes a link."""
+FOLLOWS = {
+    "tables.links": {"positive_mass", "positive_definite", "triangle"},
+    "tables.gravity": {"limit_n_m"},
+}
+"""Columns of tables of arms that are not measured, but follow from how Cov writes a link, or from the URDF."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
 RECORDED = "structlearn.tasks.public.page"
+PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
 PAGES = {
     "dynamics": Page(
         "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
@@ -192,6 +199,15 @@ PAGES = {
         calibration_results.evidence,
     ),
 } | {
+    name: Page(
+        PUBLIC,
+        f"{CLAIMS}/{name}.yaml",
+        lambda get, name=name: [motion_tables.made_up(name)],
+        motion_findings,
+        known=partial(dict, FOLLOWS),
+    )
+    for name in motion_tables.JOINTS
+} | {
     part.name: Page(
         f"{RECORDED}.parts",
         f"{part.name}_claims.yaml",
@@ -200,7 +216,6 @@ PAGES = {
         lambda place, part=part: (
             place.removeprefix("tables.") in part.needs or place.startswith(f"tables.{part.name}_")
         ),
-        partial(dict, FOLLOWS),
     )
     for part in assembly.PARTS
 }
@@ -402,7 +417,7 @@ def test_every_case_of_a_claim_can_come_out_no(page, claim, unmoved, request):
 
 
 def test_no_links_of_cov_are_impossible():
-    """What `possible_bodies` of the UR10e is marked for: it is so whatever was learned."""
+    """What `possible_bodies` is marked for: it is so whatever was learned."""
     free = 3.0 * torch.from_numpy(np.random.default_rng(0).normal(size=(1000, parameter_count("cov"))))
     inertias = link_inertias("cov", free)
     moments = np.linalg.eigvalsh(inertias.inertia.numpy())

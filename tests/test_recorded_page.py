@@ -16,8 +16,6 @@ from test_recorded_boxes_page import made_up as past_boxes
 from test_recorded_skin import SMALL as SKIN_PARAMETERS
 from test_recorded_skin import made_up as on_skin
 from test_recorded_touch_statistics import PARAMETERS, calibrated, traces
-from test_recorded_ur10e import PARAMETERS as UR10E_PARAMETERS
-from test_recorded_ur10e import made_up as weighed
 
 from structlearn.core.params import read_parameters
 from structlearn.primitives import sequence
@@ -26,7 +24,6 @@ from structlearn.reporting.claims import BY_CONSTRUCTION, claims_table, read_cla
 from structlearn.reporting.document import anchor, render, words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.reporting.publishing import publish_report
-from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
 from structlearn.segmentation.alignment import METHODS
 from structlearn.tasks.public import public_names
 from structlearn.tasks.public.page import assembly, calibration_figures, calibration_results, parts
@@ -50,7 +47,6 @@ FIT = FitParameters.model_construct(
 SET_PARAMETERS = {
     **BOXES_PARAMETERS,
     "recorded_skin": SKIN_PARAMETERS,
-    "recorded_ur10e": UR10E_PARAMETERS,
 }
 
 
@@ -236,39 +232,6 @@ def touch_tables(good):
     }
 
 
-def panda_tables(good):
-    found = (0.02, 0.01, 0.008) if good else (5.0, 6.0, 7.0)
-    level = dict(zip(("viscous", "coulomb", "offset"), found, strict=True))
-    structures = ("nostr", "symm", "spd", "tri", "cov")
-    models = [(URDF, "none", 4.0), ("mlp", "none", 0.1), ("mlp_scaled", "none", 0.07)]
-    models += [("delan", "viscous", 0.3), ("delan", "coulomb", 0.3)]
-    for friction, error in level.items():
-        models += [(model, friction, error) for model in structures]
-        models += [(LEAST_SQUARES, friction, error if good else 0.1 * error)]
-    errors = [
-        (model, friction, seed, part, joint, error + 1e-4 * seed)
-        for model, friction, error in models
-        for seed in range(3 if model in ("mlp", "mlp_scaled", "delan") else 1)
-        for part in ("train", "test")
-        for joint in range(1, 8)
-    ]
-    time = np.tile(np.arange(0, 4, 0.1), 7)
-    traced = {f"{model}_{friction}".removesuffix("_none"): np.sin(time) for model, friction, _ in models}
-    joints = {"joint": np.repeat(np.arange(1, 8), 40), "time_s": time, "measured": np.sin(time)}
-    centre = dict.fromkeys((f"centre_{axis}_m" for axis in AXES), 0.1)
-    links = {"model": "cov", "friction": "coulomb", "link": "link1", "mass_kg": 2.0, "true_mass_kg": 2.0}
-    terms = [("cov", "coulomb", joint, term, 0.3) for joint in range(1, 8) for term in ("viscous", "coulomb")]
-    torques = [(*keys, 5.0, 5.0, 1.2) for keys in product((1, -1), (False, True), (1, 2))]
-    return {
-        "panda_errors": rows("model friction seed part joint nmse", errors),
-        "panda_friction": rows("model friction joint term value", terms),
-        "panda_links": pd.DataFrame([links | centre]),
-        "panda_traces": pd.DataFrame(joints | traced),
-        "slide_torques": rows("sign payload joint measured_n_m model_n_m left_n_m", torques),
-        "slide_payloads": pd.DataFrame({"sign": [1, -1], "mass_kg": [-11.8, 2.4], **centre}),
-    }
-
-
 @lru_cache
 def made_up(good=True):
     """Results in which every claim holds, or none does."""
@@ -280,10 +243,10 @@ def made_up(good=True):
     path = sequence.unroll(primitives, movements[0].dt)
     parts = [replace(movements[0], name=one.name) for one in primitives]
     stored = reach_tables(good) | coupling_tables(good) | movement_tables(good) | avoidance_tables(good)
-    stored |= touch_tables(good) | panda_tables(good)
+    stored |= touch_tables(good)
     stored["sequence"] = sequence.sequence_table(path, [one.name for one in primitives])
     reach, turn = learn_primitive("reach", segments, FIT), learn_primitive("turn", turns, FIT)
-    for name, its in (("boxes", past_boxes(good)), ("skin", on_skin(good)), ("ur10e", weighed(good))):
+    for name, its in (("boxes", past_boxes(good)), ("skin", on_skin(good))):
         stored |= {f"{name}_{table}": frame for table, frame in its.tables.items()}
     return RecordedResults(stored, segments, [reach], turns, [turn], parts, SET_PARAMETERS)
 
@@ -513,7 +476,6 @@ def test_names_are_those_of_the_protocols():
     assert tuple(public_names.TOUCH_MODELS) == latent_touch.MODELS
     assert set(public_names.SLIDE_GROUPS) == set(slides.GROUPS)
     assert {name: touch_sets.PARTNERS[name] for name in touch_sets.RECORDED} == touch_part.PARTNERS
-    assert {URDF, LEAST_SQUARES} < set(public_names.DYNAMICS_MODELS)
     known = {latent_touch.NEW_TRIALS, latent_touch.NEW_MATERIAL, latent_touch.OWN_UNITS, latent_touch.NEW_SET}
     assert {new for _, _, new in public_names.TOUCH_ASKED} == known
     assert {touch_calibration.REFERENCE, touch_calibration.SIMULATED} < set(public_names.TOUCH_WORLDS)
