@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from conftest import two_move_demonstration
 from structlearn.tasks.public.protocol.corrections import phase_networks
+from structlearn.tasks.public.views.movement_recordings import CHART, write_unscrewing
 from test_recorded_page import made_up
 from viewer_files import colour_of, contents, note
 
 from structlearn.palette import BLUE, VERMILION
 from structlearn.tasks.public.public_names import LEARNED, PATHS
 from structlearn.tasks.public.views import movement_recordings as movements
-from structlearn.tasks.public.views.movement_recordings import CHART, write_unscrewing
 
 
 @pytest.fixture
