@@ -12,6 +12,7 @@ from structlearn.core.params import Parameters, merged
 from structlearn.readers.topics import TopicMap
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
+from structlearn.tasks.task_entry import read_task
 
 ROOT = Path(__file__).parents[1]
 PARAMETER_FILE = ROOT / "params.yaml"
@@ -68,6 +69,12 @@ def committed(model: type[ParametersType], key: str, **changes: Any) -> Paramete
         values = values[part]
     known = {name: value for name, value in values.items() if name in model.model_fields}
     return model.model_validate(merged(known, changes))
+
+
+def committed_entry(name: str, **changes: Any) -> Any:
+    """The parameters of a public set in `stages/tasks/public.yaml`, with changes."""
+    entry = read_task(name, TASK_FILE.parent)
+    return type(entry).model_validate(merged(entry.model_dump(), changes))
 
 
 def committed_finger(**changes: Any) -> FingerParameters:

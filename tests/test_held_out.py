@@ -19,20 +19,27 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-import test_own_motion
 import test_recorded_corrected_reaches
 import test_recorded_latent_touch
 import test_recorded_skin
 import test_simulation_board_refinement
+import test_task_motion
 import test_tasks_obstacles
 import torch
 import yaml
 from board_rollouts import small_board
-from committed import TASK_FILE, committed
+from committed import TASK_FILE, committed, committed_entry
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_motions import arm, rubbing_motion, sine_motion
+from structlearn.tasks.own.protocol import own_feedback
+from structlearn.tasks.public.protocol import (
+    latent_touch,
+    movement,
+    slides,
+    touch_sets,
+)
 from structlearn.tasks.public.protocol.corrections import _split, corrected_reaches, learn_corrections
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
@@ -82,16 +89,8 @@ from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tactile.touch_dataset import TRAIN
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.obstacles import coupling_representations
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
-from structlearn.tasks.own.protocol import own_feedback
-from structlearn.tasks.public.protocol import (
-    latent_touch,
-    movement,
-    slides,
-    touch_sets,
-)
 from structlearn.tasks.task_entry import OwnFeedbackParameters
 from structlearn.tasks.touch import skin_readings, skin_touches
 from structlearn.tasks.touch.touch_parameters import TouchParameters
@@ -536,17 +535,17 @@ def payload(monkeypatch, tmp_path):
 def learned_motion(folder: Path, robot, logs, parameters):
     """What is learned from logs, apart from errors on what is held out."""
     source, target = folder / "arm.urdf", folder / "out"
-    source.write_text(test_own_motion.ARM)
+    source.write_text(test_task_motion.ARM)
     target.mkdir(exist_ok=True)
     identified, tables = learn_motion(robot, {log.name: log for log in logs}, parameters, source, target)
     learned = [tables[name] for name in ("base", "gravity", "choice", "gains", "bodies") if name in tables]
     return identified.models, learned, (target / "identified.urdf").read_text()
 
 
-@of_stage("recorded/dynamics", "tasks/motion")
+@of_stage("tasks/motion")
 def arms(monkeypatch, tmp_path):
     """Of the last log, and of the rest of a single one; a filter would reach over borders."""
-    own = test_own_motion
+    own = test_task_motion
     robot = own.arm()[0]
     networks = {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1}
     networks |= {"train_share": 0.5, "batch": 64, "second_moment_decay": 0.99}
@@ -561,14 +560,13 @@ def arms(monkeypatch, tmp_path):
     yield Case(lambda logs: learned_motion(tmp_path, robot, logs, share), data[:1], *changed)
 
 
-@of_stage("recorded/ur10e")
+@of_stage("tasks/motion")
 def ur10e(monkeypatch, tmp_path):
     """Logs at rest, learned from, asked about and with the load, on a small arm."""
-    own = test_own_motion
+    own = test_task_motion
     robot = own.arm()[0]
-    parameters = committed(
-        MotionParameters,
-        "recorded_ur10e",
+    parameters = committed_entry(
+        "ur10e",
         train="train",
         test="test",
         rate_hz=50.0,

@@ -39,24 +39,6 @@ PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representation
 """Keys that a task has only if its entry names them."""
 
 
-class MotionEntry(SourceParameters, MotionParameters):
-    """Logs of an arm's joints. Fields: `stages/tasks/params.yaml`, `defaults.motion`."""
-
-    kind = "motion"
-
-    def sources(self) -> dict[str, tuple[str, ...]]:
-        """All files and folders that are read, as they are written, by what they are for."""
-        return super().sources() | {"urdf": (self.urdf,)}
-
-
-class TouchEntry(SourceParameters, TouchParameters):
-    """Touches of a skin. Fields: `stages/tasks/params.yaml`, `defaults.touch`."""
-
-    kind = "touch"
-
-    clock: ClockParameters
-
-
 class ObstacleEntry(SourceParameters, ScenePeopleParameters):
     """Reaches past obstacles. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
 
@@ -67,14 +49,16 @@ class ObstacleEntry(SourceParameters, ScenePeopleParameters):
     representations: RepresentationParameters | None
 
 
-ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionEntry, TouchEntry, ObstacleEntry)
+ENTRIES: tuple[type[SourceParameters], ...] = (
+    MovementEntry,
+    MotionParameters,
+    TouchParameters,
+    ObstacleEntry,
+)
 KINDS = {entry.kind: entry for entry in ENTRIES}
 """Kinds of data, as entries are grouped."""
 
-STAGES = {kind: (f"report_{kind}",) for kind in KINDS} | {
-    "movement": ("report_movement", "view_movement"),
-    "obstacles": ("report_obstacles", "view_obstacles"),
-}
+STAGES = {kind: (f"report_{kind}", f"view_{kind}") for kind in KINDS}
 """Last stages of a task by kind, which bring up to date all others."""
 
 

@@ -11,6 +11,7 @@ from structlearn.reporting.claims import Judged, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import HEADLINES, publish_report
+from structlearn.tasks.motion import motion_section
 from structlearn.tasks.movement import (
     check_section,
     corrections_section,
@@ -18,13 +19,10 @@ from structlearn.tasks.movement import (
     primitives_section,
 )
 from structlearn.tasks.obstacles import representations_section, scene_section
-from structlearn.tasks.own.page import (
-    motion_section,
-    touch_section,
-)
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import FOLDER, OF_PUBLIC, OWN, PIPELINE, read_checked
 from structlearn.tasks.task_files import TaskFiles, is_public
+from structlearn.tasks.touch import touch_section
 
 PACKAGE = "structlearn.tasks"
 
