@@ -53,7 +53,7 @@ STARTS = {
         "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
-        "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py tasks/calibrate.py",
+        "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py",
     ),
     "robot": (
         ("pinocchio",),
@@ -65,7 +65,7 @@ STARTS = {
     "training": (
         ("torch",),
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
-        "servoing/servo.py servoing/other_skins.py",
+        "servoing/servo.py servoing/other_skins.py tasks/calibrate.py",
     ),
     "dynamics": (
         ("torch", "pinocchio"),
@@ -74,8 +74,9 @@ STARTS = {
     "recordings": (
         ("rerun",),
         "scraping/view.py obstacles/view.py servoing/view.py tasks/view_motion.py "
-        "tasks/view_movement.py tasks/view_obstacles.py tasks/view_touch.py",
+        "tasks/view_movement.py tasks/view_obstacles.py",
     ),
+    "recordings of maps": (("rerun", "matplotlib"), "tasks/view_touch.py"),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (
         ("matplotlib",),
@@ -243,9 +244,12 @@ def test_the_stages_of_code_depend_on_every_script():
 def test_every_data_dependency_is_the_output_of_some_stage():
     outputs = {f"reports/studies/{folder.name}" for folder in (ROOT / "benchmarks/studies").glob("*")}
     outputs |= {(QUOTED / name).as_posix() for name in COPIED}
-    for stage in STAGES.values():
-        for out in [*stage.get("outs", []), *stage.get("metrics", [])]:
-            outputs.add(out if isinstance(out, str) else next(iter(out)))
+    public = yaml.safe_load((ROOT / "stages/tasks/public.yaml").read_text())
+    for stage in (stage for stages in LISTED for stage in stages.values()):
+        tasks = public[stage["foreach"][2:-1]] if "foreach" in stage else ()
+        for out in [*stage.get("do", stage).get("outs", []), *stage.get("metrics", [])]:
+            path = out if isinstance(out, str) else next(iter(out))
+            outputs |= {path, *(path.replace("${key}", task) for task in tasks)}
     for stage in STAGES.values():
         data = {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/", "data/code/"))}
         assert {dep.removesuffix("/claims.csv") if "tables" in dep else dep for dep in data} <= outputs
