@@ -16,7 +16,6 @@ from structlearn.tasks.task_entry import read_task
 
 ROOT = Path(__file__).parents[1]
 PARAMETER_FILE = ROOT / "params.yaml"
-RECORDED_FILE = ROOT / "stages/recorded/params.yaml"
 TASK_FILE = ROOT / "stages/tasks/params.yaml"
 NO_TOPICS = {
     "twist": None,
@@ -32,7 +31,7 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 @cache
 def _tree() -> dict[str, Any]:
-    files = (PARAMETER_FILE, RECORDED_FILE, TASK_FILE)
+    files = (PARAMETER_FILE, TASK_FILE)
     return {
         key: value for file in files for key, value in yaml.load(file.read_text(), yaml.CSafeLoader).items()
     }
