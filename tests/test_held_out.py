@@ -20,11 +20,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import test_movement_phase_corrections
-import test_recorded_latent_touch
-import test_recorded_skin
 import test_simulation_board_refinement
 import test_task_motion
 import test_tasks_obstacles
+import test_touch_skin
+import test_touch_transfer
 import torch
 import yaml
 from board_rollouts import small_board
@@ -87,8 +87,7 @@ from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameter
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
 from structlearn.tasks.obstacles import coupling_representations
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
-from structlearn.tasks.touch import skin_readings, skin_touches
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch import skin_readings, skin_touches, surface_traces, touch_transfer
 from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
@@ -100,15 +99,13 @@ ROOT = Path(__file__).parents[1]
 HOLDS_NOTHING_OUT = {
     "simulates": "engines scraping/record_nominal scraping/record_corrections obstacles/demonstrate "
     "dynamics/record_motion dynamics/track servoing/record_touch servoing/servo",
-    "reads recordings": "tasks/import_task recorded/import_recordings scraping/import_nominal "
+    "reads recordings": "tasks/import_task scraping/import_nominal "
     "scraping/import_corrections dynamics/import_logs servoing/import_touch",
     "cuts demonstrations": "tasks/segment scraping/segment scraping/sweep",
     "puts into one file what was learned": "tasks/skill scraping/write_skill",
     "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
-    "measures statistics or times": "recorded/calibrate scraping/time_controller",
-    "one recorded execution, of which every primitive has one part": "recorded/scraping",
-    "a primitive of every log, and one of all logs": "recorded/unscrewing",
+    "measures statistics or times": "tasks/calibrate scraping/time_controller",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
@@ -116,7 +113,7 @@ HOLDS_NOTHING_OUT = {
 }
 """Why stages have no case."""
 
-SHOWS = ("report", "view", "calibration_report", "list_code")
+SHOWS = ("report", "view", "list_code", "loop", "make_example")
 """Stages that show what others wrote, or list sources."""
 
 
@@ -236,7 +233,7 @@ def corrections(monkeypatch, tmp_path):
     return Case(learn, higher(), higher(left_out[0]), higher(learned[0]))
 
 
-SLIDES = committed(slides.SlideParameters, "recorded_slides", material="mat", left_out=("mat_3",))
+SLIDES = committed_entry("slides", surfaces={"material": "mat", "left_out": ["mat_3"]}).surfaces
 
 
 def slid(changed: str = "") -> list[Demonstration]:
@@ -248,17 +245,20 @@ def slid(changed: str = "") -> list[Demonstration]:
     return found
 
 
-@of_stage("recorded/slides")
+@of_stage("tasks/touch")
 def expected_of_slides(monkeypatch, tmp_path):
-    return [
-        Case(lambda its: slides.learn_slides(its, SLIDES)[0], slid(), slid(held_out), slid("mat_2"))
-        for held_out in ("mat_3", "cork_1")
-    ]
+    def expected(its):
+        return surface_traces.deviations_from_expected(its, SLIDES)[0]
+
+    return [Case(expected, slid(), slid(held_out), slid("mat_2")) for held_out in ("mat_3", "cork_1")]
 
 
-@of_stage("recorded/slides")
+@of_stage("tasks/touch")
 def slides_left_out(monkeypatch, tmp_path):
-    learn = each(monkeypatch, slides, "fit_expected_traces", lambda its: slides.leave_one_out(its, SLIDES))
+    def left_out(its):
+        return surface_traces.leave_one_out(its, SLIDES)
+
+    learn = each(monkeypatch, surface_traces, "fit_expected_traces", left_out)
     return Case(lambda its: learn(its)[1], slid(), slid("mat_2"), slid("mat_1"))
 
 
@@ -630,11 +630,11 @@ def latent_spaces(monkeypatch, tmp_path):
     )
 
 
-@of_stage("recorded/latent_touch")
+@of_stage("tasks/touch")
 def recorded_touch(monkeypatch, tmp_path):
     """What was learned of two slides while the two others were left out, and its units."""
-    toy = test_recorded_latent_touch
-    names = (touch_sets.SLIDES, touch_sets.MAGNITUDES)
+    toy = test_touch_transfer
+    names = (test_touch_transfer.SLIDES, test_touch_transfer.MAGNITUDES)
     data = [toy.touch_set(name, ("a", "a", "b", "b"), seed) for seed, name in enumerate(names)]
 
     def changed(trial):
@@ -643,18 +643,17 @@ def recorded_touch(monkeypatch, tmp_path):
         return [replace(slides, samples=samples), data[1]]
 
     def learn(sets):
-        return latent_touch.learn_touch(sets, toy.SKIN, toy.FEW)
+        return touch_transfer.learn_transfer(sets, toy.SKIN, toy.FEW)
 
-    (first, *_), *_ = latent_touch.left_out(data[0], toy.FEW.folds)[latent_touch.NEW_TRIALS]
-    spaces = each(monkeypatch, latent_touch, "learn_spaces", learn)
+    (first, *_), *_ = touch_transfer.parts_left_out(data[0], toy.FEW.folds)[touch_transfer.NEW_TRIALS]
+    spaces = each(monkeypatch, touch_transfer, "learn_spaces", learn)
     yield Case(lambda its: spaces(its)[0], data, changed(first), changed(first + 1))
-    units = each(monkeypatch, latent_touch, "own_units", learn)
+    units = each(monkeypatch, touch_transfer, "own_units", learn)
     yield Case(lambda its: units(its)[0], data, changed(first), changed(first + 1))
 
 
-SKIN = committed(
-    TouchParameters,
-    "recorded_skin",
+SKIN = committed_entry(
+    "eflesh",
     tuned_on=["a"],
     block_mm=3.0,
     folds=2,
@@ -670,10 +669,10 @@ SKIN = committed(
 )
 
 
-@of_stage("recorded/skin", "tasks/touch")
+@of_stage("tasks/touch")
 def recorded_skin(monkeypatch, tmp_path):
     """Of one run: without the blocks of a fold, and of the whole beside another run."""
-    toy = test_recorded_skin
+    toy = test_touch_skin
     data = [toy.toy_run("a", 1, depth_mm=1.0, size=7), toy.toy_run("b", 2, size=7)]
     fold = held_out(data[0].place[:, :2], 1e-3 * SKIN.block_mm, SKIN.folds)[1]
 
@@ -758,5 +757,5 @@ def test_every_stage_that_learns_has_a_case():
     """A new stage gets one, or a line that says why it holds nothing out."""
     scripts = stage_scripts()
     cases, others = {stage for stage, _ in CASES}, {*" ".join(HOLDS_NOTHING_OUT.values()).split()}
-    assert {name for name in scripts if name.split("/")[-1] not in SHOWS} == cases | others
+    assert {name for name in scripts if not name.endswith(SHOWS) and "/view_" not in name} == cases | others
     assert not cases & others
