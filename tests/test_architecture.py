@@ -52,9 +52,8 @@ STARTS = {
         "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
         "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
-        "recorded/import_recordings.py recorded/reaches.py recorded/corrected_reaches.py "
-        "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py "
-        "recorded/boxes.py tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
+        "recorded/import_recordings.py recorded/boxes.py tasks/calibrate.py "
+        "tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
         "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py",
     ),
     "robot": (
@@ -67,8 +66,7 @@ STARTS = {
     "training": (
         ("torch",),
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
-        "servoing/servo.py servoing/other_skins.py recorded/avoidance.py recorded/latent_touch.py "
-        "recorded/skin.py",
+        "servoing/servo.py servoing/other_skins.py recorded/avoidance.py",
     ),
     "dynamics": (
         ("torch", "pinocchio"),
@@ -76,12 +74,13 @@ STARTS = {
     ),
     "recordings": (
         ("rerun",),
-        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py tasks/view_movement.py",
+        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py tasks/view_movement.py "
+        "tasks/view_touch.py",
     ),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (
         ("matplotlib",),
-        "recorded/report.py recorded/calibration_report.py tasks/report.py",
+        "recorded/report.py tasks/report.py tasks/calibration_report.py",
     ),
     "pages with stills": (
         ("matplotlib", "pybullet"),

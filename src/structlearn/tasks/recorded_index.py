@@ -1,7 +1,7 @@
 """The page over all public sets, of what their own pages say: verdicts side by side, leads, main figures."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -71,7 +71,7 @@ def publish_index() -> None:
         judged=judged,
         command="make recorded DATA=FOLDER",
     )
-    publish_report(REPORT, {"index": page}, {}, {}, headlines())
+    publish_report(REPORT, {"index": page}, {}, {}, headlines([one.name for one in sets]))
 
 
 def reported(name: str) -> Reported:
@@ -126,10 +126,11 @@ def judged_again(name: str) -> list[Judged]:
     return judged
 
 
-def headlines() -> Findings:
-    """Those of `HEADLINES` that were found."""
+def headlines(names: Collection[str]) -> Findings:
+    """Those of `HEADLINES` that were found on some sets."""
     find = Findings()
-    for key, (task, name, case) in HEADLINES.items():
+    there = {key: where for key, where in HEADLINES.items() if where[0] in names}
+    for key, (task, name, case) in there.items():
         table = read_findings(TaskFiles(task).report / "findings.csv")
         for row in table[(table["name"] == name) & (table["case"] == case)].itertuples():
             if pd.notna(row.value):
