@@ -16,7 +16,6 @@ from structlearn.tasks.task_entry import read_task
 
 ROOT = Path(__file__).parents[1]
 PARAMETER_FILE = ROOT / "params.yaml"
-RECORDED_FILE = ROOT / "stages/recorded/params.yaml"
 TASK_FILE = ROOT / "stages/tasks/params.yaml"
 NO_TOPICS = {
     "twist": None,
@@ -32,14 +31,14 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 @cache
 def _tree() -> dict[str, Any]:
-    files = (PARAMETER_FILE, RECORDED_FILE)
+    files = (PARAMETER_FILE, TASK_FILE)
     return {
         key: value for file in files for key, value in yaml.load(file.read_text(), yaml.CSafeLoader).items()
     }
 
 
 def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """All of both parameter files with some changes, e.g. to write it for stages in a folder of their own."""
+    """All of the parameter files with some changes, e.g. to write it for stages in a folder of their own."""
     return merged(deepcopy(_tree()), changes)
 
 

@@ -23,11 +23,14 @@ import pytest
 import test_recorded_page
 import test_scraping_page
 import test_servoing_page
+import test_tasks_obstacles
+import test_tasks_representations
 import torch
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
 from reporting_refinement import refinement_results
 from reporting_scraping import PARAMETERS, demonstration
+from structlearn.tasks.public.page import assembly, calibration_results
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
 from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
@@ -38,13 +41,18 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
+<<<<<<< HEAD
 from structlearn.tasks.motion.motion_results import motion_findings
 from structlearn.tasks.public.page import assembly, calibration_results
+=======
+from structlearn.tasks.obstacles.representations_section import representation_findings
+from structlearn.tasks.obstacles.scene_section import scene_findings
+>>>>>>> main
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
 from structlearn.testbeds.scraping.page import findings as scraping
-from structlearn.testbeds.scraping.page.findings import People
+from structlearn.testbeds.scraping.page.findings import ScrapingPeople
 from structlearn.testbeds.servoing.page import findings as servoing_findings
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
 
@@ -126,7 +134,9 @@ def segmentation_of_people(results: Any) -> Findings:
     """Of the page on segmentation: what the sweep and a study of people like this one find."""
     find = test_scraping_page.rows(scraping.segmentation_of_one, results)
     aligned = [primitive.name for primitive in results.found_primitives]
-    scraping.segmentation_of_people(find, People(people(find.numbers()), PRIMITIVES), aligned)
+    scraping.segmentation_of_people(
+        find, ScrapingPeople(people(find.numbers()), scraping.OURS, PRIMITIVES), aligned
+    )
     return find
 
 
@@ -152,7 +162,7 @@ FOLLOWS = {
     "tables.links": {"positive_mass", "positive_definite", "triangle"},
     "tables.gravity": {"limit_n_m"},
 }
-"""Columns of tables of arms that are not measured, but follow from how Cov writes a link, or from the URDF."""
+"""Columns of arms' tables that are not measured, but follow from how Cov writes a link, or from the URDF."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
 RECORDED = "structlearn.tasks.public.page"
@@ -197,6 +207,18 @@ PAGES = {
         "calibration_claims.yaml",
         lambda get: [test_recorded_page.calibration(1.0)["comparison"]],
         calibration_results.evidence,
+    ),
+    "boxes": Page(
+        PUBLIC,
+        f"{CLAIMS}/boxes.yaml",
+        lambda get: [test_tasks_obstacles.made_up_ways()],
+        scene_findings,
+    ),
+    "avoidance": Page(
+        PUBLIC,
+        f"{CLAIMS}/avoidance.yaml",
+        lambda get: [test_tasks_representations.made_up_scores()],
+        representation_findings,
     ),
 } | {
     name: Page(

@@ -26,6 +26,13 @@ HEADLINES: Mapping[str, tuple[str, str, str]] = {
     "reach_cut_error_ms_2mm": ("reaches", "reach_cut_error_ms_2mm", ""),
     "reach_left_ten_out_mean_mm": ("reaches", "primitives_reach_left_out_mm", ""),
     "coupling_path_mean_mm": ("reaches", "coupling_path_mean_mm", ""),
+    "obstacle_nmse_x": ("avoidance", "nmse_x", ""),
+    "boxes_hits": ("boxes", "hits", ""),
+    "boxes_path_mm": ("boxes", "path", ""),
+    "panda_nmse_cov_coulomb": ("panda", "nmse", ""),
+    "ur10e_nmse_mean_cov_coulomb": ("ur10e", "nmse", ""),
+    "ur10e_load_kg": ("ur10e", "load_kg", ""),
+    "kuka_lwr4_relative_percent": ("kuka_lwr4", "relative_percent", ""),
 }
 """Of `metrics.json`: task, name and case of the finding."""
 

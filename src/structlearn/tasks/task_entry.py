@@ -27,6 +27,7 @@ from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.topics import SceneTopicMap
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -34,7 +35,7 @@ FOLDER = Path("stages/tasks")
 DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
 PIPELINE = FOLDER / "dvc.yaml"
 
-PARTS = ("segment", "rests", "feedback", "corrections", "robot")
+PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representations")
 """Keys that a task has only if its entry names them."""
 
 
@@ -45,6 +46,7 @@ class ObstacleEntry(SourceParameters, ScenePeopleParameters):
 
     topics: SceneTopicMap | None
     clock: ClockParameters | None
+    representations: RepresentationParameters | None
 
 
 ENTRIES: tuple[type[SourceParameters], ...] = (
@@ -56,10 +58,7 @@ ENTRIES: tuple[type[SourceParameters], ...] = (
 KINDS = {entry.kind: entry for entry in ENTRIES}
 """Kinds of data, as entries are grouped."""
 
-VIEWED = ("movement", "motion", "touch")
-STAGES = {
-    kind: (f"report_{kind}", f"view_{kind}") if kind in VIEWED else (f"report_{kind}",) for kind in KINDS
-}
+STAGES = {kind: (f"report_{kind}", f"view_{kind}") for kind in KINDS}
 """Last stages of a task by kind, which bring up to date all others."""
 
 

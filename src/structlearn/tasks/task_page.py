@@ -18,9 +18,7 @@ from structlearn.tasks.movement import (
     cuts_section,
     primitives_section,
 )
-from structlearn.tasks.own.page import (
-    obstacles_section,
-)
+from structlearn.tasks.obstacles import representations_section, scene_section
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import FOLDER, OF_PUBLIC, OWN, PIPELINE, read_checked
 from structlearn.tasks.task_files import TaskFiles, is_public
@@ -42,7 +40,7 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     ),
     "motion": (motion_section.section,),
     "touch": (touch_section.section,),
-    "obstacles": (obstacles_section.section,),
+    "obstacles": (scene_section.section, representations_section.section),
 }
 """By kind: what makes each section, None where the task has no such part; in order."""
 

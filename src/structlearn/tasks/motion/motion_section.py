@@ -25,8 +25,8 @@ from structlearn.tasks.motion.motion_results import (
     model_words,
     motion_findings,
 )
-from structlearn.tasks.public.page.recorded_tables import shown
 from structlearn.tasks.section import Section
+from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
 NUMBERS = {"mass_kg": ".2f", "viscous": ".2f", "coulomb": ".2f"}

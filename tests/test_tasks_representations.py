@@ -1,6 +1,7 @@
 """The recorded samples: reader and protocol on made-up files, and on the real ones where they are at hand."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from committed import committed
 from readers_bags import recorded_data
@@ -10,8 +11,15 @@ from structlearn.avoidance.network_training import NetworkParameters
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.primitives import canonical, kernels
-from structlearn.tasks.public.protocol import avoidance_representations, avoidance_samples
-from structlearn.tasks.public.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.reporting.claims import read_claims
+from structlearn.tasks.obstacles import coupling_representations, coupling_samples
+from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
+from structlearn.tasks.obstacles.representations_section import (
+    INPUTS,
+    REPRESENTATIONS,
+    representation_facts,
+    representation_findings,
+)
 
 ROWS = 12
 
@@ -27,7 +35,7 @@ def tables(rows=ROWS, seed=0):
 
 
 def write(folder, found):
-    for name, path in avoidance_samples.sample_files(folder).items():
+    for name, path in coupling_samples.sample_files(folder).items():
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savetxt(path, found[name])
 
@@ -35,7 +43,7 @@ def write(folder, found):
 def test_samples_and_their_phase_are_read(tmp_path):
     found, time = tables()
     write(tmp_path, found)
-    dataset = avoidance_samples.read_avoidance_samples(tmp_path)
+    dataset = coupling_samples.read_coupling_samples(tmp_path)
     np.testing.assert_array_equal(dataset.features, found["features"])
     np.testing.assert_array_equal(dataset.target, found["target"])
     p, u = canonical.phase(time, canonical.TAU_PER_DURATION)
@@ -43,26 +51,26 @@ def test_samples_and_their_phase_are_read(tmp_path):
     np.testing.assert_allclose(dataset.phase, p, atol=1e-3)
     np.testing.assert_allclose(dataset.phase_velocity, u, atol=1e-12)
     assert len(np.unique(dataset.demonstration)) == ROWS
-    provenance = avoidance_samples.avoidance_provenance(tmp_path)
+    provenance = coupling_samples.read_obstacles(tmp_path, None, {}).provenance
     assert provenance["origin"] == "recorded"
     assert len(provenance["sha256"].split()) == 3
 
 
 def test_faults_name_the_file(tmp_path):
     with pytest.raises(InputError, match="holds no samples of obstacle avoidance"):
-        avoidance_samples.read_avoidance_samples(tmp_path)
+        coupling_samples.read_coupling_samples(tmp_path)
     found, _ = tables()
     write(tmp_path, found | {"target": found["target"][:-1]})
     with pytest.raises(InputError, match=r"Ct_target_obs_avoid\.txt: has 11 rows, .*X_raw.* has 12"):
-        avoidance_samples.read_avoidance_samples(tmp_path)
+        coupling_samples.read_coupling_samples(tmp_path)
     wrong = found["features"].copy()
     wrong[3, 15] += 0.5
     write(tmp_path, found | {"features": wrong})
     with pytest.raises(InputError, match=r"X_raw_obs_avoid\.txt: row 3: distance to the centre"):
-        avoidance_samples.read_avoidance_samples(tmp_path)
+        coupling_samples.read_coupling_samples(tmp_path)
     write(tmp_path, found | {"modulation": found["modulation"] + np.eye(ROWS, 25)})
     with pytest.raises(InputError, match=r"PSI_mult_phase_V_obs_avoid\.txt: row \d+: no time of a movement"):
-        avoidance_samples.read_avoidance_samples(tmp_path)
+        coupling_samples.read_coupling_samples(tmp_path)
 
 
 def phase_dependent(count=120, seed=0):
@@ -78,8 +86,8 @@ def phase_dependent(count=120, seed=0):
 def test_representations_are_compared_on_the_same_held_out_samples():
     dataset = phase_dependent()
     parameters = committed(
-        RecordedAvoidanceParameters,
-        "recorded_avoidance",
+        RepresentationParameters,
+        "defaults.obstacles.representations",
         folds=2,
         network=committed(
             NetworkParameters,
@@ -91,9 +99,9 @@ def test_representations_are_compared_on_the_same_held_out_samples():
         pmnn=committed(TrainingParameters, "compare_models", steps=60, dropout=0.0, evaluate_every=30),
         pmnn_hidden=(8,),
     )
-    results = avoidance_representations.compare_on_recorded(dataset, parameters)
+    results = coupling_representations.compare_representations(dataset, parameters)
     pairs = list(dict.fromkeys(zip(results.scores["representation"], results.scores["inputs"], strict=True)))
-    assert pairs == list(avoidance_representations.REPRESENTATIONS)
+    assert pairs == list(coupling_representations.REPRESENTATIONS)
     scores = results.scores.set_index(["representation", "inputs", "axis"])
     # the pooled error is the mean over folds of the share of each, and ridge regression can be redone by hand
     folds = results.folds.groupby(["representation", "inputs", "axis"])["nmse"].mean()
@@ -115,16 +123,57 @@ def test_representations_are_compared_on_the_same_held_out_samples():
     assert worth.loc[("ensemble", "phase_velocity", "y"), "gain"] > 0.0
 
 
+def made_up_scores(good=True):
+    """Tables in which every claim holds, or none does."""
+    gain = 0.1 if good else -0.1
+    ranks = {"human_inspired": 4, "network_validation": 3, "ridge": 3}
+    ranks |= {"network": 2, "pmnn": 1, "ensemble": -4}
+
+    def error(name, inputs):
+        return (0.6 if good else 1.6) + gain * ranks[name] + (0 if inputs == "phase" else 0.5 * gain)
+
+    folds = [
+        (name, inputs, axis, fold, error(name, inputs) + noise)
+        for name, inputs in coupling_representations.REPRESENTATIONS
+        for axis in "xyz"
+        for fold, noise in enumerate(0.002 * np.array([-1.0, 0.5, 0.0, -0.5, 1.0]))
+    ]
+    folds = pd.DataFrame(folds, columns=["representation", "inputs", "axis", "fold", "nmse"]).assign(
+        samples=20
+    )
+    keys = ["representation", "inputs", "axis"]
+    scores = folds.groupby(keys, sort=False)["nmse"].mean().reset_index().assign(train=0.05)
+    worth = scores[(scores["inputs"] != "features") & (scores["representation"] != "pmnn")][keys]
+    return {
+        "folds": folds,
+        "scores": scores,
+        "phase_worth": worth.assign(gain=gain, half_width=0.02),
+    }
+
+
+def test_claims_follow_the_tables(root):
+    kinds = [dict.fromkeys(pair) for pair in zip(*coupling_representations.REPRESENTATIONS, strict=True)]
+    assert [set(REPRESENTATIONS), set(INPUTS)] == [set(names) for names in kinds]  # they stand as text there
+    claims = read_claims(root / "stages/tasks/claims/avoidance.yaml")
+    for good in (True, False):
+        find = representation_findings(made_up_scores(good))
+        words = [claim.verdict(one, case) for claim in claims for case, one in find[claim.evidence].items()]
+        assert set(words) == {"yes" if good else "no"}
+    best = made_up_scores()["scores"].set_index(["representation", "inputs", "axis"])["nmse"]
+    assert representation_findings(made_up_scores())["nmse_x"].value == best["ensemble", "phase", "x"]
+    assert representation_facts(made_up_scores())["best"]["name"] == "ensemble of networks"
+
+
 def test_too_few_samples_for_the_folds():
     with pytest.raises(InputError, match="too few for 10 folds"):
-        avoidance_representations.compare_on_recorded(
+        coupling_representations.compare_representations(
             phase_dependent(15),
-            committed(RecordedAvoidanceParameters, "recorded_avoidance"),
+            committed(RepresentationParameters, "defaults.obstacles.representations"),
         )
 
 
 def test_the_recorded_samples():
-    dataset = avoidance_samples.read_avoidance_samples(recorded_data("clmc"))
+    dataset = coupling_samples.read_coupling_samples(recorded_data("clmc"))
     assert len(dataset) == 823
     _, u = canonical.phase(dataset.time, canonical.time_constant(1.0))
     np.testing.assert_allclose(dataset.phase_velocity, u, atol=0.07)  # two ways to the same phase

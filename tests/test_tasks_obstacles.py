@@ -1,41 +1,44 @@
-"""Reaches past boxes: cutting, folds, learning and unrolling, on made-up trials and on recorded ones."""
+"""Reaches past obstacles: cutting, folds, learning, page and recording, made up and public."""
 
-import runpy
-import shutil
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
+import pandas as pd
 import pytest
 from committed import committed
 from readers_bags import recorded_data
+from viewer_files import colour_of, contents, note
 
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
-from structlearn.avoidance.scene_models import displaced_states, samples_of_scene, scene_states
+from structlearn.avoidance.scene_folds import MODELS, WAYS
+from structlearn.avoidance.scene_models import SCENE, TEXT, displaced_states, samples_of_scene, scene_states
 from structlearn.avoidance.scene_people import (
     ScenePeopleParameters,
     folds_of_people,
+    learn_past_obstacles,
     reaches_past_obstacles,
 )
 from structlearn.avoidance.scene_unroll import nearest_seen, unroll_through
 from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
 from structlearn.primitives.position import fit_position
 from structlearn.readers import synchronise
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.reaches_past_boxes import read_reaches_past_boxes
+from structlearn.readers.reaches_past_boxes import read_obstacles
 from structlearn.readers.recording import NamedShape
-from structlearn.tasks.public.public_files import RecordedFiles
+from structlearn.reporting.claims import read_claims
+from structlearn.tasks.obstacles.coupling_representations import samples_of_reaches
+from structlearn.tasks.obstacles.reaches_view import write_reaches_past_obstacles
+from structlearn.tasks.obstacles.scene_section import LOOKS, SceneWays, scene_findings, scene_pictures
 
-PARAMETERS = committed(
-    ScenePeopleParameters,
-    "recorded_boxes",
-    tuned_on=["p0"],
-    folds=2,
-    network={"members": 1, "training": {"iterations": 4}},
-    text_network={"training": {"iterations": 4}},
-)
+BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
+QUICK = {"folds": 2, "network": {"members": 1, "training": {"iterations": 4}}}
+QUICK |= {"text_network": {"training": {"iterations": 4}}}
+PARAMETERS = committed(ScenePeopleParameters, "defaults.obstacles", tuned_on=["p0"], **BOXES, **QUICK)
 RATE_HZ, REST_S, MOVE_S = 90.0, 0.6, 1.5
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 WALLS = [
@@ -257,21 +260,153 @@ def test_pictures_are_chosen_by_the_scene_alone():
     assert scene_folds.shown_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
 
 
-def test_a_set_that_is_not_there_leaves_an_empty_folder(root, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "stages/recorded").mkdir(parents=True)
-    shutil.copy(root / "stages/recorded/params.yaml", tmp_path / "stages/recorded")
-    (tmp_path / "data/raw/recorded/boxes").mkdir(parents=True)  # as the import leaves it
-    runpy.run_path(str(root / "stages/recorded/boxes.py"), run_name="__main__")
-    assert capsys.readouterr().out.startswith("data/recorded/boxes: left empty")
-    assert list((tmp_path / "data/recorded/boxes").iterdir()) == []
-    assert RecordedFiles(tmp_path / "data").of_set("boxes") == {}
+def recordings():
+    """Reaches of a task, each a person of its own: blocked and free ones in turn, their times not known."""
+    blocked = [made_up_trial(f"blocked {n}", n, 0.12 + 0.01 * n, x=0.03 * n) for n in range(3)]
+    free = [made_up_trial(f"free {n}", n, 0.01, x=0.03 * n + 0.3) for n in range(3)]
+    runs = [one for pair in zip(blocked, free, strict=True) for one in pair]
+    crates = [(replace(one.shapes[0], name="crate"),) for one in runs]
+    names = [one.provenance["person"] for one in runs]
+    return [
+        replace(one, name=name, shapes=shapes, provenance={"person": name})
+        for one, name, shapes in zip(runs, names, crates, strict=True)
+    ]
+
+
+def test_reaches_of_a_task_are_learned_from_without_times_and_people():
+    parameters = committed(ScenePeopleParameters, "defaults.obstacles", **QUICK)
+    rows = learn_past_obstacles(recordings(), parameters).reaches
+    assert rows.groupby("way").size().eq(6).all()
+    assert rows.groupby("person")["fold"].nunique().eq(1).all()
+    assert set(rows["fold"]) == {0, 1}
+    assert rows.set_index("way").loc["none", "hit"].sum() == 3
+    samples = samples_of_reaches(recordings(), parameters)  # what representations are compared on
+    assert len(np.unique(samples.demonstration)) == 6
+    assert samples.features.shape == (len(samples), 17)
+    with pytest.raises(InputError, match=r"^reaches of 1 people, 1 of them"):
+        learn_past_obstacles(recordings()[:1], parameters)
+
+
+PEOPLE, REACHES = 12, 20
+
+
+@lru_cache
+def made_up_ways(good=True):
+    """Reaches in which every claim holds, or none does.
+
+    Person 1 touches a box once and takes another gap: if nobody did, how people differ would be unknown.
+    """
+    touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11}
+    if good:
+        touching |= {TEXT: 0, "text_ensemble": 8, SCENE: 0, "planned": 0}
+    else:
+        touching |= {TEXT: 12, "text_ensemble": 5, SCENE: 9}
+    path = dict.fromkeys(WAYS, 40.0) | {SCENE: 15.0 if good else 45.0}
+    left = dict.fromkeys(WAYS, 3.0) | ({} if good else {TEXT: 500.0, SCENE: 90.0})
+    rows = [
+        {
+            "way": way,
+            "reach": f"p{person}_{number}",
+            "person": f"p{person}",
+            "fold": person % 4,
+            "blocked": number < 12,
+            "hit": number < touching[way] - (person % 3 == 0 and touching[way] > 1) + (person == 1),
+            "hit_wall": False,
+            "clearance_mm": 30.0,
+            "left_mm": left[way],
+            "path_mm": path[way] + 0.1 * person * (way == SCENE),
+            "same_gaps": (good and (person, number) != (1, 0)) or way != SCENE or number > 5,
+        }
+        for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))
+    ]
+    errors = [(way, axis, 4.0, 8.0, fold) for way in MODELS for axis in "xyz" for fold in range(4)]
+    time = np.linspace(0.0, 1.5, 20)
+    paths = [
+        pd.DataFrame({"reach": reach, "way": way, "time_s": time, "x_m": 0.1, "y_m": time / 3, "z_m": 0.8})
+        for reach in ("p0_1", "p1_1", "p2_1")
+        for way in ("recorded", *WAYS)
+    ]
+    shapes = [
+        (reach, box, 0.2 * box, -0.05, 0.79, 0.1, 0.05, 0.12)
+        for reach in ("p0_1", "p1_1", "p2_1")
+        for box in (True, True, False)
+    ]
+    extent = ["x_m", "y_m", "z_m", "width_m", "depth_m", "height_m"]
+    return SceneWays(
+        {
+            "reaches": pd.DataFrame(rows),
+            "errors": pd.DataFrame(errors, columns=["way", "axis", "squared", "variance", "fold"]),
+            "people": pd.DataFrame(
+                [("p0", "p1", "p0_1", 28.0, True)],
+                columns=["first", "second", "reach", "path_mm", "same_gaps"],
+            ),
+            "left_out": pd.DataFrame({"trial": ["p0_9"], "person": ["p0"], "reason": ["takes 5.0 s"]}),
+            "paths": pd.concat(paths, ignore_index=True),
+            "shapes": pd.DataFrame(shapes, columns=["reach", "box", *extent]),
+        }
+    )
+
+
+def verdicts(root, found):
+    claims, find = read_claims(root / "stages/tasks/claims/boxes.yaml"), scene_findings(found)
+    return {claim.evidence: claim.verdict(find[claim.evidence]) for claim in claims}
+
+
+def test_claims_follow_the_tables(root):
+    assert set(verdicts(root, made_up_ways()).values()) == {"yes"}
+    assert "yes" not in verdicts(root, made_up_ways(good=False)).values()
+
+
+def test_where_no_reach_touches_an_obstacle_people_are_few(root):
+    """Of 12 people none touches: up to 22 % of others may, however many reaches there were."""
+    clean = made_up_ways()["reaches"].assign(hit=False)
+    found = SceneWays(made_up_ways().tables | {"reaches": clean})
+    assert scene_findings(found)["hits"].high == pytest.approx(1 - 0.05 ** (1 / PEOPLE))
+    words = verdicts(root, found)
+    rates = {"text_hits", "hits", "hits_blocked", "text_hits_fewer", "text_hits_fewer_than_rai"}
+    assert {words[name] for name in (*rates, "features_alone")} == {"undecided"}
+
+
+def test_findings_pool_reaches_and_cluster_people():
+    find = scene_findings(made_up_ways())
+    assert find["hits"].value == 1 / 240
+    assert find["hits"].high == wilson_interval(1, 240)[1]  # wider than by people's rates
+    hits = made_up_ways().of("none").groupby("person")["hit"].mean()
+    assert find["none_hits"].value == pytest.approx(hits.mean())
+    assert find["none_hits"].low < hits.mean() < find["none_hits"].high
+    assert find["goal"].value == 3.0
+    assert find["path"].value == pytest.approx(15.0 + 0.1 * np.arange(PEOPLE).mean())
+    assert find["nmse_x"].value == 0.5
+
+
+def test_one_person_alone_in_scenes_of_their_own_without_a_blocked_reach(root):
+    tables = dict(made_up_ways().tables)
+    reaches = tables["reaches"].query("person == 'p1' and not blocked")
+    tables |= {name: tables[name][:0] for name in ("people", "left_out", "paths", "shapes")}
+    found = SceneWays(tables | {"reaches": reaches})
+    assert set(scene_pictures(found)) == {"obstacles_rates"}
+    words = verdicts(root, found)
+    assert words["hits_blocked"] == "not tested"
+    assert words["path"] == "undecided"  # one person has no interval
+    assert "people_apart" not in scene_findings(found)
+
+
+def test_the_recording_shows_every_scene_and_way(tmp_path):
+    path = tmp_path / "obstacles.rrd"
+    write_reaches_past_obstacles(path, made_up_ways().tables, "boxes: reaches past obstacles")
+    rows, entities, _ = contents(path)
+    name = LOOKS["scene"].name.replace(" ", "\\ ")
+    assert colour_of(path, f"/p0_1/{name}/path", "LineStrips3D") == LOOKS["scene"].colour
+    for reach in ("p0_1", "p1_1", "p2_1"):
+        assert {f"/{reach}/{part}" for part in ("obstacles", "walls", "axes", "recorded/hand")} <= entities
+    assert rows["/p0_1/recorded/hand"] == rows["/distance/p0_1/recorded"] == 20
+    assert "recorded" in note(path)
 
 
 def test_recorded_people_pass_beside_the_boxes():
     """What the reaches show without any model: nobody touches, gaps are a matter of the scene."""
-    public = committed(ScenePeopleParameters, "recorded_boxes")
-    recordings = read_reaches_past_boxes(recorded_data("reaches_past_boxes"))
+    public = committed(ScenePeopleParameters, "defaults.obstacles", **BOXES)
+    recordings = read_obstacles(recorded_data("reaches_past_boxes"), None)
     trials = [synchronise(one, refuse_jumps=False) for one in recordings]  # the stage names them
     reaches, left_out = reaches_past_obstacles(trials, public)
     assert len(reaches) == 269

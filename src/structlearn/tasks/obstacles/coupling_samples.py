@@ -1,11 +1,13 @@
-"""The public samples of recorded obstacle avoidance: three text files in, one dataset out.
+"""Reader of public samples of the coupling term past obstacles: three text files in, one dataset out.
 
 Samples of many demonstrations, drawn at random and shuffled, in the local frame: 17 features, three
 coupling terms, 25 phase kernels times the phase velocity. They have no times and no demonstration numbers;
 the phase is found again from the kernels.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,14 +36,24 @@ GRID = np.linspace(0.0, 1.05, 4201)
 """Times of a movement of duration one at which the phase is looked for."""
 
 
-def read_avoidance_samples(folder: str | Path) -> AvoidanceDataset:
+class RecordedSamples(NamedTuple):
+    """Samples of the coupling term, and where they come from."""
+
+    samples: AvoidanceDataset
+    provenance: Mapping[str, str]
+
+
+def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str]) -> RecordedSamples:
+    """Reader of a task, see `task_import`."""
+    samples = read_coupling_samples(folder)
+    files = list(sample_files(folder).values())
+    return RecordedSamples(samples, source_provenance(REPOSITORY, COMMIT, LICENCE, Path(folder), files))
+
+
+def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
     """The samples as a dataset of one scenario in which every row is a demonstration of its own.
 
-    Args:
-        folder: the data set's folder.
-
-    Returns:
-        The samples; `time` is the fraction of the movement.
+    `time` is the fraction of the movement.
 
     Raises:
         MissingInputError: none of the files is there.
@@ -81,11 +93,6 @@ def read_avoidance_samples(folder: str | Path) -> AvoidanceDataset:
         demonstration=np.arange(count),
         time=time,
     )
-
-
-def avoidance_provenance(folder: str | Path) -> dict[str, str]:
-    """Where the samples come from: origin, repository, commit, licence, files and their SHA-256."""
-    return source_provenance(REPOSITORY, COMMIT, LICENCE, Path(folder), list(sample_files(folder).values()))
 
 
 def sample_files(folder: str | Path) -> dict[str, Path]:

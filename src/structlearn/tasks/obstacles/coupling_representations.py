@@ -1,11 +1,12 @@
-"""What each representation makes of recorded obstacle avoidance, and what the phase is worth (IV.8).
+"""Representations of the coupling term past obstacles, and what the phase adds to them (IV.8).
 
-Cross-validation over blocks of consecutive rows. Errors are pooled: squared errors of all held-out samples
-over the variance of all targets, axis by axis. The samples were shuffled before they were published, so a
-sample's neighbours in time may be in the training blocks: errors are those of new samples of known
+Cross-validation over blocks of consecutive samples. Errors are pooled: squared errors of all held-out samples
+over the variance of all targets, axis by axis. Where samples were shuffled before they were published, those
+next to a held-out one in time may be in the training blocks: errors are those of new samples of known
 demonstrations, not of new demonstrations.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,21 +16,28 @@ from pydantic import Field
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import averaged, selected_inputs
 from structlearn.avoidance.features import CouplingModel
-from structlearn.avoidance.learned_models import train_phase_modulated
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
 from structlearn.avoidance.network_training import COLUMNS, NetworkParameters, stacked, train_member
 from structlearn.avoidance.rai_2014 import fit_human_inspired
+from structlearn.avoidance.scene_models import (
+    reach_scenes,
+    samples_of_nearest,
+    scene_states,
+    straight_baseline,
+)
+from structlearn.avoidance.scene_people import ScenePeopleParameters, reaches_past_obstacles
 from structlearn.core.errors import MissingInputError
 from structlearn.core.metrics import mean_interval, nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.readers.demonstration import Demonstration
 
 INPUTS = tuple(COLUMNS)
 
 
-class RecordedAvoidanceParameters(Parameters):
-    """Parameters of the recorded samples."""
+class RepresentationParameters(Parameters):
+    """Blocks left out, and the models compared."""
 
     folds: int = Field(ge=2)
     ridge_decay: float = Field(gt=0)
@@ -56,8 +64,8 @@ REPRESENTATIONS = (
 
 
 @dataclass(frozen=True)
-class RecordedAvoidanceResults:
-    """What the cross-validation shows.
+class RepresentationResults:
+    """Outcome of the cross-validation.
 
     Attributes:
         scores: per `representation`, its `inputs` and `axis`: held-out `nmse` over all samples, and `train`,
@@ -73,9 +81,17 @@ class RecordedAvoidanceResults:
     phase_worth: pd.DataFrame
 
 
-def compare_on_recorded(
-    dataset: AvoidanceDataset, parameters: RecordedAvoidanceParameters
-) -> RecordedAvoidanceResults:
+def samples_of_reaches(runs: Sequence[Demonstration], parameters: ScenePeopleParameters) -> AvoidanceDataset:
+    """Samples of the coupling term of reaches past obstacles, with the published features of the nearest."""
+    reaches, _ = reaches_past_obstacles(runs, parameters)
+    baseline = straight_baseline(reaches, parameters.straight_share)
+    states = scene_states([reach.path for reach in reaches], baseline, parameters.keep_every)
+    return samples_of_nearest(states, reach_scenes(reaches, parameters))
+
+
+def compare_representations(
+    dataset: AvoidanceDataset, parameters: RepresentationParameters
+) -> RepresentationResults:
     """Cross-validate every representation.
 
     Raises:
@@ -88,7 +104,7 @@ def compare_on_recorded(
         for name, inputs in _FITS
         for fold, block in enumerate(np.array_split(np.arange(len(dataset)), parameters.folds))
     ]
-    tables = parallel_map(_held_out, work, "representations on recorded avoidance")
+    tables = parallel_map(_held_out, work, "representations of the coupling term")
     errors = pd.concat(tables, ignore_index=True)
     keys = ["representation", "inputs", "axis"]
     summed = errors.groupby(keys, sort=False)[["squared", "weighted_train"]].sum()
@@ -101,7 +117,7 @@ def compare_on_recorded(
     order = {key: place for place, key in enumerate(REPRESENTATIONS)}
     places = [order[pair] for pair in zip(scores["representation"], scores["inputs"], strict=True)]
     scores = scores.iloc[np.argsort(places, kind="stable")].reset_index(drop=True)
-    return RecordedAvoidanceResults(scores, folds, _phase_worth(folds))
+    return RepresentationResults(scores, folds, _phase_worth(folds))
 
 
 _FITS = (
@@ -115,7 +131,7 @@ _FITS = (
 
 
 def _held_out(
-    work: tuple[AvoidanceDataset, np.ndarray, tuple[int, str, str], RecordedAvoidanceParameters],
+    work: tuple[AvoidanceDataset, np.ndarray, tuple[int, str, str], RepresentationParameters],
 ) -> pd.DataFrame:
     """Errors of one fit on one fold: `squared` is its share in the error over all samples."""
     dataset, block, (fold, name, inputs), parameters = work
@@ -138,7 +154,7 @@ def _fitted(
     inputs: str,
     training: AvoidanceDataset,
     fold: int,
-    parameters: RecordedAvoidanceParameters,
+    parameters: RepresentationParameters,
 ) -> dict[str, CouplingModel]:
     """Coupling models of one fit by the name of their representation."""
     if name == RIDGE:
@@ -146,6 +162,8 @@ def _fitted(
     if name == HUMAN_INSPIRED:
         return {name: fit_human_inspired(training.features, training.target)}
     if name == PMNN:
+        from structlearn.avoidance.learned_models import train_phase_modulated  # loads torch
+
         return {name: train_phase_modulated(training, parameters.pmnn, parameters.pmnn_hidden)}
     network = parameters.network.model_copy(update={"inputs": inputs})
     if name == STOPPED:
