@@ -19,7 +19,7 @@ from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import demonstrated_workspace
 from structlearn.feedback.skill_file import read_skill, write_skill
 from structlearn.primitives.sequence import sequence_table, unroll
-from structlearn.readers.source import ClockParameters
+from structlearn.readers.clock import ClockParameters
 from structlearn.tasks.own.world.pick_and_place import takes, write_takes
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
 from structlearn.testbeds.scraping.protocol.executions import executed_set

@@ -11,8 +11,7 @@ from structlearn.feedback.coupling_targets import ExpectedTracesParameters, Supe
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
-from structlearn.readers.clock import synchronise
-from structlearn.readers.source import ClockParameters
+from structlearn.readers.clock import ClockParameters, synchronise
 from structlearn.reporting.prose import level_name
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters

@@ -28,8 +28,8 @@ from structlearn.feedback.coupling_targets import CorrectionParameters
 from structlearn.feedback.skill_file import SkillParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
+from structlearn.readers.clock import ClockParameters
 from structlearn.readers.settings import Setting
-from structlearn.readers.source import ClockParameters
 from structlearn.readers.stamps import StampPolicy
 from structlearn.readers.topics import JointPose, SceneTopicMap, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters

@@ -17,9 +17,9 @@ from structlearn.core.stage import run
 from structlearn.core.wall_clock import RUN_BY_DVC
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
+from structlearn.readers.clock import ClockParameters
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.runs import read_runs
-from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.segments import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/own"), Path("reports/own")
