@@ -32,7 +32,7 @@ from structlearn.primitives.vector import OFFSET_SAMPLES, VectorPrimitive
 
 POSITION = ("position", "velocity", "acceleration")
 ORIENTATION = ("orientation", "angular_velocity", "angular_acceleration")
-UNBOUNDED = Limits(largest_coupling=dict.fromkeys(AXES, 1e6), fade_s=1e-3, stale_after_s=1e3)
+UNBOUNDED = Limits(largest_coupling=dict.fromkeys(AXES, 1e4), fade_s=1e-3, stale_after_s=60.0)
 AXIS = "ry"
 BASE = np.array([300.0, 310.0, 290.0, 305.0, 280.0, 320.0])
 RATE = 300.0

@@ -4,10 +4,11 @@ What loads slowly is imported where it is needed: most tasks have no touches.
 """
 
 from structlearn.core.artefacts import publish
+from structlearn.core.params import local_path
 from structlearn.readers import read_demonstrations
 from structlearn.readers.stamps import StampPolicy
 from structlearn.readers.touch_log import read_touch_logs, touch_of
-from structlearn.tasks.task_files import TaskFiles, local_path, run_for_task
+from structlearn.tasks.task_files import TaskFiles, run_for_task
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 

@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
-from structlearn.core.params import Parameters, checked, merged, read_values
+from structlearn.core.params import Parameters, checked, local_path, merged, read_values
 from structlearn.core.stage import run
 from structlearn.feedback.coupling_model import NetworkParameters, TrainingParameters
 from structlearn.feedback.coupling_targets import CorrectionParameters
@@ -35,7 +35,7 @@ from structlearn.readers.topics import JointPose, SceneTopicMap, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.own.protocol.arm_parameters import RobotParameters
-from structlearn.tasks.task_files import NAME_RULE, is_name, local_path
+from structlearn.tasks.task_files import NAME_RULE, is_name
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 PARAMETER_FILE = Path("stages/own/params.yaml")

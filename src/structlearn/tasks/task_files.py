@@ -122,11 +122,6 @@ def leave_out(folder: Path, part: str) -> None:
     (folder / ABSENT).write_text(f"The task has no {part}.\n", encoding="utf-8")
 
 
-def local_path(path: str) -> Path:
-    """A path as a parameter file may have it: from the project's folder, or with `~` for the home folder."""
-    return Path(path).expanduser()
-
-
 def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "") -> None:
     """Run a stage for the task that the command line names, or else DVC.
 

@@ -16,6 +16,7 @@ from structlearn.core.block_bootstrap import blocks
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
+from structlearn.core.params import local_path
 from structlearn.networks.torch_settings import AdamParameters, one_thread
 from structlearn.readers.joint_log import (
     DriveLog,
@@ -81,7 +82,7 @@ LOGS = "logs.parquet"
 
 def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
     """The robot with the inertias of its URDF, and the URDF: a path, or a file of `pybullet_data`."""
-    urdf = urdf_path(str(Path(parameters.urdf).expanduser()))
+    urdf = urdf_path(str(local_path(parameters.urdf)))
     return read_urdf(urdf, parameters.locked_joints), urdf
 
 
@@ -89,7 +90,7 @@ def logs_of(
     parameters: MotionParameters, tree: KinematicTree, stamps: StampPolicy = AS_WRITTEN
 ) -> dict[str, JointLog] | dict[str, DriveLog]:
     """Logs by name: of an import's table, or of bags that hold joint states with efforts."""
-    source = Path(parameters.source).expanduser()
+    source = local_path(parameters.source)
     if parameters.drives is not None:
         return {log.name: log for log in read_log_table(source / LOGS, DriveLog)}
     if (source / LOGS).is_file():

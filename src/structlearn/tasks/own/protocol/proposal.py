@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from structlearn.core.params import local_path
 from structlearn.readers.clock import MAX_GAP_S
 from structlearn.readers.messages import READERS
 from structlearn.readers.topics import JointPose
@@ -25,7 +26,6 @@ from structlearn.tasks.own.protocol.inspection import (
     series_of,
 )
 from structlearn.tasks.own.protocol.motion_survey import MotionSurvey
-from structlearn.tasks.task_entry import local_path
 
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
 """What topics of tactile arrays are mostly called; other arrays are commands and the like."""
@@ -81,7 +81,7 @@ def propose(
 
 def task_name(source: str) -> str:
     """A name for a task whose files lie at a path: letters, digits and _ of its last part."""
-    path = Path(source).expanduser().absolute()
+    path = local_path(source).absolute()
     words = re.findall(r"[A-Za-z0-9]+", path.stem if path.is_file() else path.name)
     return "_".join(words) or "task"
 

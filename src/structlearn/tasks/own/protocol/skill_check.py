@@ -15,7 +15,6 @@ Every run is followed by inverse kinematics from near the same rest configuratio
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ import pandas as pd
 
 from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
+from structlearn.core.params import local_path
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill
@@ -132,7 +132,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     Raises:
         InputError: the URDF is no good, bounds are as many as no joints are, or no joints reach the start.
     """
-    path = urdf_path(str(Path(parameters.urdf).expanduser()))
+    path = urdf_path(str(local_path(parameters.urdf)))
     arm = read_arm(path, parameters.tip, parameters.locked_joints)
     bounds = Bounds.of(arm, parameters)
     runs = [in_arm_frames(run, parameters) for run in unrolls(skill, RATE_HZ)]

@@ -8,12 +8,13 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core.errors import InputError
+from structlearn.core.params import local_path
 from structlearn.readers import Recording, StampPolicy, TopicMap, read_recordings, synchronise
 from structlearn.readers.clock import ClockParameters
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.settings import setting_folders
 from structlearn.tasks.task_entry import TaskParameters
-from structlearn.tasks.task_files import RUNS, local_path
+from structlearn.tasks.task_files import RUNS
 
 WORDS = {
     "joint_positions": "joint positions",
