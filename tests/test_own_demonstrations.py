@@ -25,7 +25,14 @@ from structlearn.reporting.document import words_in_view
 from structlearn.segmentation.segments import cut
 from structlearn.tasks.own.protocol.skill_check import check_skill
 from structlearn.tasks.own.world.pick_and_place import as_recording, takes, write_takes
-from structlearn.tasks.task_entry import OF_DEMONSTRATIONS, PARTS, read_checked, read_task
+from structlearn.tasks.task_entry import (
+    OF_DEMONSTRATIONS,
+    PARTS,
+    read_checked,
+    read_task,
+    source_digests,
+    write_task,
+)
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles
 
 STAGES = (
@@ -121,6 +128,14 @@ def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wro
     run_stages(root, "reach", "import_task")
     assert parameters.read_bytes() != once[0]
     assert recording.read_bytes() != once[1]
+
+
+def test_a_source_that_changes_while_it_is_read_is_refused(folder):
+    task = read_task("reach")
+    before = source_digests(task)
+    write_reach(Path("bags/take_2.mcap"), 0.9, 0.5)
+    with pytest.raises(InputError, match=r"take_2\.mcap: changed while it was read"):
+        write_task(task, before, Path("parameters.yaml"))
 
 
 def test_parts_that_an_entry_does_not_name_are_null(folder):

@@ -165,7 +165,7 @@ def _cluster() -> tuple[Executor, type[Exception]]:
     logging.getLogger("distributed.client").setLevel(logging.ERROR)
     try:
         client = Client(address, timeout=ANSWER_S)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:  # the last: TLS without certificates
         raise InputError(f"{SCHEDULER}={address}: no Dask scheduler answers ({error})") from error
     try:
         client.wait_for_workers(1, timeout=WORKERS_S)
@@ -180,6 +180,6 @@ def _private(address: str) -> bool:
     try:
         given = urlsplit(address if "://" in address else f"tcp://{address}")
         host = given.hostname or ""
-        return given.scheme == "tls" or host == "localhost" or ip_address(host).is_loopback
+        return given.scheme in ("tls", "inproc") or host == "localhost" or ip_address(host).is_loopback
     except ValueError:  # a name, which whoever answers for it may point anywhere
         return False

@@ -13,13 +13,13 @@ are unpacked.
 
 import re
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Literal
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import NAME, local_path, read_values
-from structlearn.readers.bag import COMPRESSED, Bag, joined, read_bag, unpacked_messages
+from structlearn.readers.bag import COMPRESSED, Bag, joined, read_bag
 from structlearn.readers.pose_table import read_pose_table
 from structlearn.readers.rosbags_reader import read_db3, read_ros1_bag
 from structlearn.readers.shape_table import FILE as SHAPE_FILE
@@ -109,12 +109,7 @@ def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
             raise InputError(f"{path}: cannot be read: not a file")
     if file.format == "table":
         return read_pose_table(file.paths[0])
-    bag = joined([READERS[file.format](path, topics) for path in file.paths])
-    plain = {
-        topic: unpacked_messages(f"{file.path}: topic '{topic}'", messages)
-        for topic, messages in bag.messages.items()
-    }
-    return replace(bag, messages=plain)
+    return joined([READERS[file.format](path, topics) for path in file.paths])
 
 
 def natural_order(name: str) -> list[str | int]:

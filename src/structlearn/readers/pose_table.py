@@ -25,13 +25,14 @@ from structlearn.core.errors import InputError
 from structlearn.readers.bag import Bag
 from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
 from structlearn.readers.recording import Stream
-from structlearn.readers.text_log import read_stamped_table
+from structlearn.readers.text_log import LARGEST, read_stamped_table, read_text
 
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
 """Topics of a table as a bag, those of the columns that it has."""
 
 TIME, POSITION = "time_s", ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
+MOST_COLUMNS = 1000
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 
 
@@ -79,13 +80,7 @@ def read_pose_table(path: Path) -> Bag:
 
 def _of_csv(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Names of the columns but for the time, (T,) ns, and (T, D) values."""
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            names = [name.strip() for name in file.readline().split(",")]
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file") from error
+    names = [name.strip() for name in read_text(path).partition("\n")[0].split(",")]
     if names[0] != TIME:
         raise InputError(f"{path}: the first column is '{names[0]}', not {TIME}; behind it {_understood()}")
     _check_names(path, names[1:])
@@ -98,8 +93,13 @@ def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     import pyarrow.parquet
 
     try:
+        size = pyarrow.parquet.read_metadata(path)
+        if size.num_rows * size.num_columns > LARGEST / 8:
+            raise InputError(f"{path}: has {size.num_rows} rows of {size.num_columns} columns, too many")
         table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
         columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     except (pyarrow.ArrowException, ValueError, TypeError) as error:
@@ -120,6 +120,8 @@ def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 
 def _check_names(path: Path, names: Sequence[str]) -> None:
+    if len(names) > MOST_COLUMNS:
+        raise InputError(f"{path}: has {len(names)} columns, more than {MOST_COLUMNS}")
     prefixes = tuple(f"{field}." for field in FIELDS.values())
     for name in names:
         joint = name.startswith(prefixes) and not name.endswith(".")

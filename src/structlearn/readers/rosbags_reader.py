@@ -13,7 +13,7 @@ from mcap.records import Schema
 from mcap.well_known import SchemaEncoding
 
 from structlearn.core.errors import InputError
-from structlearn.readers.bag import Bag, Row, in_time_order, unpacked_file
+from structlearn.readers.bag import Bag, Budget, Row, in_time_order, unpacked_file
 
 HEADER = "std_msgs/msg/Header"
 
@@ -24,13 +24,13 @@ def read_db3(path: Path, topics: Collection[str]) -> Bag:
     Raises:
         InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
     """
-    with _library_named(path), unpacked_file(path) as plain:
+    with _library_named(path), unpacked_file(path, budget := Budget(path)) as plain:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
         latest = get_typestore(Stores.LATEST)
         with AnyReader([plain], default_typestore=latest) as reader:
-            return _bag(reader, topics, (reader.typestore, latest), lambda raw, kind: raw)
+            return _bag(reader, topics, (reader.typestore, latest), lambda raw, kind: budget.message(raw))
 
 
 def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:

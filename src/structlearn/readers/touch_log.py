@@ -18,6 +18,7 @@ import pyarrow
 from structlearn.core.errors import InputError
 from structlearn.readers.bag_files import natural_order
 from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.text_log import LARGEST
 
 PLACE, HEIGHT, TIME, FORCE, RUN = ("x_m", "y_m"), "z_m", "time_s", "force_n", "run"
 READERS = {".csv": pd.read_csv, ".parquet": partial(pd.read_parquet, page_checksum_verification=True)}
@@ -70,6 +71,8 @@ def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLo
         InputError: it cannot be read, lacks a channel or has none, or holds something that is not a finite
             number; the message names file, row (from 0) and column.
     """
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{path}: has {path.stat().st_size} bytes, more than {LARGEST}")
     try:
         table = READERS[path.suffix](path)
     except (OSError, ValueError, pyarrow.ArrowException) as error:

@@ -159,12 +159,28 @@ def read_checked(path: Path) -> TaskParameters:
     return checked(values, TaskParameters, path, "task")
 
 
-def write_task(task: TaskParameters, path: Path) -> None:
-    """Publish a task's parameters with digests of the files in its sources, on which its stages depend."""
-    files = {
+def source_digests(task: TaskParameters) -> dict[str, dict[str, str]]:
+    """`file_digests` of all files and folders that the task comes from, by what they are for."""
+    return {
         name: {file: digest for path in paths for file, digest in file_digests(path).items()}
         for name, paths in task.sources().items()
     }
+
+
+def write_task(task: TaskParameters, files: dict[str, dict[str, str]], path: Path) -> None:
+    """Publish a task's parameters with the digests that its sources had before they were read.
+
+    Raises:
+        InputError: a source has changed since.
+    """
+    if (now := source_digests(task)) != files:
+        changed = {
+            name
+            for kind in files
+            for name, digest in {**files[kind], **now[kind]}.items()
+            if files[kind].get(name) != now[kind].get(name)
+        }
+        raise InputError(f"{', '.join(sorted(changed))}: changed while it was read; run it again")
     content = task.model_dump(mode="json") | {"files": files}
     with publish(path) as target:
         target.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
