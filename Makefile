@@ -19,6 +19,7 @@ help:
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
 	$(IN_ENVIRONMENT) dvc repro
 	@$(BIN)/python -m structlearn.core.wall_clock
+	@sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
 	@echo "reports/index.html is up to date"
 
 test: lint  ## lint, run all tests
@@ -35,7 +36,7 @@ QUOTED := reports/quoted/recorded
 recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA=FOLDER
 	$(IN_ENVIRONMENT) RECORDED_DATA="$(abspath $(DATA))" dvc repro stages/recorded/dvc.yaml
 	mkdir -p $(QUOTED)
-	cd reports/recorded && cp tables/claims.csv metrics.json details.json $(CURDIR)/$(QUOTED)
+	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
 	@$(BIN)/python -m structlearn.core.wall_clock
 	@echo "reports/recorded/index.html is up to date"

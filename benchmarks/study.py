@@ -15,6 +15,7 @@ import json
 import subprocess
 import sys
 from fnmatch import fnmatch
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from tqdm import tqdm
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
+from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.reporting.source_commit import code_digests, source_commit
 from structlearn.reporting.studies import (
     CODE,
@@ -143,7 +145,9 @@ def numbers(experiment: str, description: Description) -> dict[str, float]:
     """The numbers of an experiment that its study keeps."""
     found: dict[str, float] = {}
     for path in description.reads:
-        values = json.loads(dvc.api.read(path, repo=".", rev=experiment))
+        text = dvc.api.read(path, repo=".", rev=experiment)
+        table = path.endswith("findings.csv")
+        values = values_by_key(read_findings(StringIO(text))) if table else json.loads(text)
         for key, value in values.items():
             if isinstance(value, (int, float)) and any(fnmatch(key, pattern) for pattern in description.keys):
                 found[key] = float(value)

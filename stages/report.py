@@ -1,37 +1,38 @@
-"""The front page: one card per testbed, from the numbers that their reports wrote."""
+"""The front page: what came out, in words, from the claims that reports judged."""
 
 from pathlib import Path
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run
 from structlearn.reporting.claims import QUOTED
-from structlearn.reporting.front import read_report, render_front
+from structlearn.reporting.document import Made
+from structlearn.reporting.front import (
+    RECORDED,
+    findings_table,
+    read_claims_of,
+    read_front_page,
+    render_front,
+)
+from structlearn.reporting.source_commit import source_commit
 
-TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing", "recorded")
-"""In the order of the page."""
-
-PAGES = {
-    "scraping": {"feedback.html": "Feedback", "refinement.html": "Refinement by trial"},
-    "recorded": {
-        "boxes.html": "People past boxes",
-        "skin.html": "Magnetic skin",
-        "ur10e.html": "UR10e and its load",
-    },
-}
-CARDS = Path(__file__).parents[1] / "src/structlearn/testbeds"
+REPORTS = Path("reports")
 
 
 def main() -> None:
-    reports = [
-        read_report(
-            QUOTED if testbed == "recorded" else Path("reports", testbed),
-            CARDS / testbed / "page/card.yaml",
-            PAGES.get(testbed),
-        )
-        for testbed in TESTBEDS
-    ]
-    with publish("reports/index.html") as path:
-        path.write_text(render_front(reports), encoding="utf-8")
+    page = read_front_page(Path(__file__).with_suffix(".yaml"))
+    claims = {
+        name: read_claims_of(name, QUOTED if name == RECORDED else REPORTS / name / "tables")
+        for name in page.cards
+    }
+    tasks = {
+        path.parent.name: path.relative_to(REPORTS).as_posix()
+        for path in sorted(REPORTS.glob("own/*/index.html"))
+    }
+    made = Made(source_commit(), command="dvc repro report")
+    with publish(REPORTS / "index.html") as path:
+        path.write_text(render_front(page, claims, tasks, made), encoding="utf-8")
+    with publish(REPORTS / "findings.md") as path:
+        path.write_text(findings_table(page, claims), encoding="utf-8")
 
 
 if __name__ == "__main__":

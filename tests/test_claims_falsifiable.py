@@ -31,20 +31,22 @@ from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
 from structlearn.reporting.claims import NO, Evidence, Found, read_claims
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.public.page import assembly, calibration_results
-from structlearn.testbeds.dynamics.page.evidence import evidence as dynamics_evidence
-from structlearn.testbeds.obstacles.page.evidence import evidence as obstacles_evidence
+from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
+from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
+from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
 from structlearn.testbeds.scraping.page.people_results import (
     People,
     feedback_evidence,
     segmentation_evidence,
     sweep_evidence,
 )
-from structlearn.testbeds.servoing.page.evidence import evidence as servoing_evidence
+from structlearn.testbeds.servoing.page import findings as servoing_findings
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
 
 KNOWN = re.compile(
@@ -101,7 +103,7 @@ def dynamics() -> list[Any]:
 def servoing(results: Any) -> list[Any]:
     """Published controllers that work, on all skins, and a study of people."""
     table = pd.DataFrame({"variant": AS_IT_STANDS, "repeat": range(4)})
-    keys = [*results.metrics(), "servo_success_rate_sphere"]
+    keys = list(servoing_findings.findings(results).numbers())
     numbers = pd.DataFrame({key: 0.9 + 0.1 * test_servoing_page.WOBBLE for key in keys})
     study = Study(pd.concat([table, numbers], axis=1))
     every = {one: 12 for one in test_servoing_page.variants(3)}
@@ -112,6 +114,13 @@ def servoing(results: Any) -> list[Any]:
         studies=dict.fromkeys(STUDIES) | {"people": study},
     )
     return [working, results]
+
+
+def servoing_people(results: Any) -> Findings:
+    """What is found over people, on which all claims rest."""
+    find = Findings()
+    servoing_findings.over_people(find, results)
+    return find
 
 
 def of_people(results: Any) -> Mapping[str, Found]:
@@ -152,19 +161,19 @@ SCRAPING = "structlearn.testbeds.scraping.page"
 RECORDED = "structlearn.tasks.public.page"
 PAGES = {
     "dynamics": Page(
-        "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_evidence
+        "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
     ),
     "obstacles": Page(
         "structlearn.testbeds.obstacles.page",
         "claims.yaml",
         lambda get: [get("obstacles_results")],
-        partial(obstacles_evidence, largest_nmse=0.1, largest_goal_m=0.152),
+        partial(obstacles_findings, published=obstacles_published()),
     ),
     "servoing": Page(
         "structlearn.testbeds.servoing.page",
         "claims.yaml",
         lambda get: servoing(get("servoing_results")),
-        servoing_evidence,
+        servoing_people,
     ),
     "segmentation": Page(
         SCRAPING, "segmentation_claims.yaml", lambda get: [get("segmentation")], of_people, known=arithmetic

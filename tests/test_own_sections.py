@@ -1,6 +1,5 @@
 """A task of logs, touches and reaches past obstacles, without demonstrations: from files to its page."""
 
-import json
 import runpy
 import sys
 from pathlib import Path
@@ -19,6 +18,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import write_joint_log
 from structlearn.readers.recording import Recording, Stream
 from structlearn.reporting.document import words_in_view
+from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.rigid_body.tree import read_urdf
 
 STAGES = ("import_task", "motion", "touch", "obstacles", "report")
@@ -90,8 +90,7 @@ def test_the_page_has_a_section_for_each(page):
         assert heading in text
     assert words_in_view(text) < 1500
     assert all(f'id="figure-{name}"' in text for name in ("motion", "touch", "obstacles"))
-    metrics = json.loads((page / "reports/own/lab/metrics.json").read_text())
-    metrics |= json.loads((page / "reports/own/lab/details.json").read_text())
+    metrics = values_by_key(read_findings(page / "reports/own/lab/findings.csv"))
     assert metrics["motion_nmse_worst"] < 0.02
     assert metrics["touch_distances"] < 0.2
     assert metrics["obstacles_hits_none"] == 0.5

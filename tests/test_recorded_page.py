@@ -1,6 +1,5 @@
 """The pages of recorded data: every claim can say yes and no, and what is shown is there."""
 
-import json
 from dataclasses import replace
 from functools import lru_cache
 from importlib.resources import files as package_files
@@ -25,6 +24,7 @@ from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
 from structlearn.reporting.claims import BY_CONSTRUCTION, claims_table, read_claims, verdict_in
 from structlearn.reporting.document import anchor, render, words_in_view
+from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
 from structlearn.segmentation.alignment import METHODS
@@ -383,7 +383,7 @@ def test_the_pages_are_whole_and_short(published):
     assert all(words_in_view(page) <= 1500 for page in pages.values())
     assert all(any(f"figure-{name}" in page for page in pages.values()) for name in shown)
     assert not any('src="http' in page for page in pages.values())
-    others = json.loads((folder / "details.json").read_text())
+    others = values_by_key(read_findings(folder / "findings.csv"))
     assert {"nominal_path_std_mm", "reach_fit_unscaled_end_max_mm", "touch_mds_nmse_slides"} <= set(others)
     for part in assembly.PARTS:
         assert f'id="{anchor(part.heading)}"' in pages["index"]

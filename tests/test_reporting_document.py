@@ -11,7 +11,6 @@ from jinja2 import UndefinedError
 from structlearn.reporting.claims import Claim, exact, judge
 from structlearn.reporting.document import Document, Panel, Source, Table, environment, render, words_in_view
 from structlearn.reporting.figure_style import PANEL_WIDTH, Raster, canvas, styled
-from structlearn.reporting.front import Card, Report, render_front
 from structlearn.reporting.publishing import publish_report
 
 TEMPLATE = """{% extends "document.html.jinja" %}
@@ -128,7 +127,10 @@ def test_a_report_has_the_same_bytes_every_time(package, tmp_path):
         "claims_not_tested": 0,
         "claims_holds_by_construction": 0,
     }
-    assert json.loads(files["details.json"]) == {"other": 2}
+    assert files["findings.csv"].splitlines()[1:] == [
+        b"error,,1.5,1.5,1.5,1,,,True,,",
+        b"other,,2,2,2,1,,,False,,",
+    ]
     assert b"figures/curve-2.svg" in files["index.html"]
 
 
@@ -138,21 +140,3 @@ def test_headlines_are_few_and_known(package, tmp_path):
     many = {f"m{number}": number for number in range(13)}
     with pytest.raises(ValueError, match="13 headlines are more than 12"):
         publish_twice(package, tmp_path, lambda: {"curve": curve()}, tuple(many), many)
-
-
-def test_the_front_page_shows_published_beside_here():
-    card = Card(
-        title="T",
-        sentence="About {{ runs }} runs.",
-        section="IV.8",
-        picture="figures/a.svg",
-        alt="a",
-        simulated="All of it.",
-        numbers=[{"label": "cost", "published": "0.36", "here": "{{ cost | f('.2f') }}"}],
-    )
-    metrics = {"runs": 12, "cost": 0.384, "claims_yes": 3, "claims_no": 2}
-    html = render_front([Report("scraping", card, metrics, {"feedback.html": "Feedback"})])
-    assert "About 12 runs." in html
-    assert "0.38<small>published: 0.36</small>" in html
-    assert html.count("3 yes") == html.count("2 no") == 2  # of the card, and of all testbeds
-    assert 'href="scraping/feedback.html"' in html

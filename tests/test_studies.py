@@ -34,7 +34,7 @@ from structlearn.reporting.study_rerun import TOLERANCE, compare, processor, run
 DESCRIPTION = """
 question: Does more help?
 target: learn
-reads: [reports/toy/details.json]
+reads: [reports/toy/findings.csv]
 keys: [cost_*]
 shown: {cost_a: cost}
 variants: {less: {learn.steps: 1}, more: {learn.steps: 9}}

@@ -26,11 +26,13 @@ def main() -> None:
     stand_ins = stage_parameters("stand_in", StandInParameters)
     arm = stage_parameters("arm", ArmParameters)
     robot = arm.read()
-    logs = {f"{IDEAL}/{IDEAL}": partial(ideal_log, robot, motion)}
+    # the first in this process, which compiles the arm once; each worker would do so again
+    made = {f"{IDEAL}/{IDEAL}": ideal_log(robot, motion)}
+    logs = {}
     for seed in stage_parameters("dynamics_robots", Population).test:
         logs[f"payload/{seed}"] = partial(payload_log, robot, stand_ins, seed, parameters.payload, motion)
         logs[f"{ROBOT}/{seed}"] = partial(stand_in_log, robot, stand_ins, seed, motion)
-    made = dict(zip(logs, parallel_map(call, logs.values(), "logs"), strict=True))
+    made |= dict(zip(logs, parallel_map(call, logs.values(), "logs"), strict=True))
     with publish("data/raw/dynamics") as folder:
         for name, log in made.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)

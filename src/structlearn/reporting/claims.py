@@ -51,7 +51,7 @@ class Evidence:
     reason: str = ""  # why nothing was found, where the value is NaN
 
 
-def exact(value: float, n: int) -> Evidence:
+def exact(value: float, n: int = 1) -> Evidence:
     """A number that is known as it is, such as the largest of n values."""
     return Evidence(float(value), float(value), float(value), n)
 
@@ -289,12 +289,11 @@ def judge(
 ) -> list[Judged]:
     """Hold claims against what was found.
 
-    `claims`: of `read_claims`; `evidence`: by the names that the claims use; all of it is used. Raises
-    ValueError: evidence is missing, or no claim uses it.
+    `claims`: of `read_claims`; `evidence`: by the names that the claims use. Raises ValueError: some is
+    missing.
     """
-    used = {claim.evidence for claim in claims}
-    if used != set(evidence):
-        raise ValueError(f"claims and evidence do not match: {sorted(used ^ set(evidence))}")
+    if missing := {claim.evidence for claim in claims} - set(evidence):
+        raise ValueError(f"nothing was found for {sorted(missing)}, which claims name")
     return [_judged(claim, evidence[claim.evidence], environment, facts) for claim in claims]
 
 
@@ -311,6 +310,11 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
     )
     studies = tuple(one.study for one in by_case.values())
     return Judged(claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]), studies)
+
+
+def in_sentence(found: Evidence, number_format: str, unit: str = "") -> str:
+    """As `in_words`; of a share without n and pooled interval, since the sentence says over whom it is."""
+    return in_words(replace(found, people=None), number_format, unit)
 
 
 def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
@@ -361,16 +365,29 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
     """One row per case of each claim, as the CSV file holds them; with its set where there are several.
 
     Returns `by`, `statement`, `source`, `published`, `case`, `here` (in words), `n`, `verdict`,
-    `verdict_of_all`, `by_construction`: why nothing could refute it, and `study`: that the number is quoted
-    from; both are empty elsewhere.
+    `verdict_of_all`, `by_construction`: why nothing could refute it, `study`: that the number is quoted
+    from; both are empty elsewhere; and `evidence`, the claim's name, by which the front page finds it.
     """
     texts = ("by", "statement", "source", "published")
     rows = [
-        (*(getattr(one.claim, name) for name in texts), *case, one.verdict, one.claim.by_construction, study)
+        (
+            *(*(getattr(one.claim, name) for name in texts), *case, one.verdict),
+            *(one.claim.by_construction, study, one.claim.evidence),
+        )
         for one in judged
         for case, study in zip(one.cases, one.studies or [""] * len(one.cases), strict=True)
     ]
-    columns = [*texts, "case", "here", "n", "verdict", "verdict_of_all", "by_construction", "study"]
+    columns = [
+        *texts,
+        "case",
+        "here",
+        "n",
+        "verdict",
+        "verdict_of_all",
+        "by_construction",
+        "study",
+        "evidence",
+    ]
     table = pd.DataFrame(rows, columns=columns)
     if any(one.heading for one in judged):
         sets = [

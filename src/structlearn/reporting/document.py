@@ -5,14 +5,16 @@ In a template stand `{% call section("Heading") %}`, `{{ figure("name", "Caption
 `{{ recording("name", "what it shows") }}`, `{% call fold("Further tables") %}` and more: see `Scribe`.
 `document.html.jinja` has the blocks that a template fills: title, opening, sections, folded.
 
-A page needs no network and no script; its figures, tables and recordings lie beside it. Equal contents give
-equal bytes: no dates, no versions, no wall times.
+A page needs no network and no script; its figures, tables and recordings lie beside it. Equal contents of one
+commit give equal bytes: no wall times, and of dates only that of the data.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +24,8 @@ from markupsafe import Markup
 
 from structlearn.core.params import Parameters
 from structlearn.reporting import prose
-from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, verdict_counts
+from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, in_sentence, verdict_counts
+from structlearn.reporting.source_commit import source_commit
 
 MISSING = "\N{EN DASH}"
 
@@ -77,6 +80,17 @@ class Document:
     recorded: Sequence[OnRecordings] = ()  # which of its statements were tested on recorded data too
     # what the verdicts rest on beside the pipeline: a sentence, and one that is hidden at first
     basis: tuple[str, str] = ("", "")
+    root: str = ".."  # folder of the front page, relative to this one
+    command: str = ""  # that makes it; default `dvc repro STAGE`
+
+
+@dataclass(frozen=True)
+class Made:
+    """From what and how a page was made, as its footer says."""
+
+    commit: str
+    date: str = ""  # of the youngest data, `2026-11-23`
+    command: str = ""
 
 
 class Scribe:
@@ -150,6 +164,13 @@ class Scribe:
         """The parameters that the page's results were made with."""
         return self._parts.rows(parameter_table(self._document.parameters))
 
+    def footer(self) -> Markup:
+        """Links to the other pages, and from what this one was made."""
+        document = self._document
+        paths = [Path(source.path) for source in document.sources.values()]
+        command = document.command or (f"dvc repro {document.stage}" if document.stage else "")
+        return self._parts.footer(document.root, Made(source_commit(), date_of(paths), command))
+
     def _sources(self, names: str) -> list[Source]:
         return [self._document.sources[name] for name in names.split()]
 
@@ -185,6 +206,7 @@ def environment(package: str) -> Environment:
     )
     made.filters |= {
         "f": lambda value, number_format: prose.rounded(value + 0, number_format),  # + 0: nothing undefined
+        "words": in_sentence,
         "listing": prose.listing,
         "counted": prose.counted,
         "capitalised": prose.capitalised,
@@ -199,6 +221,17 @@ def environment(package: str) -> Environment:
     }
     made.tests["numeric"] = is_numeric
     return made
+
+
+def date_of(paths: Iterable[Path]) -> str:
+    """Day on which the youngest of the files was written, `2026-11-23`; empty if there is none."""
+    times = [
+        file.stat().st_mtime
+        for path in paths
+        for file in (path.rglob("*") if path.is_dir() else [path])
+        if file.is_file()
+    ]
+    return f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d}" if times else ""
 
 
 def anchor(heading: str) -> str:

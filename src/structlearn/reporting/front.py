@@ -1,116 +1,170 @@
-"""The front page: a card per testbed, from its own `card.yaml` and the numbers that its report wrote."""
+"""The front page: a loop, the pipeline, a table of findings and a card per testbed.
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+Its words stand in a YAML file, `FrontPage`. A number comes from `claims.csv` of a testbed's report: an entry
+names the claim, and its words name the cases, `{Turn}`, or `{value}` where there are none.
+"""
+
+from collections.abc import Mapping
 from pathlib import Path
 
-from jinja2 import UndefinedError
+import pandas as pd
 from pydantic import BaseModel, ConfigDict
 
-from structlearn.core.artefacts import Metrics, read_metrics
+from structlearn.core.artefacts import read_csv
+from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
-from structlearn.reporting.claims import VERDICTS
-from structlearn.reporting.document import environment
+from structlearn.reporting.claims import NOT_TESTED, VERDICTS, combined
+from structlearn.reporting.document import Made, environment
 
-KIT = "structlearn.reporting"
+RECORDED = "recorded"
+"""Folder of the report on recorded data; its claims are in `claims.QUOTED` for a machine without these."""
 
 
-class Number(BaseModel):
-    """A number of a card: what it is, what the dissertation prints, and what is found here."""
-
+class _Entry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    label: str
+
+class Row(_Entry):
+    """A claim of a report, and what it says in words."""
+
+    report: str  # folder of the report
+    claim: str  # its name, `evidence` in the report's claims
+    words: str  # a template of one case's numbers each, without their intervals
+    set: str = ""  # of recorded data, where several have a claim of that name
+    cases: tuple[str, ...] = ()  # those meant; all where none is named
+
+
+class Finding(_Entry):
+    """A question, and what was published, simulated and recorded about it."""
+
+    question: str
     published: str
-    here: str
+    simulated: Row | None = None
+    recorded: Row | None = None
 
 
-class Card(BaseModel):
-    """What the front page says about one testbed; all texts are templates that may name its metrics.
-
-    Attributes:
-        title: of the testbed.
-        sentence: what it is about.
-        section: of the dissertation.
-        picture: path relative to its report.
-        alt: what a reader hears who cannot see the picture.
-        simulated: what of it is simulated, in words behind that word.
-        numbers: two or three.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+class Card(_Entry):
+    """What the front page says about one testbed."""
 
     title: str
     sentence: str
-    section: str
-    picture: str
-    alt: str
-    simulated: str
-    numbers: list[Number]
+    section: str  # of the dissertation
+    picture: str  # path relative to its report
+    alt: str  # what a reader hears who cannot see the picture
+    simulated: str  # what of it is simulated, in words behind that word
+    tiles: tuple[Row, ...]  # one number each, which `|` ends
+    pages: Mapping[str, str] = {}  # further pages of it, title by file name
 
 
-@dataclass(frozen=True)
-class Report:
-    """One testbed's report as the front page needs it.
+class Step(_Entry):
+    """A box of the drawing of the pipeline."""
 
-    Attributes:
-        folder: beside the front page.
-        card: see there, its texts not yet rendered.
-        metrics: its headline figures and its details.
-        pages: further pages of it, title by file name.
-    """
-
-    folder: str
-    card: Card
-    metrics: Metrics
-    pages: Mapping[str, str]
-
-    @property
-    def verdicts(self) -> dict[str, int]:
-        """How many statements of the dissertation have each verdict."""
-        keys = {word: f"claims_{word.replace(' ', '_')}" for word in VERDICTS}
-        return {word: int(self.metrics.get(key) or 0) for word, key in keys.items()}
+    name: str
+    stage: str  # of dvc.yaml that makes it
+    page: str  # that shows it
+    path: str  # what is drawn in the box: an SVG path, 100 wide and 44 high
 
 
-def read_report(folder: Path, card: Path, pages: Mapping[str, str] | None = None) -> Report:
-    """Read what a testbed's report left in its folder.
+class FrontPage(_Entry):
+    """The file of the front page's words."""
 
-    Args:
-        folder: with `metrics.json` and `details.json`.
-        card: the testbed's `card.yaml`.
-        pages: further pages, title by file name.
+    steps: tuple[Step, ...]
+    findings: tuple[Finding, ...]
+    cards: Mapping[str, Card]  # by folder of the report, in the order of the page
+
+
+def read_front_page(path: Path) -> FrontPage:
+    """Raises InputError: there is no such file, or it is no YAML; ValueError: it has an unknown key."""
+    return FrontPage(**read_values(path))
+
+
+def render_front(
+    page: FrontPage, claims: Mapping[str, pd.DataFrame], tasks: Mapping[str, str], made: Made
+) -> str:
+    """The front page as HTML.
+
+    `claims`: `claims_table` by report; `tasks`: pages of own tasks by name.
 
     Raises:
-        InputError: a file is missing or not readable.
+        InputError: a report has no claim or case that the page names.
     """
-    metrics = {**read_metrics(folder / "metrics.json"), **read_metrics(folder / "details.json")}
-    described = Card(**read_values(card))
-    return Report(folder.name, described, metrics, pages or {})
+    counts = {report: _counts(table) for report, table in claims.items()}
+    return (
+        environment("structlearn.reporting")
+        .get_template("front.html.jinja")
+        .render(
+            page=page,
+            findings=[(one, *_told(one, claims)) for one in page.findings],
+            tiles={
+                name: [in_words(tile, claims) for tile in card.tiles] for name, card in page.cards.items()
+            },
+            counts=counts,
+            totals={word: sum(its[word] for its in counts.values()) for word in VERDICTS},
+            vocabulary=VERDICTS,
+            tasks=tasks,
+            made=made,
+        )
+    )
 
 
-def render_front(reports: Sequence[Report]) -> str:
-    """The front page as HTML; a card's texts name metrics of its own testbed."""
-    made = environment(KIT)
-    rendered = [(one, _rendered_card(one)) for one in reports]
-    totals = {word: sum(one.verdicts[word] for one in reports) for word in VERDICTS}
-    return made.get_template("front.html.jinja").render(reports=rendered, totals=totals, vocabulary=VERDICTS)
+def findings_table(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> str:
+    """The table of findings in Markdown, for the README."""
+    lines = ["| question | published | simulated | recorded |", "|---|---|---|---|"]
+    for one in page.findings:
+        told = [f"{words} (**{verdict}**)" if words else "" for words, verdict in _told(one, claims)]
+        lines.append(f"| {one.question} | {one.published} | {told[0]} | {told[1]} |")
+    return "\n".join(lines) + "\n"
 
 
-def _rendered_card(report: Report) -> dict[str, object]:
-    """The card's texts; a number of what was not run, which has no metric then, is left out."""
-    texts = {
-        name: _rendered(text, report.metrics)
-        for name, text in report.card.model_dump(exclude={"numbers"}).items()
+def _told(one: Finding, claims: Mapping[str, pd.DataFrame]) -> list[tuple[str, str]]:
+    """Words and verdict, simulated and recorded; empty where there is none."""
+    return [in_words(row, claims) if row else ("", "") for row in (one.simulated, one.recorded)]
+
+
+def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
+    """What a row says with its numbers, and its verdict over the cases meant.
+
+    Raises:
+        InputError: the report has no such claim or case.
+    """
+    table = claims[row.report]
+    where = f"{row.report}: claim {row.claim}{f' of {row.set}' if row.set else ''}"
+    found = table[table["evidence"] == row.claim]
+    if row.set:
+        found = found[found["set"] == row.set]
+    if row.cases:
+        found = found[found["case"].isin(row.cases)]
+    if found.empty:
+        raise InputError(f"{where}: the front page names it, and there is none")
+    numbers = {
+        case or "value": here.split(" [")[0] for case, here in zip(found["case"], found["here"], strict=True)
     }
-    numbers = []
-    for number in report.card.numbers:
-        with suppress(UndefinedError):
-            numbers.append(
-                {name: _rendered(text, report.metrics) for name, text in number.model_dump().items()}
-            )
-    return texts | {"numbers": numbers}
+    verdict = combined(list(found["verdict"]))
+    if verdict == NOT_TESTED:
+        return next(iter(numbers.values())), verdict
+    try:
+        return row.words.format_map(numbers), verdict
+    except KeyError as error:
+        raise InputError(f"{where}: has no case {error}; there are {sorted(numbers)}") from error
 
 
-def _rendered(text: str, metrics: Metrics) -> str:
-    return environment(KIT).overlay(autoescape=False).from_string(text).render(metrics)
+def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
+    """The claims of a report, as `claims.csv` in a folder has them.
+
+    Raises:
+        InputError: the file is missing, or older than its names of claims.
+    """
+    table = read_csv(folder / "claims.csv", keep_default_na=False)
+    if "evidence" not in table:
+        raise InputError(
+            f"{folder / 'claims.csv'}: has no names of claims; make the report of {report} again"
+        )
+    return table
+
+
+def _counts(table: pd.DataFrame) -> dict[str, int]:
+    """How many statements of the dissertation have each verdict."""
+    its = table[table["by"] == "text"].drop_duplicates(
+        [name for name in ("set", "evidence") if name in table]
+    )
+    return {word: int((its["verdict_of_all"] == word).sum()) for word in VERDICTS}

@@ -1,4 +1,4 @@
-"""A testbed's report on disk: pages, the figures and tables that they show, metrics and details."""
+"""A testbed's report on disk: pages, the figures and tables that they show, findings and metrics."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,6 +12,7 @@ from structlearn.core.parallel import parallel_map
 from structlearn.reporting.claims import Judged, claim_metrics, claims_table, on_recordings
 from structlearn.reporting.document import Document, Panel, Table, render
 from structlearn.reporting.figure_style import Drawing, save
+from structlearn.reporting.findings import Findings, values_by_key
 
 HEADLINES = 12
 """Most numbers of a `metrics.json` beside the counts of verdicts: `dvc metrics show` stays readable."""
@@ -22,28 +23,32 @@ def publish_report(
     pages: Mapping[str, Document],
     drawings: Mapping[str, Drawing | Sequence[Drawing]],
     tables: Mapping[str, Table],
-    metrics: Metrics,
-    headlines: Sequence[str],
+    findings: Findings | Metrics,
+    headlines: Sequence[str] = (),
     recorded: pd.DataFrame | None = None,
 ) -> None:
-    """Publish `NAME.html`, `figures/`, `tables/`, `metrics.json` and `details.json`.
+    """Publish `NAME.html`, `figures/`, `tables/`, `findings.csv` and `metrics.json`.
 
     Args:
         folder: of the testbed's report.
         pages: by name, e.g. `index`.
         drawings: by name; a sequence is a figure of several panels.
         tables: by name; `claims` is added.
-        metrics: flat.
-        headlines: those that stand in `metrics.json`, with the counts of verdicts; the others are details.
+        findings: every number that the pages state; those marked as headlines stand in `metrics.json`, with
+            the counts of verdicts. Numbers alone where a page is not yet converted.
+        headlines: of numbers alone.
         recorded: claims about recorded data, by which a page tells which statements were tested on them too.
 
     Raises:
-        ValueError: a headline is not among the metrics, or there are too many of them.
+        ValueError: a headline is no finding, or there are too many of them.
     """
-    if missing := set(headlines) - set(metrics):
-        raise ValueError(f"headlines {sorted(missing)} are no metrics")
-    if len(headlines) > HEADLINES:
-        raise ValueError(f"{len(headlines)} headlines are more than {HEADLINES}")
+    if not isinstance(findings, Findings):
+        if missing := set(headlines) - set(findings):
+            raise ValueError(f"headlines {sorted(missing)} are no metrics")
+        findings = Findings.of_metrics(findings, tuple(headlines))
+    found = findings.table()
+    if (marked := int(found["headline"].sum())) > HEADLINES:
+        raise ValueError(f"{marked} headlines are more than {HEADLINES}")
     folder = Path(folder)
     shown = {id(one): one for page in pages.values() for one in page.judged}  # two pages may show the same
     judged: list[Judged] = list(shown.values())
@@ -57,11 +62,9 @@ def publish_report(
             write_csv(table.frame, target / f"{name}.csv")
         if judged:
             write_csv(claims_table(judged), target / "claims.csv")
-    write_metrics(
-        {name: metrics[name] for name in headlines} | claim_metrics(judged), folder / "metrics.json"
-    )
-    details = {name: value for name, value in metrics.items() if name not in headlines}
-    write_metrics(details, folder / "details.json")
+    write_csv(found, folder / "findings.csv")
+    headlines_found = values_by_key(found[found["headline"]])
+    write_metrics(headlines_found | claim_metrics(judged), folder / "metrics.json")
     for name, page in pages.items():
         its = [one for one in both if one.counterpart.page == name]
         with publish(folder / f"{name}.html") as target:

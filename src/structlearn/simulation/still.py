@@ -54,11 +54,13 @@ def still(
     urdf: str = "",
     angles: Sequence[float] = (),
     sheets: Sequence[Sheet] = (),
+    size: tuple[int, int] = SIZE,
 ) -> np.ndarray:
     """Draw a scene.
 
     `urdf`: of a robot, a path or a file of pybullet_data; none where it is empty; `angles` (J,) of its
-    movable joints in rad, in the order of the URDF. Returns (H, W, 3) bytes.
+    movable joints in rad, in the order of the URDF; `size`: width W and height H of the picture in pixels.
+    Returns (H, W, 3) bytes.
     """
     client = BulletClient(pybullet.DIRECT)
     try:
@@ -75,7 +77,7 @@ def still(
             ]
             for joint, angle in zip(movable, angles, strict=False):
                 client.resetJointState(robot, joint, float(angle))
-        return _drawn(client, view)
+        return _drawn(client, view, size)
     finally:
         client.disconnect()
 
@@ -111,8 +113,8 @@ def _add_sheet(client: BulletClient, sheet: Sheet) -> None:
     client.createMultiBody(baseVisualShapeIndex=shape)
 
 
-def _drawn(client: BulletClient, view: View) -> np.ndarray:
-    width, height = (OVERSAMPLING * pixels for pixels in SIZE)
+def _drawn(client: BulletClient, view: View, size: tuple[int, int]) -> np.ndarray:
+    width, height = (OVERSAMPLING * pixels for pixels in size)
     camera = client.computeViewMatrixFromYawPitchRoll(
         list(view.target), view.distance, view.yaw_deg, view.pitch_deg, 0.0, 2
     )
@@ -126,5 +128,5 @@ def _drawn(client: BulletClient, view: View) -> np.ndarray:
         shadow=1,
         renderer=client.ER_TINY_RENDERER,
     )
-    pixels = np.reshape(colours, (SIZE[1], OVERSAMPLING, SIZE[0], OVERSAMPLING, 4))[..., :3]
+    pixels = np.reshape(colours, (size[1], OVERSAMPLING, size[0], OVERSAMPLING, 4))[..., :3]
     return np.round(pixels.astype(float).mean(axis=(1, 3))).astype(np.uint8)

@@ -10,11 +10,12 @@ from structlearn.core.params import Parameters
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.model_names import COULOMB, model_name
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.evidence import evidence, headlines, metrics, published, unmet
 from structlearn.testbeds.dynamics.page.figures import drawings
+from structlearn.testbeds.dynamics.page.findings import findings, published, unmet
 from structlearn.testbeds.dynamics.page.tables import tables
 from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
@@ -27,26 +28,6 @@ SOURCES = {
 }
 
 
-def dynamics_page(
-    results: DynamicsResults, shown: Mapping[str, Table], parameters: Mapping[str, Parameters]
-) -> Document:
-    """The page, with parameters by their key; its figures are those of `figures.drawings`, and `still`."""
-    named = facts(results, shown)
-    claims = read_claims(Path(__file__).parent / "claims.yaml")
-    return Document(
-        template="dynamics.html.jinja",
-        package=__package__,
-        stage="dynamics_report",
-        facts=named,
-        tables=shown,
-        judged=judge(claims, evidence(results), environment(__package__), named),
-        sources=SOURCES,
-        parameters=parameters,
-        recordings="../rerun/dynamics",
-        simulated=True,
-    )
-
-
 def publish_dynamics(
     results: DynamicsResults,
     still: np.ndarray,
@@ -54,21 +35,43 @@ def publish_dynamics(
     folder: str | Path,
     recorded: pd.DataFrame | None = None,
 ) -> None:
-    """Publish the page with its figures, tables and metrics.
+    """Publish the page with its figures, tables and findings.
 
     The still is (H, W, 3) bytes of the arm; `recorded` are claims about recorded data.
     """
-    shown, numbers = tables(results), metrics(results)
-    page = dynamics_page(results, shown, parameters)
+    find, shown = findings(results), tables(results)
+    page = dynamics_page(results, find, shown, parameters)
     drawn: dict[str, Drawing | Sequence[Drawing]] = {"still": still, **drawings(results)}
-    publish_report(folder, {"index": page}, drawn, shown, numbers, headlines(numbers), recorded)
+    publish_report(folder, {"index": page}, drawn, shown, find, recorded=recorded)
 
 
-def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, object]:
-    """Values for the page's sentences and claims besides the metrics."""
-    rows = {name: table.frame.to_dict("records") for name, table in shown.items()}
+def dynamics_page(
+    results: DynamicsResults,
+    find: Findings,
+    shown: Mapping[str, Table],
+    parameters: Mapping[str, Parameters],
+) -> Document:
+    """The page, with parameters by their key; its figures are those of `figures.drawings`, and `still`."""
+    facts = find.numbers() | _named(results) | _from_tables(shown)
+    claims = read_claims(Path(__file__).with_name("claims.yaml"))
+    return Document(
+        template="dynamics.html.jinja",
+        package=__package__,
+        stage="dynamics_report",
+        facts=facts,
+        tables=shown,
+        judged=judge(claims, find, environment(__package__), facts),
+        sources=SOURCES,
+        parameters=parameters,
+        recordings="../rerun/dynamics",
+        simulated=True,
+    )
+
+
+def _named(results: DynamicsResults) -> dict[str, object]:
+    """Settings and lists of models that sentences name."""
     after = results.payload[results.payload["time_s"] > results.pick_up_s]
-    return metrics(results) | {
+    return {
         "results": results,
         "published": published(),
         "training": results.training,
@@ -77,26 +80,34 @@ def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, obj
         "settled_share": SETTLED_SHARE,
         "tried": results.trials is not None,
         "joints": int(results.errors["joint"].max()),
-        "epochs": {row["model"]: row for row in rows["epochs"]},
-        "online": {row["model"]: row for row in rows["online"]},
         "stopped": {arm: _stopped(results, arm) for arm in (IDEAL, ROBOT)},
         "unmet": {
             form: {arm: [model_name(model) for model in unmet(results, arm, form)] for arm in (IDEAL, ROBOT)}
             for form in FORM_TITLES
         },
-        "impossible": [
-            f"{row['model']} {row['links'] - row['possible']} of {row['links']}"
-            for row in rows["bodies"]
-            if row["possible"] < row["links"]
-        ],
         "parameters_of_links": 10 * results.links["link"].nunique(),
-        "best_base": min(rows["base_errors"], key=lambda row: row["base"]),
         "friction": _friction(results),
         "payload": {
             "fixed": after["nmse_fixed"].mean(),
             "learned": after["nmse_learned"].mean(),
             "distance_m": np.linalg.norm(results.carried.point_m),
         },
+    }
+
+
+def _from_tables(shown: Mapping[str, Table]) -> dict[str, object]:
+    """Rows of tables that sentences name."""
+    names = ("epochs", "online", "bodies", "base_errors")
+    epochs, online, bodies, base = (shown[name].frame.to_dict("records") for name in names)
+    return {
+        "epochs": {row["model"]: row for row in epochs},
+        "online": {row["model"]: row for row in online},
+        "impossible": [
+            f"{row['model']} {row['links'] - row['possible']} of {row['links']}"
+            for row in bodies
+            if row["possible"] < row["links"]
+        ],
+        "best_base": min(base, key=lambda row: row["base"]),
     }
 
 

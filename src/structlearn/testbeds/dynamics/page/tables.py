@@ -11,7 +11,7 @@ from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
 from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
-from structlearn.testbeds.dynamics.page.evidence import published
+from structlearn.testbeds.dynamics.page.findings import published
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 
 PRINTED = "dissertation"
@@ -44,9 +44,8 @@ DETAILED = "cov"
 
 
 def tables(results: DynamicsResults) -> dict[str, Table]:
-    """Tables of the page by name; raw ones hold every run."""
-    found = {name: Table(getattr(results, name)) for name in ("scores", "outcomes", "payload")}
-    found |= {
+    """Tables of the page by name."""
+    found = {
         "simulation": _scores(results, IDEAL),
         "epochs": _epochs(results),
         "online": _online(results),

@@ -27,7 +27,13 @@ from structlearn.testbeds.obstacles.names import (
     SOURCES,
     model_name,
 )
-from structlearn.testbeds.obstacles.page.results import FEW_HITS, OURS, TEXT, ObstacleResults, example_setting
+from structlearn.testbeds.obstacles.page.findings import (
+    FEW_HITS,
+    OURS,
+    TEXT,
+    ObstacleResults,
+    example_setting,
+)
 from structlearn.testbeds.obstacles.page.tables import FITS
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import MOVING, NO_MODEL, TRAINED, UNSEEN
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, of_model

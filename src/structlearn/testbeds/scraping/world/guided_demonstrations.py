@@ -67,7 +67,9 @@ def guided_demonstrations(
     """
     movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
     guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)
-    return parallel_map(guide, movements, "guided demonstrations")
+    first, *others = movements
+    # the first in this process, which compiles the robot once; each worker would do so again
+    return [guide(first), *parallel_map(guide, others, "guided demonstrations")]
 
 
 def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Recording:

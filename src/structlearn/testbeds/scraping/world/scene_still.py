@@ -1,8 +1,15 @@
-"""A still of the robot that scrapes the tilted board, as one recorded moment of an execution has it."""
+"""Pictures of the robot that scrapes the tilted board: a still of one run, and a loop of two side by side."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
 
 import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
 from structlearn.core import quaternion
+from structlearn.core.parallel import parallel_map
+from structlearn.palette import BLACK, Look
 from structlearn.readers.demonstration import Demonstration
 from structlearn.simulation.still import Solid, View, still
 from structlearn.testbeds.scraping.world.layout import (
@@ -26,6 +33,14 @@ WOOD, STEEL, SKIN, TOOL = (
 )
 VIEW = View(target=(0.36, -0.02, 0.29), distance=1.55, yaw_deg=34.0, pitch_deg=-16.0)
 
+CLOSE = View(target=(0.63, -0.02, 0.135), distance=0.5, yaw_deg=12.0, pitch_deg=-9.0)
+"""Along the scraping direction, in which the roll of the tool on the board is seen."""
+
+PANEL, WORDS = (420, 380), 72  # pixels of one run in the loop, and of the words above it
+TILT_S, HOLD_S = 1.0, 1.2  # before the run the board tilts for so long; after it the loop stands still
+FRAMES_PER_S, SPEED = 12, 2.0  # of the loop; how much faster than in reality the robot moves
+QUALITY = 70  # of WebP: the largest whose loop stays below 1 MB with room to spare
+
 
 def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
     """The robot in the middle of its last primitive.
@@ -34,8 +49,50 @@ def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
     (H, W, 3) bytes.
     """
     moment = round(float(run.signal("true_segments")[-1].mean()) / run.dt)
-    board = quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)
+    return still(VIEW, _solids(run, moment, board_deg), ARM, run.signal("joint_positions")[moment])
+
+
+def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg: float) -> None:
+    """Write an animated WebP: the board tilts, then the runs are executed side by side, from close by."""
+    frames = round(TILT_S * FRAMES_PER_S)
+    last = round(float(runs[0][1].signal("true_segments")[-1, 1]) / runs[0][1].dt)
+    step = round(SPEED / FRAMES_PER_S / runs[0][1].dt)
+    tilts = [0.5 - 0.5 * np.cos(np.pi * frame / frames) for frame in range(frames)]  # eased in and out
+    moments = [(0, tilt * board_deg) for tilt in tilts]
+    moments += [(moment, board_deg) for moment in range(0, last + 1, step)]
+    drawn = partial(_frame, runs=runs, board_deg=board_deg)
+    first, *others = parallel_map(drawn, moments, "frames of the loop", local=True)
+    durations = [round(1000 / FRAMES_PER_S)] * len(others) + [round(1000 * HOLD_S)]
+    first.save(path, "WEBP", save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY)
+
+
+def _frame(
+    moment: tuple[int, float], runs: Sequence[tuple[Look, Demonstration]], board_deg: float
+) -> Image.Image:
+    """One picture of all runs: a sample, and the tilt in degrees that the board is drawn with."""
+    sample, drawn_deg = moment
+    frame = Image.new("RGB", (len(runs) * PANEL[0], WORDS + PANEL[1]), "white")
+    pen, font = ImageDraw.Draw(frame), ImageFont.load_default(21)
+    board = quaternion.from_rotation_vector(np.radians(board_deg - drawn_deg) * ROLL_AXIS)
+    for place, (look, run) in enumerate(runs):
+        solids = _solids(run, sample, board_deg, drawn_deg)
+        picture = still(CLOSE, solids, ARM, run.signal("joint_positions")[sample], size=PANEL)
+        left = place * PANEL[0]
+        frame.paste(Image.fromarray(picture), (left, WORDS))
+        tool = quaternion.product(board, run.signal("tool_to_board")[sample])
+        off = abs(np.degrees(quaternion.rotation_vector(tool) @ ROLL_AXIS))
+        pen.text((left + 14, 10), look.name, look.colour, font)
+        pen.text((left + 14, 38), f"tool {off:.0f}\N{DEGREE SIGN} from flat", BLACK, font)
+    return frame
+
+
+def _solids(run: Demonstration, moment: int, board_deg: float, drawn_deg: float | None = None) -> list[Solid]:
+    """Board, hand and tool at one sample of a run on a board of this tilt; it may be drawn with another."""
     down = np.array([0.0, 0.0, 1.0])
+    board, drawn = (
+        quaternion.from_rotation_vector(np.radians(tilt) * ROLL_AXIS)
+        for tilt in (board_deg, board_deg if drawn_deg is None else drawn_deg)
+    )
     hand = run.signal("orientation")[moment]
     grasp = run.position[moment] - EDGE_M * quaternion.rotate(hand, down)
     tool = quaternion.product(
@@ -46,10 +103,10 @@ def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
         """A box that is fixed to the hand or the tool, `offset` from the grasp."""
         return Solid("box", size / 2, grasp + quaternion.rotate(turn, np.array(offset)), turn, colour)
 
-    below = CONTACT_M - quaternion.rotate(board, 0.5 * BOARD_M[2] * down)
+    below = CONTACT_M - quaternion.rotate(drawn, 0.5 * BOARD_M[2] * down)
     base = CONTACT_M[:2].tolist()
-    solids = [
-        Solid("box", BOARD_M / 2, below, board, WOOD),
+    return [
+        Solid("box", BOARD_M / 2, below, drawn, WOOD),
         Solid("cylinder", (0.012, 0.07), (*base, 0.055), colour=STEEL),
         Solid("box", BENCH_M / 2, (*base, 0.01), colour=STEEL),
         held(PALM_M, (0.0, 0.0, -GRASP_M - 0.02), hand, SKIN),
@@ -57,4 +114,3 @@ def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
         held(FINGER_M, (-0.016, 0.0, -0.02), hand, SKIN),
         held(np.array([EDGE_WIDTH_M, BLADE_M * 4, EDGE_M + 0.015]), (0.0, 0.0, EDGE_M / 2), tool, TOOL),
     ]
-    return still(VIEW, solids, ARM, run.signal("joint_positions")[moment])

@@ -1,0 +1,168 @@
+"""Findings: every number that a page states, once, with its interval, n and population.
+
+A report computes its findings before it draws anything:
+
+    find = Findings("20 simulated people")
+    find.mean("cost_ratio", {"10 degrees": ratios}, headline=True)   # a row per case
+    find.exact("rnea_max_error", 1e-13, unit="N m")
+
+They are written as `findings.csv`. Claims name rows (`evidence: cost_ratio`), templates name their values
+(`{{ cost_ratio_level | f(".2f") }}`, see `values_by_key`), `metrics.json` is the rows marked as headlines.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core.artefacts import Metrics, read_csv
+from structlearn.reporting import claims
+from structlearn.reporting.claims import UNKNOWN, Evidence, Found, unknown
+
+COLUMNS = ["name", "case", "value", "low", "high", "n", "unit", "population", "headline", "study", "reason"]
+
+
+@dataclass(frozen=True)
+class _Row:
+    found: Found
+    unit: str
+    population: str
+    headline: bool | Collection[str]
+
+
+def _finder(make: Callable[..., Evidence]) -> Callable[..., Found]:
+    """The method of `Findings` for a constructor of evidence."""
+
+    def find(self: "Findings", name: str, *given: Any, **row: Any) -> Found:
+        return self.by(make, name, *given, **row)
+
+    find.__doc__ = make.__doc__
+    return find
+
+
+class Findings(Mapping[str, Found]):
+    """Rows of a page by name; what was found is one number, or one by case."""
+
+    def __init__(self, population: str = "", study: str = "") -> None:
+        """`population`: what n counts, in words; `study`: that the numbers are quoted from."""
+        self._rows: dict[str, _Row] = {}
+        self._population, self._study = population, study
+
+    def among(self, population: str, study: str = "") -> "Findings":
+        """The same table, for rows of another population."""
+        other = Findings(population, study)
+        other._rows = self._rows
+        return other
+
+    def add(
+        self, name: str, found: Found, *, unit: str = "", headline: bool | Collection[str] = False
+    ) -> Found:
+        """Add a row for what was computed elsewhere; `headline`: for `metrics.json`, all or some cases.
+
+        Raises:
+            ValueError: there is such a row already.
+        """
+        if name in self._rows:
+            raise ValueError(f"two findings are called {name}")
+        if self._study:
+            found = claims.quoted({name: found}, self._study)[name]
+        self._rows[name] = _Row(found, unit, self._population, headline)
+        return found
+
+    def by(
+        self, make: Callable[..., Evidence], name: str, *given: Any, missing: str = "", **row: Any
+    ) -> Found:
+        """Add a row by a constructor of evidence, from what it takes or a mapping of that by case.
+
+        Intervals of several cases are widened so that all of them together cover with 95 %. What has
+        no samples, or None for them, is not tested, for the reason `missing`, and widens nothing. `row`: see
+        `add`.
+        """
+        lacking = unknown(missing) if missing else UNKNOWN
+        if not isinstance(given[0], Mapping):
+            return self.add(name, make(*given) if _there(given) else lacking, **row)
+        cases = {str(case): one if isinstance(one, tuple) else (one,) for case, one in given[0].items()}
+        there = {case: one for case, one in cases.items() if _there(one)}
+        many = {} if make in (claims.exact, claims.counted) else {"comparisons": len(there)}
+        found = {case: make(*one, **many) if case in there else lacking for case, one in cases.items()}
+        return self.add(name, found, **row)
+
+    def unknown(self, name: str, reason: str = "") -> Found:
+        """A row of what could not be found, and why."""
+        return self.add(name, unknown(reason))
+
+    exact = _finder(claims.exact)
+    mean = _finder(claims.mean)
+    difference = _finder(claims.difference)
+    geometric_mean = _finder(claims.geometric_mean)
+    share = _finder(claims.share)
+    clustered_share = _finder(claims.clustered_share)
+    rate_difference = _finder(claims.rate_difference)
+    counted = _finder(claims.counted)
+
+    def __getitem__(self, name: str) -> Found:
+        return self._rows[name].found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def table(self) -> pd.DataFrame:
+        """The rows of `findings.csv`, one per case."""
+        rows = [
+            {"name": name, "case": case, "value": one.value, "low": one.low, "high": one.high, "n": one.n}
+            | {"unit": row.unit, "population": row.population, "study": one.study, "reason": one.reason}
+            | {"headline": row.headline if isinstance(row.headline, bool) else case in row.headline}
+            for name, row in self._rows.items()
+            for case, one in ({"": row.found} if isinstance(row.found, Evidence) else row.found).items()
+        ]
+        return pd.DataFrame(rows, columns=COLUMNS)
+
+    def numbers(self) -> Metrics:
+        """What sentences name, see `values_by_key`."""
+        return values_by_key(self.table())
+
+    @classmethod
+    def of_metrics(cls, metrics: Metrics, headlines: tuple[str, ...] = ()) -> "Findings":
+        """Of numbers without intervals; what is no number is left out, what is None was not found."""
+        find = cls()
+        for name, value in metrics.items():
+            if value is None:
+                find.unknown(name)
+            elif not isinstance(value, str):
+                find.exact(name, value, headline=name in headlines)
+        return find
+
+
+def _there(samples: tuple[Any, ...]) -> bool:
+    return all(one is not None and (np.ndim(one) == 0 or len(one) > 0) for one in samples)
+
+
+def values_by_key(table: pd.DataFrame) -> Metrics:
+    """Values of a table of findings by `name` or, with cases, by `name_case`; unknown ones are left out.
+
+    Whole numbers come as integers, so that a sentence says `3 robots`.
+    """
+    known = table[table["value"].notna()]
+    keys = (
+        f"{name}_{case}" if case else name for name, case in zip(known["name"], known["case"], strict=True)
+    )
+    return {
+        key: int(value) if float(value).is_integer() and abs(value) < 1e15 else value
+        for key, value in zip(keys, known["value"].tolist(), strict=True)
+    }
+
+
+def read_findings(path: Path | Any) -> pd.DataFrame:
+    """Read `findings.csv`, from its path or an open file.
+
+    Raises:
+        InputError: the file is missing or no table.
+    """
+    texts = dict.fromkeys(("name", "case", "unit", "population", "study", "reason"), "")
+    return read_csv(path, dtype=dict.fromkeys(texts, str)).fillna(texts)

@@ -1,0 +1,25 @@
+"""Draw the loop of the front page: the same run on the tilted board without and with feedback (IV.9.3.5)."""
+
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
+from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.palette import Look
+from structlearn.testbeds.scraping.files import CLOSED_LOOP, ScrapingFiles
+from structlearn.testbeds.scraping.names import RUNS
+from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL, EvaluationParameters
+from structlearn.testbeds.scraping.world.scene_still import write_loop
+
+
+def main() -> None:
+    tilt = max(stage_parameters("evaluate_feedback", EvaluationParameters).settings_deg)
+    files = ScrapingFiles()
+    runs = [
+        (Look(name, RUNS[model].colour), files.runs_at(tilt, CLOSED_LOOP, model)[0])
+        for model, name in ((NOMINAL, "without feedback"), (POINTWISE, "with feedback"))
+    ]
+    with publish("reports/scraping/loop.webp") as path:
+        write_loop(path, runs, tilt)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,107 @@
+"""The front page: its words name claims that exist, and its drawing follows the pipeline."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+
+from structlearn.core.errors import InputError
+from structlearn.reporting.document import Made
+from structlearn.reporting.front import Row, in_words, read_front_page, render_front
+
+ROOT = Path(__file__).parents[1]
+PAGE = read_front_page(ROOT / "stages/report.yaml")
+ROWS = [row for one in PAGE.findings for row in (one.simulated, one.recorded) if row]
+TILES = [tile for card in PAGE.cards.values() for tile in card.tiles]
+
+CLAIMS = pd.DataFrame(
+    [
+        ("text", "Turn", "0.55 [0.47, 0.64] of the cost", "yes", "undecided", "cost"),
+        ("text", "Scrape", "0.36 [0.21, 1.61] of the cost", "undecided", "undecided", "cost"),
+        ("text", "", "2.2 % [0.0, 4.8] over 8 people, [1.1, 4.4] pooled", "yes", "yes", "hits"),
+        ("ours", "", "not tested: no network met the criterion", "not tested", "not tested", "reach"),
+    ],
+    columns=["by", "case", "here", "verdict", "verdict_of_all", "evidence"],
+)
+
+
+def row(claim, words, **options):
+    return Row(report="scraping", claim=claim, words=words, **options)
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        (row("cost", "{Turn} and {Scrape} are left"), ("0.55 and 0.36 are left", "undecided")),
+        (row("cost", "{Turn} is left", cases=["Turn"]), ("0.55 is left", "yes")),
+        (row("hits", "{value} | of spheres"), ("2.2 % | of spheres", "yes")),
+        (row("reach", "{value} m"), ("not tested: no network met the criterion", "not tested")),
+    ],
+)
+def test_words_take_the_numbers_and_the_verdict_of_a_claim(row, expected):
+    assert in_words(row, {"scraping": CLAIMS}) == expected
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [(row("gone", ""), "claim gone: the front page names it"), (row("cost", "{Down}"), "has no case 'Down'")],
+)
+def test_a_claim_or_a_case_that_is_gone_is_an_error(row, message):
+    with pytest.raises(InputError, match=message):
+        in_words(row, {"scraping": CLAIMS})
+
+
+def test_the_page_counts_the_statements_of_the_dissertation():
+    card = next(iter(PAGE.cards.values())).model_copy(
+        update={"tiles": (row("hits", "{value} | of spheres"),)}
+    )
+    page = PAGE.model_copy(update={"cards": {"scraping": card}, "findings": ()})
+    html = render_front(page, {"scraping": CLAIMS}, {"pour": "own/pour/index.html"}, Made("unknown commit"))
+    assert "<b>2.2 %</b> of spheres" in html
+    assert html.count("1 yes") == html.count("1 undecided") == 2  # of the card, and of all testbeds
+    assert '<a href="own/pour/index.html">pour</a>' in html
+
+
+@pytest.mark.parametrize("row", [*ROWS, *TILES], ids=lambda row: f"{row.report}-{row.claim}")
+def test_every_claim_that_the_page_names_exists(row):
+    folders = (
+        ["src/structlearn/tasks", "stages"]
+        if row.report == "recorded"
+        else [f"src/structlearn/testbeds/{row.report}"]
+    )
+    files = [
+        file for folder in folders for file in (ROOT / folder).rglob("*.yaml") if "claims" in file.as_posix()
+    ]
+    names = {claim["evidence"] for file in files for claim in yaml.safe_load(file.read_text())}
+    assert row.claim in names
+
+
+def test_about_twelve_findings_and_three_tiles_of_one_number_each():
+    assert 10 <= len(PAGE.findings) <= 14
+    assert all(tile.words.count("{") == tile.words.count("|") == 1 for tile in TILES)
+
+
+def test_the_drawing_follows_the_pipeline():
+    """The stage of every box needs, directly or not, what the stage of the box before it makes."""
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    makes = {
+        (out if isinstance(out, str) else next(iter(out))): name
+        for name, stage in stages.items()
+        for out in stage.get("outs", [])
+    }
+
+    def before(name):
+        direct = {makes[dep] for dep in stages[name]["deps"] if dep in makes and makes[dep] != "code"}
+        return direct.union(*(before(one) for one in direct)) if direct else set()
+
+    for first, then in zip(PAGE.steps, PAGE.steps[1:], strict=False):
+        assert first.stage in before(then.stage), f"{then.name} does not come from {first.name}"
+
+
+def test_the_readme_has_the_table_of_findings():
+    """`make repro` puts it there."""
+    readme = (ROOT / "README.md").read_text()
+    table = readme.partition("<!-- findings -->\n")[2].partition("\n<!-- end of findings -->")[0]
+    assert table == (ROOT / "reports/findings.md").read_text().rstrip("\n")
+    assert table.count("\n") == 1 + len(PAGE.findings)
