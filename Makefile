@@ -41,23 +41,21 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 	@$(BIN)/python -m structlearn.core.wall_clock
 	@echo "reports/recorded/index.html is up to date"
 
-# Tasks of your own, as stages/own/params.yaml lists them, from bags to a checked skill: all, or `make own TASK=pick`.
+# Tasks of your own, as stages/tasks/own.yaml lists them, from bags to a checked skill: all, or `make own TASK=pick`.
+# The names of stages come from entries that were checked.
 EXAMPLE := data/example/pick
-OWN := stages/own/dvc.yaml
-ENTRY_IS_GOOD = $(if $(TASK),$(BIN)/python -m structlearn.tasks.task_entry "$$TASK")
-own: $(INSTALLED) $(if $(filter-out pick,$(TASK)),,$(EXAMPLE))  ## learn skills from your recordings, as stages/own/params.yaml lists them: make own TASK=pour
-	$(ENTRY_IS_GOOD)
-	$(IN_ENVIRONMENT) dvc repro --keep-going $(if $(TASK),"$(OWN):report@$$TASK" "$(OWN):view@$$TASK",$(OWN))
-	@echo "reports/own/$${TASK:-*}/index.html is up to date"
+own: $(INSTALLED) $(if $(filter-out pick,$(TASK)),,$(EXAMPLE))  ## learn from your recordings, as stages/tasks/own.yaml lists them: make own TASK=pour
+	targets=$$($(BIN)/python -m structlearn.tasks.task_entry own.yaml "$$TASK") && $(IN_ENVIRONMENT) dvc repro --keep-going $$targets
+	@echo "reports/tasks/$${TASK:-*}/index.html is up to date"
 
 $(EXAMPLE): | $(INSTALLED)
-	$(BIN)/python stages/own/make_example.py
+	$(BIN)/python stages/tasks/make_example.py
 
 # Six bags of an invented pick-and-place task, to try the pipeline for a task of your own on.
 own-example: $(INSTALLED)  ## write six bags of a simulated task to try it with
-	$(BIN)/python stages/own/make_example.py
+	$(BIN)/python stages/tasks/make_example.py
 
-# What recordings hold, whether they are fit to be learned from, and an entry for stages/own/params.yaml, e.g.
+# What recordings hold, whether they are fit to be learned from, and an entry for stages/tasks/own.yaml, e.g.
 # `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
 inspect: $(INSTALLED)  ## say what recordings hold, and propose an entry: make inspect SOURCE=~/bags
 	$(BIN)/python -m structlearn.inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
@@ -115,13 +113,13 @@ upsets: $(INSTALLED)  ## run N ticks of the controller under faults
 # Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
 check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make check TASK=pour
 	$(if $(TASK),,$(error which task? make check TASK=pick))
-	$(ENTRY_IS_GOOD)
-	$(IN_ENVIRONMENT) dvc repro "$(OWN):check@$$TASK"
-	$(BIN)/python -m structlearn.tasks.own.check_verdict "$$TASK"
+	$(BIN)/python -m structlearn.tasks.task_entry own.yaml "$$TASK" > /dev/null
+	$(IN_ENVIRONMENT) dvc repro "stages/tasks/dvc.yaml:check@$$TASK"
+	$(BIN)/python -m structlearn.tasks.check_verdict "$$TASK"
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping
-view: export FOLDER = $(if $(TASK),reports/own/$(TASK)/recordings,reports/rerun/$(TESTBED))
+view: export FOLDER = $(if $(TASK),reports/tasks/$(TASK)/rerun,reports/rerun/$(TESTBED))
 view: export MADE_BY = $(if $(TASK),make own TASK=$(TASK),dvc repro, or dvc checkout where it was run)
 view: $(INSTALLED)  ## open 3-D recordings: make view TESTBED=obstacles, or TASK=pour; WEB=1 for a browser
 	@ls "$$FOLDER"/*.rrd > /dev/null 2>&1 || { echo "error: $$FOLDER: no recordings; make them first: $$MADE_BY" >&2; exit 1; }

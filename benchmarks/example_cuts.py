@@ -16,7 +16,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.readers import synchronise
 from structlearn.segmentation.segments import cut
-from structlearn.tasks.own.world.pick_and_place import as_recording, takes
+from structlearn.tasks.pick_and_place_world import as_recording, takes
 from structlearn.tasks.task_entry import read_task
 
 KINDS = {

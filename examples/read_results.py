@@ -9,7 +9,7 @@ import pandas as pd
 
 from structlearn.core.artefacts import read_metrics, read_table
 
-REPORTS, TASKS = Path("reports"), Path("data/own")
+REPORTS, TASKS = Path("reports"), Path("data/tasks")
 
 
 def key_figures() -> pd.DataFrame:

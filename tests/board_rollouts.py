@@ -6,7 +6,8 @@ from scraping_motions import NAMES, scraping_skill
 
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.skill import Limits
-from structlearn.readers.clock import ClockParameters, synchronise
+from structlearn.readers.clock import synchronise
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs

@@ -13,9 +13,10 @@ from structlearn.readers.topics import TopicMap
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
 
-PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
-RECORDED_FILE = Path(__file__).parents[1] / "stages/recorded/params.yaml"
-OWN_FILE = Path(__file__).parents[1] / "stages/own/params.yaml"
+ROOT = Path(__file__).parents[1]
+PARAMETER_FILE = ROOT / "params.yaml"
+RECORDED_FILE = ROOT / "stages/recorded/params.yaml"
+TASK_FILE = ROOT / "stages/tasks/params.yaml"
 NO_TOPICS = {
     "twist": None,
     "joint_states": [],
@@ -41,13 +42,20 @@ def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
     return merged(deepcopy(_tree()), changes)
 
 
-def own_tasks(folder: Path, changes: Mapping[str, Any] | None = None, **tasks: Mapping[str, Any]) -> None:
-    """Write `stages/own/params.yaml` below a folder: its defaults with changes, and other tasks."""
-    defaults = yaml.load(OWN_FILE.read_text(), yaml.CSafeLoader)["defaults"]
-    content = {"defaults": merged(defaults, changes or {}), "tasks": tasks}
-    path = folder / "stages/own/params.yaml"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+def own_tasks(
+    folder: Path, changes: Mapping[str, Any] | None = None, kind: str = "movement", **tasks: Any
+) -> None:
+    """Write the files of entries below a folder: tasks of one kind, whose defaults may be changed."""
+    content = yaml.load(TASK_FILE.read_text(), yaml.CSafeLoader)
+    path = folder / "stages/tasks"
+    path.mkdir(parents=True, exist_ok=True)
+    files = {
+        "params.yaml": merged(content, {"defaults": {kind: changes or {}}}),
+        "public.yaml": {one: {} for one in content["defaults"]},
+        "own.yaml": {kind: tasks},
+    }
+    for name, values in files.items():
+        (path / name).write_text(yaml.safe_dump(values), encoding="utf-8")
 
 
 def committed(model: type[ParametersType], key: str, **changes: Any) -> ParametersType:

@@ -12,7 +12,7 @@ from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.primitives.fitting import FitParameters, learn_sequence
 from structlearn.readers import synchronise
 from structlearn.tasks.own.protocol.arm_parameters import RobotParameters
-from structlearn.tasks.own.world.pick_and_place import MOVES, as_recording, takes
+from structlearn.tasks.pick_and_place_world import MOVES, as_recording, takes
 
 FIT = FitParameters(smoothing_hz=5.0, kernel_count=25, regression="joint", scaled_axes=(True, False, False))
 HERE = {"position_m": (0.0, 0.0, 0.0), "orientation": (1.0, 0.0, 0.0, 0.0)}

@@ -30,8 +30,8 @@ PROGRAMS = {path.stem for path in PACKAGE.glob("*.py") if "__main__" in path.rea
 """That a user calls, e.g. `python -m structlearn.verify`."""
 
 ROOMS = {
-    "rerun": ("viewer", "views"),
-    "matplotlib": ("reporting", "page"),
+    "rerun": ("viewer", "views", "view"),
+    "matplotlib": ("reporting", "page", "section", "figures"),
     "pybullet": ("simulation", "world"),
     "pinocchio": ("simulation", "world", "rigid_body", "readers"),
     "torch": ("networks", "feedback", "rigid_body", "tactile"),
@@ -54,14 +54,14 @@ STARTS = {
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "recorded/import_recordings.py recorded/reaches.py recorded/corrected_reaches.py "
         "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py "
-        "recorded/boxes.py own/import_task.py own/segment.py own/primitives.py own/feedback.py own/skill.py "
-        "own/motion.py own/touch.py own/obstacles.py",
+        "recorded/boxes.py tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
+        "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py",
     ),
     "robot": (
         ("pinocchio",),
         "scraping/record_nominal.py scraping/expected_traces.py scraping/record_corrections.py "
         "scraping/evaluate_feedback.py scraping/refine.py scraping/evaluate_refinement.py "
-        "scraping/compare_search.py scraping/time_controller.py dynamics/record_motion.py own/check.py",
+        "scraping/compare_search.py scraping/time_controller.py dynamics/record_motion.py tasks/check.py",
     ),
     "engines": (("pinocchio", "pybullet"), "engines.py"),
     "training": (
@@ -76,12 +76,12 @@ STARTS = {
     ),
     "recordings": (
         ("rerun",),
-        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py own/view.py",
+        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py tasks/view_movement.py",
     ),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (
         ("matplotlib",),
-        "recorded/report.py recorded/calibration_report.py own/report.py",
+        "recorded/report.py recorded/calibration_report.py tasks/report.py",
     ),
     "pages with stills": (
         ("matplotlib", "pybullet"),
@@ -95,7 +95,7 @@ STARTS = {
 COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "findings.csv": "findings.csv"}
 """What `make recorded` puts aside of the report on recorded data."""
 
-PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/own/dvc.yaml")
+PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/tasks/dvc.yaml")
 LISTED = [yaml.safe_load((ROOT / pipeline).read_text())["stages"] for pipeline in PIPELINES]
 CODE = {stages["code"]["cmd"].split()[2]: stages.pop("code") for stages in LISTED}
 """The stages that list the code of all others, by pipeline."""
@@ -190,7 +190,8 @@ def test_big_libraries_stay_in_their_rooms():
     for path, names in modules().items():
         for library, rooms in ROOMS.items():
             if any(name.split(".")[0] == library for name in names):
-                assert set(rooms) & set(path.parts), f"{path} imports {library}"
+                room = {*path.parts, path.stem.rpartition("_")[2]}  # of tasks, by the end of the name
+                assert set(rooms) & room, f"{path} imports {library}"
 
 
 def test_nothing_is_pickled():
@@ -214,7 +215,7 @@ def test_a_module_name_means_one_thing():
 @pytest.mark.parametrize("name", STAGES)
 def test_a_stage_depends_on_its_script_and_on_its_list_of_code(name):
     place = Path(name).relative_to("stages").with_suffix(".txt")
-    lists = ("data/code" if place.parts[0] in ("recorded", "own") else "data/code/main") / place
+    lists = ("data/code" if place.parts[0] in ("recorded", "tasks") else "data/code/main") / place
     deps = STAGES[name]["deps"]
     assert deps[:2] == [name, lists.as_posix()]
     assert not any(dep.startswith(("src/", "stages/")) for dep in deps[2:] if dep != "stages/report.yaml")

@@ -88,15 +88,15 @@ BAGS = {
 @pytest.mark.parametrize(("write", "words"), BAGS.values(), ids=BAGS)
 def test_bags_that_cannot_be_recorded(root, project, capsys, write, words):
     write()
-    message = complaint(root, "own/import_task.py", capsys)
+    message = complaint(root, "tasks/import_task.py", capsys)
     for word in words:
         assert word in message
 
 
 def test_readers_that_cannot_be_cut(root, project, capsys):
     write_bag(BAG, pose_messages(clock(), np.tile(pose_rows(1), (400, 1)), TOPIC))
-    runpy.run_path(str(root / "stages/own/import_task.py"), run_name="__main__")
-    message = complaint(root, "own/segment.py", capsys)
+    runpy.run_path(str(root / "stages/tasks/import_task.py"), run_name="__main__")
+    message = complaint(root, "tasks/segment.py", capsys)
     assert "one: primitive 'down': its speed never exceeds" in message
 
 

@@ -19,8 +19,8 @@ from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import demonstrated_workspace
 from structlearn.feedback.skill_file import read_skill, write_skill
 from structlearn.primitives.sequence import sequence_table, unroll
-from structlearn.readers.clock import ClockParameters
-from structlearn.tasks.own.world.pick_and_place import takes, write_takes
+from structlearn.readers.source import ClockParameters
+from structlearn.tasks.pick_and_place_world import takes, write_takes
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
 from structlearn.testbeds.scraping.protocol.executions import executed_set
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
@@ -54,8 +54,9 @@ def test_examples_are_short(path):
 
 def test_learning_from_bags(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "stages/own").mkdir(parents=True)
-    shutil.copy(ROOT / "stages/own/params.yaml", tmp_path / "stages/own")
+    (tmp_path / "stages/tasks").mkdir(parents=True)
+    for file in (ROOT / "stages/tasks").glob("*.yaml"):
+        shutil.copy(file, tmp_path / "stages/tasks")
     (tmp_path / "data/example/pick").mkdir(parents=True)
     write_takes(takes(seed=1, moves=3, count=3), tmp_path / "data/example/pick")
     learn = example("learn_from_bags")
@@ -118,7 +119,7 @@ def test_reading_results(tmp_path, monkeypatch, capsys):
     skill = pick_skill()
     path = unroll(skill.primitives, 0.01)
     names = [primitive.name for primitive in skill.primitives]
-    write_table(sequence_table(path, names), Path("data/own/pick/primitives/nominal.parquet"))
-    speeds = read.peak_speeds(Path("data/own/pick"))
+    write_table(sequence_table(path, names), Path("data/tasks/pick/primitives/nominal.parquet"))
+    speeds = read.peak_speeds(Path("data/tasks/pick"))
     assert list(speeds.index) == names
     assert speeds.max() == pytest.approx(np.linalg.norm(path.position.velocity, axis=1).max())

@@ -28,7 +28,7 @@ import test_simulation_board_refinement
 import torch
 import yaml
 from board_rollouts import small_board
-from committed import OWN_FILE, committed
+from committed import TASK_FILE, committed
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
@@ -106,11 +106,11 @@ ROOT = Path(__file__).parents[1]
 HOLDS_NOTHING_OUT = {
     "simulates": "engines scraping/record_nominal scraping/record_corrections obstacles/demonstrate "
     "dynamics/record_motion dynamics/track servoing/record_touch servoing/servo",
-    "reads recordings": "own/import_task recorded/import_recordings scraping/import_nominal "
+    "reads recordings": "tasks/import_task recorded/import_recordings scraping/import_nominal "
     "scraping/import_corrections dynamics/import_logs servoing/import_touch",
-    "cuts demonstrations": "own/segment scraping/segment scraping/sweep",
-    "puts into one file what was learned": "own/skill scraping/write_skill",
-    "executes or unrolls": "own/check scraping/evaluate_feedback scraping/evaluate_refinement "
+    "cuts demonstrations": "tasks/segment scraping/segment scraping/sweep",
+    "puts into one file what was learned": "tasks/skill scraping/write_skill",
+    "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
     "measures statistics or times": "recorded/calibrate scraping/time_controller",
     "one recorded execution, of which every primitive has one part": "recorded/scraping",
@@ -200,7 +200,7 @@ def demonstrations(stretches=(1.0, 1.2, 0.85)) -> list[Demonstration]:
     return [two_move_demonstration(f"{place}", one) for place, one in enumerate(stretches)]
 
 
-@of_stage("scraping/fit_primitives", "own/primitives")
+@of_stage("scraping/fit_primitives", "tasks/primitives")
 def primitives(monkeypatch, tmp_path):
     """Of every primitive and regression, the primitive learned from all demonstrations but one."""
     data = demonstrations()
@@ -363,7 +363,7 @@ def refinement(monkeypatch, tmp_path):
 
 
 OWN_FEEDBACK = OwnFeedbackParameters.model_validate(
-    yaml.safe_load(OWN_FILE.read_text())["defaults"]["feedback"]
+    yaml.safe_load(TASK_FILE.read_text())["defaults"]["movement"]["feedback"]
     | {"executions": "runs", "corrections": "corrected", "settings": ("a", "b"), "primitives": ("scrape",)}
     | {"axes": ("x",), "hidden": (4,), "training": TRAINING}
 )
@@ -379,7 +379,7 @@ def felt(demonstration: Demonstration, push: float = 0.0) -> Demonstration:
     )
 
 
-@of_stage("own/feedback")
+@of_stage("tasks/feedback")
 def feedback_of_a_task(monkeypatch, tmp_path):
     """The final network and one that was learned without a setting, of one axis."""
     runs = [felt(one) for one in demonstrations()]
@@ -465,7 +465,7 @@ def recorded_avoidance(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1::2], data, tested, taught)
 
 
-@of_stage("recorded/boxes", "own/obstacles")
+@of_stage("recorded/boxes", "tasks/obstacles")
 def reaches_past_boxes(monkeypatch, tmp_path):
     """Of three people, on one of whom constants were chosen: what was learned without the second."""
     boxes = test_recorded_boxes
@@ -543,7 +543,7 @@ def learned_motion(folder: Path, robot, logs, parameters):
     return identified.models, learned, (target / "identified.urdf").read_text()
 
 
-@of_stage("recorded/dynamics", "own/motion")
+@of_stage("recorded/dynamics", "tasks/motion")
 def arms(monkeypatch, tmp_path):
     """Of the last log, and of the rest of a single one; a filter would reach over borders."""
     own = test_own_motion
@@ -680,7 +680,7 @@ SKIN = committed(
 )
 
 
-@of_stage("recorded/skin", "own/touch")
+@of_stage("recorded/skin", "tasks/touch")
 def recorded_skin(monkeypatch, tmp_path):
     """Of one run: without the blocks of a fold, and of the whole beside another run."""
     toy = test_recorded_skin

@@ -16,7 +16,7 @@ from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
 from structlearn.simulation.arm import urdf_path
-from structlearn.tasks.own import check_verdict
+from structlearn.tasks import check_verdict
 from structlearn.tasks.own.page import check_section
 from structlearn.tasks.own.protocol import check_results, skill_check
 from structlearn.tasks.own.protocol.arm_parameters import Placement, RobotParameters
@@ -198,7 +198,7 @@ def files_of(check, folder, monkeypatch, robot):
     monkeypatch.chdir(folder)
     files = TaskFiles("pick")
     check_results.write_check(check, files.folder / "check")
-    files.parameters.write_text(yaml.safe_dump({"robot": robot}))
+    files.parameters.write_text(yaml.safe_dump({"kind": "movement", "entry": {"robot": robot}}))
     return files
 
 
@@ -209,7 +209,7 @@ def test_the_command_says_whether_something_fails(check, tmp_path, monkeypatch, 
     told = capsys.readouterr().out
     assert f"no: {check.metrics()['check_runs']} of" in told
     assert "self-collision" in told
-    with pytest.raises(InputError, match=r"tasks\.pick has no robot"):
+    with pytest.raises(InputError, match=r"movement\.pick has no robot"):
         check_verdict.main(files_of(check, tmp_path, monkeypatch, None))
 
 
@@ -225,7 +225,7 @@ def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
         "structlearn.tasks.own.page",
         facts={"check": section.facts},
         tables=section.tables,
-        sources={"check": Source("data/own/pick/check", "stages/own/dvc.yaml:check@pick")},
+        sources={"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")},
     )
     panel = [Panel("figures/check_margins.svg", 700, 300)]
     text = render(page, {name: panel for name in section.pictures})

@@ -24,28 +24,11 @@ from structlearn.readers import read_recordings, synchronise, write_recordings
 from structlearn.reporting.document import words_in_view
 from structlearn.segmentation.segments import cut
 from structlearn.tasks.own.protocol.skill_check import check_skill
-from structlearn.tasks.own.world.pick_and_place import as_recording, takes, write_takes
-from structlearn.tasks.task_entry import (
-    OF_DEMONSTRATIONS,
-    PARTS,
-    read_checked,
-    read_task,
-    source_digests,
-    write_task,
-)
+from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
+from structlearn.tasks.task_entry import PARTS, read_checked, read_task, source_digests, write_task
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles
 
-STAGES = (
-    "import_task",
-    "segment",
-    "primitives",
-    "feedback",
-    "skill",
-    "check",
-    "motion",
-    "touch",
-    "obstacles",
-)
+STAGES = ("import_task", "segment", "primitives", "feedback", "skill", "check")
 QUICK = {"fit": {"kernel_count": 10}, "feedback": {"training": {"steps": 60, "evaluate_every": 30}}}
 REACH = {"source": "bags", "topics": {"pose": "/arm/pose"}, "segment": {"primitives": ["reach"]}}
 
@@ -55,7 +38,7 @@ def run_stages(root: Path, task: str, *stages: str) -> None:
     arguments, sys.argv = sys.argv, ["stage", task]
     try:
         for stage in stages:
-            runpy.run_path(str(root / f"stages/own/{stage}.py"), run_name="__main__")
+            runpy.run_path(str(root / f"stages/tasks/{stage}.py"), run_name="__main__")
     finally:
         sys.argv = arguments
 
@@ -96,8 +79,8 @@ def readme(root: Path, language: str, place: int = 0) -> str:
 
 
 def test_a_task_goes_through_to_its_page(root, folder):
-    run_stages(root, "reach", *STAGES, "view", "report")
-    report = Path("reports/own/reach")
+    run_stages(root, "reach", *STAGES, "view_movement", "report")
+    report = Path("reports/tasks/reach")
     values = json.loads((report / "metrics.json").read_text())
     assert values["cuts_demonstrations"] == 3
     assert values["primitives_reach_left_out_mm"] < 5.0
@@ -108,16 +91,16 @@ def test_a_task_goes_through_to_its_page(root, folder):
     assert {
         one for one in linked if one and not one.startswith("../..") and not (report / one).exists()
     } == set()
-    skill = read_skill("data/own/reach/skill.safetensors")
+    skill = read_skill("data/tasks/reach/skill.safetensors")
     assert [primitive.name for primitive in skill.primitives] == ["reach"]
     assert (skill.workspace.high - skill.workspace.low > [0.39, 0.29, 0.1]).all()  # with 5 cm around
-    bags = read_provenance("data/own/reach/skill.safetensors")["bags"]["demonstrations"]
+    bags = read_provenance("data/tasks/reach/skill.safetensors")["bags"]["demonstrations"]
     assert list(bags) == [f"bags/take_{number}.mcap" for number in (1, 2, 3)]
 
 
 def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
     parameters, recording = (
-        Path(f"data/own/reach/{name}") for name in ("parameters.yaml", "demonstrations/runs.parquet")
+        Path(f"data/tasks/reach/{name}") for name in ("parameters.yaml", "recorded/demonstrations.parquet")
     )
     run_stages(root, "reach", "import_task")
     once = parameters.read_bytes(), recording.read_bytes()
@@ -140,25 +123,25 @@ def test_a_source_that_changes_while_it_is_read_is_refused(folder):
 
 def test_parts_that_an_entry_does_not_name_are_null(folder):
     task = read_task("reach")
+    assert task.kind == "movement"
     assert all(getattr(task, part) is None for part in PARTS)
     assert task.segment.primitives[0].name == "reach"
-    own_tasks(folder, lab={"motion": {"source": "logs", "urdf": "arm.urdf"}})
+    own_tasks(folder, kind="motion", lab={"source": "logs", "urdf": "arm.urdf"})
     task = read_task("lab")
-    assert task.motion.rate_hz > 0
-    assert all(getattr(task, key) is None for key in ("source", *OF_DEMONSTRATIONS))
+    assert (task.kind, task.rate_hz, task.load) == ("motion", 200.0, None)
 
 
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        (None, "tasks.task: there is no such task among "),
-        ({}, "names no recordings"),
-        ({"feedback": {}}, "tasks.task.feedback.executions"),
-        (REACH | {"segmant": {}}, "tasks.task.segmant: unknown parameter"),
-        (REACH | {"topics": {}}, "tasks.task.topics.pose"),
-        (REACH | {"clock": {"rate_hz": -1}}, "tasks.task.clock.rate_hz"),
+        (None, "own.yaml: movement.task: is no mapping of parameters"),
+        ({}, "own.yaml: movement.task.source: Field required"),
+        (REACH | {"feedback": {}}, "movement.task.feedback.executions"),
+        (REACH | {"segmant": {}}, "movement.task.segmant: unknown parameter"),
+        (REACH | {"topics": {}}, "movement.task.topics.pose"),
+        (REACH | {"clock": {"rate_hz": -1}}, "movement.task.clock.rate_hz"),
         (REACH | {"feedback": CORRECTED | {"primitives": ["raech"]}}, "no primitive 'raech' among reach"),
-        (REACH | {"feedback": CORRECTED}, "tasks.task: feedback.sensors: tactile is felt by no topic"),
+        (REACH | {"feedback": CORRECTED}, "movement.task: feedback.sensors: tactile is felt by no topic"),
     ],
 )
 def test_entries_that_are_none(folder, entry, words):
@@ -173,17 +156,25 @@ def test_parameters_that_no_import_wrote_are_refused(tmp_path, monkeypatch):
     files.folder.mkdir()
     files.parameters.write_text("source: of an older version\n")
     for read in (lambda: files.has("robot"), files.values, lambda: files.clock):
-        with pytest.raises(InputError, match=r"pour/parameters\.yaml: key '\w+' is missing"):
+        with pytest.raises(InputError, match=r"pour/parameters\.yaml: key '[\w.]+' is missing"):
             read()
     files.parameters.write_text("5\n")
-    with pytest.raises(InputError, match=r"parameters\.yaml: task: Input should be a valid dictionary"):
+    with pytest.raises(InputError, match=r"parameters\.yaml: key 'kind' is missing"):
         read_checked(files.parameters)
 
 
-def test_a_name_that_is_no_folder_is_refused(folder):
-    own_tasks(folder, **{"a/b": REACH})
-    with pytest.raises(InputError, match="a task's name has letters"):
-        read_task("a/b")
+@pytest.mark.parametrize("name", ["a/b", "Pour", "-rf", "a" * 61, 1, True, None, 2.5])
+def test_a_name_that_is_none_is_one_line(folder, name):
+    own_tasks(folder)
+    Path("stages/tasks/own.yaml").write_text(yaml.safe_dump({"movement": {name: REACH}}))
+    with pytest.raises(InputError, match=r"^stages/tasks/own\.yaml: movement: .*: a task's name has 1 to 60"):
+        read_task("pick")
+
+
+def test_a_name_stands_once(folder):
+    Path("stages/tasks/public.yaml").write_text(yaml.safe_dump({"motion": {"reach": {}}}))
+    with pytest.raises(InputError, match=r"movement\.reach: the name is taken: .*public\.yaml, motion"):
+        read_task("reach")
 
 
 EVIL = (
@@ -195,8 +186,8 @@ EVIL = (
 
 def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_path):
     """Also by a plain `dvc repro`, of all tasks at once and before any other check."""
-    shutil.copytree(root / "stages/own", tmp_path / "stages/own")
-    (tmp_path / "stages/own/dvc.lock").unlink(missing_ok=True)
+    shutil.copytree(root / "stages/tasks", tmp_path / "stages/tasks")
+    (tmp_path / "stages/tasks/dvc.lock").unlink(missing_ok=True)
     shutil.copy(root / "stages/list_code.py", tmp_path / "stages")
     shutil.copytree(root / "src", tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
     own_tasks(tmp_path, **dict.fromkeys(EVIL[1::2], REACH))
@@ -207,7 +198,7 @@ def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_
     dvc = f"{Path(sys.executable).parent}/dvc"
     subprocess.run([dvc, "init", "--quiet", "--no-scm"], cwd=tmp_path, env=variables, check=True)
     done = subprocess.run(
-        [dvc, "repro", "--keep-going", "stages/own/dvc.yaml"],
+        [dvc, "repro", "--keep-going", "stages/tasks/dvc.yaml"],
         cwd=tmp_path, env=variables, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode != 0
@@ -217,13 +208,13 @@ def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_
     assert made - {"data", "reports"} == {".dvc", ".dvcignore", "stages", "src", "kept"}
     assert not list(tmp_path.rglob("*PWNED*"))
     assert kept.exists()
-    there, here = ({path.name for path in (one / "stages/own").iterdir()} for one in (tmp_path, root))
+    there, here = ({path.name for path in (one / "stages/tasks").iterdir()} for one in (tmp_path, root))
     assert there - {"dvc.lock"} == here - {"dvc.lock"}
 
 
 def test_commands_hold_nothing_that_a_user_named_and_stages_are_skipped_only_where_their_outs_are(root):
     """One without outs is up to date in every fresh clone, whatever is missing there."""
-    for file in ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/own/dvc.yaml"):
+    for file in ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/tasks/dvc.yaml"):
         for name, stage in yaml.safe_load((root / file).read_text())["stages"].items():
             stage = stage.get("do", stage)
             assert "${" not in stage["cmd"], f"{file}: {name}"
@@ -253,10 +244,10 @@ def test_a_view_without_recordings_or_without_a_screen_is_one_line(root, tmp_pat
         return [line for line in done.stderr.splitlines() if not line.startswith("make: ***")]
 
     assert view("TASK=pick") == [
-        "error: reports/own/pick/recordings: no recordings; make them first: make own TASK=pick"
+        "error: reports/tasks/pick/rerun: no recordings; make them first: make own TASK=pick"
     ]
-    (tmp_path / "reports/own/pick/recordings").mkdir(parents=True)
-    (tmp_path / "reports/own/pick/recordings/primitives.rrd").touch()
+    (tmp_path / "reports/tasks/pick/rerun").mkdir(parents=True)
+    (tmp_path / "reports/tasks/pick/rerun/primitives.rrd").touch()
     (line,) = view("TASK=pick")
     assert line.endswith("make view WEB=1 TASK=pick")
 
@@ -292,16 +283,16 @@ def test_executions_and_corrections_give_feedback(root, reduced_project, tmp_pat
         QUICK,
         scraping={"source": "bags/nominal", "topics": topics, "segment": segment, "feedback": feedback},
     )
-    run_stages(root, "scraping", *STAGES[:5], "report")
-    learned = read_skill("data/own/scraping/skill.safetensors")
+    run_stages(root, "scraping", *STAGES, "report")
+    learned = read_skill("data/tasks/scraping/skill.safetensors")
     assert set(learned.networks) == {"scrape"}
     assert learned.axes == ("z", "ry")
     assert learned.sensors == (("tactile", 38), ("wrench", 6))
-    values = json.loads(Path("reports/own/scraping/metrics.json").read_text())
+    values = json.loads(Path("reports/tasks/scraping/metrics.json").read_text())
     assert values["feedback_scrape_ry_nmse"] > 0.0
-    page = Path("reports/own/scraping/index.html").read_text()
+    page = Path("reports/tasks/scraping/index.html").read_text()
     assert "Feedback from corrections" in page
-    scores = Path("reports/own/scraping/tables/feedback_scores.csv").read_text()
+    scores = Path("reports/tasks/scraping/tables/feedback_scores.csv").read_text()
     assert "10,False" in scores  # a setting that was not named only tests
 
 
@@ -309,10 +300,10 @@ def test_every_entry_of_the_readme_is_one(root, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pour = yaml.safe_load(readme(root, "yaml"))
     feedback = yaml.safe_load(readme(root, "yaml", 1))
-    lab = yaml.safe_load(readme(root, "yaml", 2))
-    own_tasks(tmp_path, **{"pour": merged(pour["pour"], feedback)}, **lab)
+    own_tasks(tmp_path, pour=merged(pour["pour"], feedback))
     assert read_task("pour").feedback.settings == ("5", "tilt_left")
-    assert read_task("lab").motion is not None
+    Path("stages/tasks/own.yaml").write_text(readme(root, "yaml", 2))
+    assert [read_task(name).kind for name in ("arm", "skin", "table")] == ["motion", "touch", "obstacles"]
 
 
 def test_the_three_commands_of_the_readme_run_as_they_stand(root, tmp_path):
@@ -324,16 +315,16 @@ def test_the_three_commands_of_the_readme_run_as_they_stand(root, tmp_path):
     ).stdout.split("\0")  # fmt: skip
     for name in filter(None, listed):
         if (root / name).is_file() and name.startswith(
-            (".dvc", ".gitignore", "Makefile", "src", "stages/own", "stages/list_code.py", "data/code")
+            (".dvc", ".gitignore", "Makefile", "src", "stages/tasks", "stages/list_code.py", "data/code")
         ):
             (project / name).parent.mkdir(parents=True, exist_ok=True)
             (project / name).write_bytes((root / name).read_bytes())
-    (project / "stages/own/dvc.lock").unlink(missing_ok=True)
+    (project / "stages/tasks/dvc.lock").unlink(missing_ok=True)
     (home / "demonstrations").mkdir(parents=True)
     write_takes(takes(7, 3, 3), home / "demonstrations")
     subprocess.run(["git", "init", "--quiet"], cwd=project, check=True)
     subprocess.run(["git", "add", "."], cwd=project, check=True)
-    with (project / "stages/own/params.yaml").open("a") as file:
+    with (project / "stages/tasks/own.yaml").open("a") as file:
         file.write(readme(root, "yaml"))
     commands = [line.split("#")[0].strip() for line in readme(root, "sh").splitlines()]
     variables = environment() | {"HOME": str(home), "PYTHONPATH": str(root / "src")}  # it is compiled already
@@ -344,10 +335,10 @@ def test_the_three_commands_of_the_readme_run_as_they_stand(root, tmp_path):
             [*words, *own, *doing], cwd=project, env=variables, capture_output=True, text=True
         )
         assert done.returncode == 0, done.stdout + done.stderr
-    assert (project / "reports/own/pour/index.html").stat().st_size
-    assert not (project / "data/own/pick").exists()
+    assert (project / "reports/tasks/pour/index.html").stat().st_size
+    assert not (project / "data/tasks/pick").exists()
     changed = subprocess.run(
         ["git", "status", "--short"], cwd=project, check=True, capture_output=True, text=True
     ).stdout.splitlines()
     kept = {line[3:] for line in changed if not line.startswith("A ")}
-    assert kept == {"stages/own/params.yaml", "stages/own/dvc.lock", "reports/"}
+    assert kept == {"stages/tasks/own.yaml", "stages/tasks/dvc.lock", "reports/"}

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from committed import ROOT, own_tasks
 from conftest import minimum_jerk
 from readers_bags import (
     header,
@@ -25,8 +26,8 @@ from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.own.protocol.inspection import frame_pairs
 from structlearn.tasks.own.protocol.proposal import from_home, task_name
 from structlearn.tasks.own.survey_report import as_yaml, find_out
-from structlearn.tasks.own.world.pick_and_place import TIP, URDF, takes, write_takes
-from structlearn.tasks.task_entry import PARAMETER_FILE, read_task
+from structlearn.tasks.pick_and_place_world import TIP, URDF, takes, write_takes
+from structlearn.tasks.task_entry import FOLDER, read_task
 
 MS = 10**6
 STAMPS = (10**9 + 10 * MS * np.arange(400)).tolist()
@@ -56,9 +57,10 @@ def answer(found, question):
 
 def as_task(entry, folder):
     """The task that an entry becomes at the end of the parameter file."""
-    (folder / "params.yaml").write_text(PARAMETER_FILE.read_text() + entry)
+    own_tasks(folder)
+    (folder / FOLDER / "own.yaml").write_text((ROOT / FOLDER / "own.yaml").read_text() + entry)
     (name,) = yaml.safe_load(entry)
-    return read_task(name, folder / "params.yaml")
+    return read_task(name, folder / FOLDER)
 
 
 def rewritten(source, target, topics, change=lambda topic, messages: messages):
@@ -236,7 +238,7 @@ def test_topics_neither_steer_the_terminal_nor_write_an_entry_of_their_own(tmp_p
     for text in (printed, entry):
         assert all(line.isprintable() for line in text.split("\n"))
         assert "touch PWNED" in text
-    assert list(yaml.safe_load("tasks:\n" + entry)["tasks"]) == ["bags"]
+    assert list(yaml.safe_load("movement:\n" + entry)["movement"]) == ["bags"]
     assert as_task(entry, tmp_path).topics.pose == evil[:-1]
     with pytest.raises(InputError) as error:
         raise InputError(f"1.mcap: topic '{evil}' is missing")

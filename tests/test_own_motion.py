@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from committed import OWN_FILE
+from committed import TASK_FILE
 from pydantic import ValidationError
 from rigid_body_robots import joint, link
 
@@ -22,15 +22,15 @@ from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.task_entry import MotionEntry
 
 
-def parameters(**changes) -> MotionParameters:
+def parameters(**changes) -> MotionEntry:
     """The defaults for a task's logs, quicker."""
-    defaults = yaml.load(OWN_FILE.read_text(), yaml.CSafeLoader)["defaults"]["motion"]
+    defaults = yaml.load(TASK_FILE.read_text(), yaml.CSafeLoader)["defaults"]["motion"]
     quick = {"source": "logs", "urdf": "arm.urdf", "rate_hz": 50.0, "smoothing_hz": 20.0, "rest_rad_s": 0.01}
     quick |= {"draws": 100, "iterations": 200, "gravity_n_m": 0.2}
-    return MotionParameters.model_validate(defaults | quick | changes)
+    return MotionEntry.model_validate(defaults | quick | changes)
 
 
 JOINTS = ("turn", "lift", "bend")

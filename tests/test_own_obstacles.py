@@ -2,34 +2,29 @@
 
 import numpy as np
 import pytest
-from committed import NO_TOPICS, _tree, merged
+import yaml
+from committed import NO_TOPICS, TASK_FILE, merged
 
 from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.recording import NamedShape
-from structlearn.tasks.task_entry import ObstacleParameters
+from structlearn.tasks.task_entry import ObstacleEntry
 
 REST_S, MOVE_S, RATE_HZ = 0.6, 1.2, 90.0
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def chosen(**changes) -> ObstacleParameters:
-    values = _tree()["recorded_boxes"]
-    own = {
-        "source": "reaches",
-        "topics": NO_TOPICS | {"pose": "/hand", "obstacles": None},
-        "ignored": ["target"],
-        "walls": [],
-        "tuned_on": [],
-    }
+def chosen(**changes) -> ObstacleEntry:
+    values = yaml.load(TASK_FILE.read_text(), yaml.CSafeLoader)["defaults"]["obstacles"]
+    own = {"source": "reaches", "topics": NO_TOPICS | {"pose": "/hand", "obstacles": None}}
     quick = {
         "folds": 2,
         "network": {"members": 1, "training": {"iterations": 2}},
         "text_network": {"training": {"iterations": 2}},
     }
-    return ObstacleParameters.model_validate(merged(values | own, quick | changes))
+    return ObstacleEntry.model_validate(merged(values | own, quick | changes))
 
 
 def made_up(name: str, bow: float, x: float, side: float = 0.0) -> Demonstration:

@@ -6,7 +6,7 @@ import pytest
 from structlearn.core import quaternion
 from structlearn.readers import read_demonstrations
 from structlearn.simulation.arm import urdf_path
-from structlearn.tasks.own.world.pick_and_place import MOVES, TIP, URDF, takes, write_takes
+from structlearn.tasks.pick_and_place_world import MOVES, TIP, URDF, takes, write_takes
 from structlearn.tasks.task_entry import read_task
 
 

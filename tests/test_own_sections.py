@@ -1,4 +1,4 @@
-"""A task of logs, touches and reaches past obstacles, without demonstrations: from files to its page."""
+"""Tasks of logs, touches and reaches past obstacles: from files to their pages."""
 
 import runpy
 import sys
@@ -11,7 +11,7 @@ import test_own_motion
 import test_own_obstacles
 import test_own_touch
 import yaml
-from committed import merged
+from committed import merged, own_tasks
 
 from structlearn.readers import write_recordings
 from structlearn.readers.demonstration import Demonstration
@@ -20,10 +20,9 @@ from structlearn.readers.recording import Recording, Stream
 from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.rigid_body.tree import read_urdf
+from structlearn.tasks.task_files import TaskFiles
 
-STAGES = ("import_task", "motion", "touch", "obstacles", "report")
-ENTRY = {
-    "source": None,
+TASKS = {
     "motion": {
         "source": "logs",
         "urdf": "arm.urdf",
@@ -47,6 +46,14 @@ ENTRY = {
         "text_network": {"training": {"iterations": 2}},
     },
 }
+"""An entry of each kind, called like its kind."""
+
+
+def run(root: Path, name: str, *stages: str) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["stage", name])
+        for stage in stages:
+            runpy.run_path(str(root / f"stages/tasks/{stage}.py"), run_name="__main__")
 
 
 def as_recording(one: Demonstration) -> Recording:
@@ -58,14 +65,13 @@ def as_recording(one: Demonstration) -> Recording:
 
 @pytest.fixture(scope="module")
 def page(root, tmp_path_factory) -> Path:
-    """A folder in which all stages of the task were run."""
+    """A folder in which all stages of the tasks were run."""
     folder = tmp_path_factory.mktemp("task")
-    committed = yaml.safe_load((root / "stages/own/params.yaml").read_text())
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        Path("stages/own").mkdir(parents=True)
-        values = {"defaults": committed["defaults"], "tasks": {"lab": ENTRY}}
-        Path("stages/own/params.yaml").write_text(yaml.safe_dump(values))
+        own_tasks(folder)
+        own = {kind: {kind: entry} for kind, entry in TASKS.items()}
+        Path("stages/tasks/own.yaml").write_text(yaml.safe_dump(own))
         Path("arm.urdf").write_text(test_own_motion.ARM)
         Path("logs").mkdir()
         for seed in range(2):
@@ -78,50 +84,67 @@ def page(root, tmp_path_factory) -> Path:
             table[["x_m", "y_m", "z_m"]] = log.place
             table.to_csv(f"touches/{log.name}.csv", index=False)
         write_recordings([as_recording(one) for one in test_own_obstacles.recordings()], "reaches")
-        patch.setattr(sys, "argv", ["stage", "lab"])
-        for stage in STAGES:
-            runpy.run_path(str(root / f"stages/own/{stage}.py"), run_name="__main__")
+        for kind in TASKS:
+            run(root, kind, "import_task", kind, "report")
     return folder
 
 
-def test_the_page_has_a_section_for_each(page):
-    text = (page / "reports/own/lab/index.html").read_text()
-    for heading in ("The arm&#39;s dynamics", "The skin", "Reaches past obstacles"):
+def test_every_kind_has_its_page(page):
+    metrics = {}
+    for kind, heading in (
+        ("motion", "The arm&#39;s dynamics"),
+        ("touch", "The skin"),
+        ("obstacles", "Reaches past obstacles"),
+    ):
+        report = page / f"reports/tasks/{kind}"
+        text = (report / "index.html").read_text()
         assert heading in text
-    assert words_in_view(text) < 1500
-    assert all(f'id="figure-{name}"' in text for name in ("motion", "touch", "obstacles"))
-    metrics = values_by_key(read_findings(page / "reports/own/lab/findings.csv"))
+        assert words_in_view(text) < 1000
+        assert f'id="figure-{kind}"' in text
+        metrics |= values_by_key(read_findings(report / "findings.csv"))
+        assert "Doubtful" not in text or kind == "obstacles"
     assert metrics["motion_nmse_worst"] < 0.02
     assert metrics["touch_distances"] < 0.2
     assert metrics["obstacles_hits_none"] == 0.5
     assert metrics["obstacles_hits_planned"] == 0.0
-    assert "Doubtful" not in text.partition('id="the-skin"')[0].partition('id="the-arm')[2]
 
 
 def test_what_was_found_of_the_arm_is_there_for_others(page):
-    assert read_urdf(page / "data/own/lab/motion/identified.urdf").tree.names == test_own_motion.JOINTS
-    assert (page / "data/own/lab/touch/latent.safetensors").is_file()
+    assert read_urdf(page / "data/tasks/motion/motion/identified.urdf").tree.names == test_own_motion.JOINTS
+    assert (page / "data/tasks/touch/touch/latent.safetensors").is_file()
 
 
-def test_bags_of_touch_will_do_and_parts_that_a_task_lacks_say_so(root, tmp_path, monkeypatch):
+def test_bags_of_touch_will_do(root, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    committed = yaml.safe_load((root / "stages/own/params.yaml").read_text())
-    bags = {"topics": {"tactile": "/tactile/0"}, "spaces": {"training": {"steps": 5}}}
-    entry = {"source": None, "clock": {"rate_hz": 20.0}, "touch": merged(ENTRY["touch"], bags)}
-    Path("stages/own").mkdir(parents=True)
-    values = {"defaults": committed["defaults"], "tasks": {"lab": entry}}
-    Path("stages/own/params.yaml").write_text(yaml.safe_dump(values))
+    bags = {
+        "topics": {"tactile": "/tactile/0"},
+        "spaces": {"training": {"steps": 5}},
+        "clock": {"rate_hz": 20.0},
+    }
+    own_tasks(tmp_path, kind="touch", lab=merged(TASKS["touch"], bags))
     log = test_own_touch.made_up("run", 0, 400)
     stamps = 10**9 + 5 * 10**7 * np.arange(len(log.counts))
     pose = np.hstack([log.place, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
     streams = (Stream("/pose", "pose", stamps, pose), Stream("/tactile/0", "tactile", stamps, log.counts))
     write_recordings([Recording("run", streams, provenance={"origin": "recorded"})], "touches")
-    monkeypatch.setattr(sys, "argv", ["stage", "lab"])
-    for stage in ("import_task", "motion", "touch", "obstacles"):
-        runpy.run_path(str(root / f"stages/own/{stage}.py"), run_name="__main__")
-    recordings = pd.read_parquet("data/own/lab/touch/recordings.parquet")
+    run(root, "lab", "import_task", "touch")
+    recordings = pd.read_parquet("data/tasks/lab/touch/recordings.parquet")
     assert recordings["touching"].tolist() == [400]
-    absent = [
-        path.name for part in ("motion", "obstacles") for path in Path(f"data/own/lab/{part}").iterdir()
-    ]
-    assert absent == ["absent.txt", "absent.txt"]
+
+
+def test_a_public_set_that_is_not_here_says_so_on_its_page_and_one_that_is_damaged_why(
+    root, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RECORDED_DATA", "sets")
+    own_tasks(tmp_path, kind="motion", arm={"source": "$DATA/arm", "urdf": "$DATA/arm.urdf"})
+    run(root, "arm", "import_task", "motion", "report")
+    assert (tmp_path / "data/tasks/arm/motion/absent.txt").exists()
+    assert "Not recorded here" in (tmp_path / "reports/tasks/arm/index.html").read_text()
+    Path("sets/arm").mkdir(parents=True)
+    Path("sets/arm/log.mcap").write_text("no bag")
+    Path("sets/arm.urdf").write_text(test_own_motion.ARM)
+    run(root, "arm", "import_task", "motion", "report")
+    left_out = TaskFiles("arm").left_out()
+    assert left_out["reason"].item().startswith("arm/log.mcap: ")
+    assert "arm/log.mcap: " in (tmp_path / "reports/tasks/arm/index.html").read_text()

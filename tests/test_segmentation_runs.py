@@ -23,7 +23,7 @@ from structlearn.segmentation.motion_runs import (
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
 from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
-from structlearn.tasks.own.world.pick_and_place import as_recording, takes, write_takes
+from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
 from structlearn.tasks.task_entry import read_task
 
 SPEED = np.array([0, 0, 2, 3, 1, 0, 0, 0, 4, 4, 0, 5, 0, 0], dtype=float)

@@ -1,6 +1,6 @@
 """Look at recordings before anything is configured: `python -m structlearn.inspect ~/bags`.
 
-Prints what the files hold, whether they are fit to be learned from, and an entry of `stages/own/params.yaml`.
+Prints what the files hold, whether they are fit to be learned from, and an entry of `stages/tasks/own.yaml`.
 Nothing is written but what `--output` names. The exit code is 1 where nothing could be read, and 0 otherwise,
 whatever the doubts.
 """

@@ -11,7 +11,7 @@ from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search import refinement
 from structlearn.policy_search.sample_efficiency import ComparisonParameters, compare
-from structlearn.readers.clock import ClockParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board, read_board
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE

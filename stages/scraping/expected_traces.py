@@ -10,8 +10,8 @@ from structlearn.feedback.coupling_targets import (
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
 from structlearn.readers import synchronise, write_recordings
-from structlearn.readers.clock import ClockParameters
 from structlearn.readers.runs import write_runs
+from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

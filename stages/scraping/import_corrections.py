@@ -5,8 +5,8 @@ from pathlib import Path
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import read_demonstrations
-from structlearn.readers.clock import ClockParameters
 from structlearn.readers.runs import write_runs
+from structlearn.readers.source import ClockParameters
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import write_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search.refinement import Progress
-from structlearn.readers.clock import ClockParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
 from structlearn.testbeds.scraping.protocol.board_rollouts import read_board
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

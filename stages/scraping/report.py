@@ -8,7 +8,7 @@ from structlearn.feedback.feedback_models import FeedbackParameters
 from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.readers.clock import ClockParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study

@@ -224,9 +224,9 @@ SPECIMENS = {
             False,
         ),
         Specimen(
-            "stages/own/params.yaml",
+            "stages/tasks/own.yaml",
             lambda path: own_tasks(path.parents[2], reach={"source": "x", "topics": {"pose": "/p"}, **MOVE}),
-            lambda path: read_task("reach", path),
+            lambda path: read_task("reach", path.parent),
             False,
         ),
         Specimen("robot.urdf", _urdf, lambda path: read_urdf(path).inertias, False),

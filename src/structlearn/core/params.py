@@ -106,8 +106,8 @@ def read_values(path: str | Path) -> Any:
         raise InputError(f"{path}: not a YAML file: {error}") from error
 
 
-def local_path(path: str | Path) -> Path:
-    """A path as a user writes it: from the working directory, or with `~` for the home folder.
+def home_path(path: str | Path) -> Path:
+    """A path as a user writes it, with `~` for the home folder.
 
     Raises:
         InputError: it begins with `~NAME`, and there is no such user.

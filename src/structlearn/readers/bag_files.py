@@ -18,7 +18,7 @@ from pathlib import Path, PurePath
 from typing import Literal
 
 from structlearn.core.errors import InputError
-from structlearn.core.params import NAME, local_path, read_values
+from structlearn.core.params import NAME, home_path, read_values
 from structlearn.readers.bag import COMPRESSED, Bag, joined, read_bag
 from structlearn.readers.pose_table import read_pose_table
 from structlearn.readers.rosbags_reader import read_db3, read_ros1_bag
@@ -76,7 +76,7 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
         InputError: there is no such source or nothing in it, a file of a bag is missing, a bag has files of
             several kinds, or two recordings have one name or one that can be no name; the message names it.
     """
-    source = local_path(source)
+    source = home_path(source)
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")
     if not source.is_dir():
@@ -93,7 +93,7 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
 
 def as_recording_file(path: Path) -> RecordingFile:
     """A lone file; one whose name does not say what it is has to be MCAP. `~` is the home folder."""
-    path = local_path(path)
+    path = home_path(path)
     suffix = _suffix(path)
     return RecordingFile(path.name.removesuffix(suffix) or path.name, SUFFIXES.get(suffix, "mcap"), (path,))
 

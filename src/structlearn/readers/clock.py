@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from pydantic import Field
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.core.params import Parameters
 from structlearn.readers.checks import at_row, check_recording, check_speed
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.recording import Kind, Recording, Stream
@@ -18,13 +16,6 @@ recorders drop out for 0.15 s now and then, a hole of more than that hides a mov
 
 FASTEST_HZ = 10_000.0
 """No robot reports its pose more often; a faster clock is one whose stamps say nothing."""
-
-
-class ClockParameters(Parameters):
-    """The one clock on which all stages read the demonstrations."""
-
-    rate_hz: float = Field(gt=0, le=FASTEST_HZ)
-    max_gap_s: float = Field(gt=0)
 
 
 def synchronise(

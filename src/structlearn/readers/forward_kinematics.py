@@ -13,7 +13,7 @@ import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.core.params import local_path
+from structlearn.core.params import home_path
 from structlearn.readers.clock import linear, shared_stamps
 from structlearn.readers.joint_series import JointSeries
 from structlearn.readers.recording import Stream
@@ -59,7 +59,7 @@ class _Chain:
     def __init__(self, pose: JointPose) -> None:
         import pinocchio  # half a second, which only those who need it wait for
 
-        path = local_path(pose.urdf)
+        path = home_path(pose.urdf)
         self._model = _model(path)
         body = pinocchio.FrameType.BODY
         if not self._model.existFrame(pose.tip, body):

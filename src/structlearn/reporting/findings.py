@@ -72,6 +72,12 @@ class Findings(Mapping[str, Found]):
         self._rows[name] = _Row(found, unit, self._population, headline)
         return found
 
+    def include(self, other: "Findings") -> None:
+        """Add all rows of another table; a ValueError where one has the name of a row."""
+        if twice := set(self._rows) & set(other._rows):
+            raise ValueError(f"two findings are called {', '.join(sorted(twice))}")
+        self._rows |= other._rows
+
     def by(
         self, make: Callable[..., Evidence], name: str, *given: Any, missing: str = "", **row: Any
     ) -> Found:
@@ -121,7 +127,7 @@ class Findings(Mapping[str, Found]):
             for name, row in self._rows.items()
             for case, one in ({"": row.found} if isinstance(row.found, Evidence) else row.found).items()
         ]
-        return pd.DataFrame(rows, columns=COLUMNS)
+        return pd.DataFrame(rows, columns=COLUMNS).astype({"headline": bool})  # also without rows
 
     def numbers(self) -> Metrics:
         """What sentences name, see `values_by_key`."""

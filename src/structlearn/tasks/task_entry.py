@@ -1,19 +1,20 @@
-"""A task of your own: what its entry in `stages/own/params.yaml` says, and what the defaults add to it.
+"""Entries of tasks in `stages/tasks/own.yaml` and `public.yaml`, merged over the defaults of their kind.
 
-    defaults:          every constant once
-      clock: {rate_hz: 200.0, max_gap_s: 0.2}
-    tasks:
-      pick:            what differs, merged over the defaults key by key
+    defaults:            in params.yaml, every constant once
+      movement:
+        clock: {rate_hz: 200.0, max_gap_s: 0.2}
+    movement:            in own.yaml, what differs
+      pick:
         source: ~/demonstrations
         topics: {pose: /end_effector/pose}
 
-A task has the parts that its entry names (`PARTS`); the others are null, whatever their defaults are.
+A part that an entry does not name (`PARTS`) is null, whatever its defaults are.
 """
 
 import hashlib
 import sys
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import yaml
 from pydantic import Field, model_validator
@@ -21,34 +22,32 @@ from pydantic import Field, model_validator
 from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
-from structlearn.core.params import Parameters, checked, local_path, merged, read_values
+from structlearn.core.params import checked, merged, read_values, value_at
 from structlearn.core.stage import run
 from structlearn.feedback.coupling_model import NetworkParameters, TrainingParameters
 from structlearn.feedback.coupling_targets import CorrectionParameters
 from structlearn.feedback.skill_file import SkillParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.readers.clock import ClockParameters
 from structlearn.readers.settings import Setting
-from structlearn.readers.stamps import StampPolicy
+from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.topics import JointPose, SceneTopicMap, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.own.protocol.arm_parameters import RobotParameters
-from structlearn.tasks.task_files import NAME_RULE, is_name
+from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
-PARAMETER_FILE = Path("stages/own/params.yaml")
+FOLDER = Path("stages/tasks")
+DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
+PIPELINE = FOLDER / "dvc.yaml"
 
-PARTS = ("feedback", "robot", "motion", "touch", "obstacles")
-"""Keys of what a task may have or not, besides demonstrations."""
-
-OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise", "skill")
-"""Keys that a task without demonstrations does not have either."""
+PARTS = ("feedback", "robot")
+"""Keys that a task has only if its entry names them."""
 
 
 class OwnFeedbackParameters(CorrectionParameters, NetworkParameters):
-    """Executions and corrections, and the feedback learned from them. Fields: `stages/own/params.yaml`."""
+    """Executions and corrections, and the feedback learned from them. Fields: `stages/tasks/params.yaml`."""
 
     executions: str = Field(min_length=1)
     corrections: str = Field(min_length=1)
@@ -58,130 +57,162 @@ class OwnFeedbackParameters(CorrectionParameters, NetworkParameters):
     parts: int = Field(ge=2)
 
 
-class ObstacleParameters(ScenePeopleParameters):
-    """Reaches past obstacles. Fields: `stages/own/params.yaml`, `obstacles`."""
+class MovementEntry(SourceParameters):
+    """Demonstrations of a movement. Fields: `stages/tasks/params.yaml`, `defaults.movement`."""
 
-    source: str = Field(min_length=1)
-    topics: SceneTopicMap
+    kind = "movement"
 
-
-class TaskParameters(Parameters):
-    """One task, its defaults merged in. Fields: `stages/own/params.yaml`, `defaults`."""
-
-    source: str | None = Field(min_length=1)
     topics: TopicMap | None
-    stamps: StampPolicy
-    clock: ClockParameters
-    segment: SegmentParameters | None
-    fit: FitParameters | None
-    generalise: GeneraliseParameters | None
-    skill: SkillParameters | None
+    clock: ClockParameters | None
+    segment: SegmentParameters
+    fit: FitParameters
+    generalise: GeneraliseParameters
+    skill: SkillParameters
     feedback: OwnFeedbackParameters | None
     robot: RobotParameters | None
-    motion: MotionParameters | None
-    touch: TouchParameters | None
-    obstacles: ObstacleParameters | None
 
     @model_validator(mode="after")
     def _parts_fit_together(self) -> Self:
-        if self.source is None:
-            for part in ("feedback", "robot"):
-                if getattr(self, part) is not None:
-                    raise ValueError(f"{part} needs demonstrations: name their source")
-            if self.motion is None and self.touch is None and self.obstacles is None:
-                raise ValueError(
-                    "names no recordings: a source of demonstrations, motion, touch or obstacles"
-                )
-        if self.feedback is not None and self.segment is not None:
+        if self.feedback is not None:
             known = [primitive.name for primitive in self.segment.primitives]
             for name in self.feedback.primitives:
                 if name not in known:
                     raise ValueError(f"feedback: there is no primitive '{name}' among {', '.join(known)}")
             for sensor in self.feedback.sensors:
-                if not getattr(self.topics, sensor):
+                if self.topics is not None and not getattr(self.topics, sensor):
                     raise ValueError(f"feedback.sensors: {sensor} is felt by no topic; name it in topics")
         return self
 
     def sources(self) -> dict[str, tuple[str, ...]]:
-        """Files and folders that the task comes from, as they are written, by what they are for."""
-        found: dict[str, tuple[str, ...]] = dict.fromkeys(SOURCES, ())
-        if self.source is not None and self.topics is not None:
-            computed = (self.topics.pose.urdf,) if isinstance(self.topics.pose, JointPose) else ()
-            found["demonstrations"] = (self.source, *computed)
+        """All files and folders that are read, as they are written, by what they are for."""
+        computed = (self.topics.pose.urdf,) if self.topics and isinstance(self.topics.pose, JointPose) else ()
+        found: dict[str, tuple[str, ...]] = {"demonstrations": (self.source, *computed), "robot": ()}
         if self.feedback is not None:
             found |= {"executions": (self.feedback.executions,), "corrections": (self.feedback.corrections,)}
         if self.robot is not None:
-            found["robot"] = (self.robot.urdf,)
-        if self.motion is not None:
-            found["motion"] = (self.motion.source, self.motion.urdf)
-        if self.touch is not None:
-            found["touch"] = (self.touch.source,)
-        if self.obstacles is not None:
-            found["obstacles"] = (self.obstacles.source,)
+            found |= {"robot": (self.robot.urdf,)}
         return found
 
 
-SOURCES = ("demonstrations", "executions", "corrections", "robot", "motion", "touch", "obstacles")
-"""What files may be for."""
+class MotionEntry(SourceParameters, MotionParameters):
+    """Logs of an arm's joints. Fields: `stages/tasks/params.yaml`, `defaults.motion`."""
+
+    kind = "motion"
+
+    def sources(self) -> dict[str, tuple[str, ...]]:
+        """All files and folders that are read, as they are written, by what they are for."""
+        return super().sources() | {"urdf": (self.urdf,)}
 
 
-def read_task(name: str, path: Path = PARAMETER_FILE) -> TaskParameters:
-    """The parameters of one task.
+class TouchEntry(SourceParameters, TouchParameters):
+    """Touches of a skin. Fields: `stages/tasks/params.yaml`, `defaults.touch`."""
+
+    kind = "touch"
+
+    clock: ClockParameters
+
+
+class ObstacleEntry(SourceParameters, ScenePeopleParameters):
+    """Reaches past obstacles. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
+
+    kind = "obstacles"
+
+    topics: SceneTopicMap | None
+    clock: ClockParameters | None
+
+
+ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionEntry, TouchEntry, ObstacleEntry)
+KINDS = {entry.kind: entry for entry in ENTRIES}
+"""Kinds of data, as entries are grouped."""
+
+STAGES = {kind: (f"report_{kind}",) for kind in KINDS} | {"movement": ("report_movement", "view_movement")}
+"""Last stages of a task by kind, which bring up to date all others."""
+
+
+class Entry(NamedTuple):
+    """An entry as it is written."""
+
+    file: Path
+    kind: str
+    values: Any
+
+
+def read_entries(folder: Path = FOLDER) -> dict[str, Entry]:
+    """All entries by name.
 
     Raises:
-        InputError: the file is not readable, has no such task, or a value is missing, unknown or out of
-            range; the message names file and key.
+        InputError: a file is not readable, has an unknown kind, or a name stands twice or is none.
     """
-    values = read_values(path)
-    tasks = values.get("tasks") if isinstance(values, dict) else None
-    tasks = {str(key): entry for key, entry in tasks.items()} if isinstance(tasks, dict) else {}
-    where = f"tasks.{name}"
-    if not isinstance(tasks.get(name), dict):
-        raise InputError(f"{path}: {where}: there is no such task among {', '.join(tasks) or 'none'}")
-    if not is_name(name):
-        raise InputError(f"{path}: {where}: {NAME_RULE}")
-    return checked(_with_defaults(values.get("defaults") or {}, tasks[name]), TaskParameters, path, where)
+    found: dict[str, Entry] = {}
+    for file in (folder / OF_PUBLIC, folder / OWN):
+        values = read_values(file) or {}
+        if not isinstance(values, dict):
+            raise InputError(f"{file}: is no mapping of kinds of data to tasks")
+        for kind, tasks in values.items():
+            if kind not in KINDS:
+                raise InputError(f"{file}: {kind}: there is no such kind among {', '.join(KINDS)}")
+            if not isinstance(tasks, dict):
+                raise InputError(f"{file}: {kind}: is no mapping of names to tasks; without any write {{}}")
+            for name, entry in tasks.items():
+                if not is_name(name):
+                    raise InputError(f"{file}: {kind}: {name!r}: {NAME_RULE}")
+                if name in found:
+                    raise InputError(
+                        f"{file}: {kind}.{name}: the name is taken: {found[name].file}, {found[name].kind}"
+                    )
+                found[name] = Entry(file, kind, entry)
+    return found
 
 
-def _with_defaults(defaults: dict[str, Any], entry: dict[str, Any]) -> dict[str, Any]:
-    """An entry merged over the defaults; parts that it does not name are null."""
-    values = merged(defaults, entry)
-    absent = [part for part in PARTS if entry.get(part) is None]
-    absent += OF_DEMONSTRATIONS if values.get("source") is None else ()
-    return values | dict.fromkeys(absent)
+def read_task(name: str, folder: Path = FOLDER) -> Any:
+    """The parameters of one task, as of its kind.
+
+    Raises:
+        InputError: as `read_entries`; there is no such task, or a value is missing, unknown or out of range;
+            the message names file and key.
+    """
+    entries = read_entries(folder)
+    if name not in entries:
+        there = [one for one, entry in entries.items() if entry.file.name == OWN]
+        raise InputError(f"{folder / OWN}: {name}: there is no such task among {', '.join(there) or 'none'}")
+    file, kind, entry = entries[name]
+    if not isinstance(entry, dict):
+        raise InputError(f"{file}: {kind}.{name}: is no mapping of parameters")
+    values = merged(value_at(folder / DEFAULTS, f"defaults.{kind}") or {}, entry)
+    values |= {part: None for part in PARTS if part in values and entry.get(part) is None}
+    return checked(values, KINDS[kind], file, f"{kind}.{name}")
 
 
-def read_checked(path: Path) -> TaskParameters:
+def read_checked(path: Path) -> SourceParameters:
     """What `write_task` published."""
-    values = read_values(path)
-    if isinstance(values, dict):
-        values = {key: value for key, value in values.items() if key != "files"}
-    return checked(values, TaskParameters, path, "task")
+    kind = value_at(path, "kind")
+    if kind not in KINDS:
+        raise InputError(f"{path}: kind: there is no such kind among {', '.join(KINDS)}")
+    return checked(value_at(path, "entry"), KINDS[kind], path, "entry")
 
 
-def source_digests(task: TaskParameters) -> dict[str, dict[str, str]]:
-    """`file_digests` of all files and folders that the task comes from, by what they are for."""
+Digests = dict[str, dict[str, str]]
+"""SHA-256 of files by their path as it is written, by what they are for."""
+
+
+def source_digests(task: SourceParameters) -> Digests:
+    """`file_digests` of all that a task comes from, by what it is for."""
     return {
         name: {file: digest for path in paths for file, digest in file_digests(path).items()}
         for name, paths in task.sources().items()
     }
 
 
-def write_task(task: TaskParameters, files: dict[str, dict[str, str]], path: Path) -> None:
+def write_task(task: SourceParameters, files: Digests, path: Path) -> None:
     """Publish a task's parameters with the digests that its sources had before they were read.
 
     Raises:
         InputError: a source has changed since.
     """
-    if (now := source_digests(task)) != files:
-        changed = {
-            name
-            for kind in files
-            for name, digest in {**files[kind], **now[kind]}.items()
-            if files[kind].get(name) != now[kind].get(name)
-        }
-        raise InputError(f"{', '.join(sorted(changed))}: changed while it was read; run it again")
-    content = task.model_dump(mode="json") | {"files": files}
+    for kind, now in source_digests(task).items():
+        if changed := sorted({name for name, _ in now.items() ^ files[kind].items()}):
+            raise InputError(f"{', '.join(changed)}: changed while it was read; run it again")
+    content = {"kind": task.kind, "entry": task.model_dump(mode="json"), "files": files}
     with publish(path) as target:
         target.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
@@ -189,10 +220,14 @@ def write_task(task: TaskParameters, files: dict[str, dict[str, str]], path: Pat
 def file_digests(source: str) -> dict[str, str]:
     """SHA-256 of a file, or of all files below a folder but hidden ones, by their path as it is written.
 
+    A public set that is not here has none.
+
     Raises:
         InputError: there is no such file or folder.
     """
     path = local_path(source)
+    if is_public(source) and not path.exists():
+        return {}
     if path.suffix == ".urdf":
         from structlearn.simulation.arm import urdf_path
 
@@ -214,9 +249,26 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _check() -> None:
-    read_task(sys.argv[1])
+def targets(which: str, name: str = "") -> list[str]:
+    """Stages to ask DVC for, of one task or of all of a file; entries are checked first.
+
+    Raises:
+        InputError: an entry is not valid, or there is no public set.
+    """
+    entries = {key: one for key, one in read_entries().items() if one.file.name == which}
+    if which == OF_PUBLIC and not any(
+        local_path(str(one.values.get("source"))).exists() for one in entries.values()
+    ):
+        raise InputError(
+            f"{local_path('$DATA')}: holds no public set; name their folder: make recorded DATA=FOLDER"
+        )
+    names = [name] if name else list(entries)
+    return [f"{PIPELINE}:{stage}@{one}" for one in names for stage in STAGES[read_task(one).kind]]
+
+
+def _print_targets() -> None:
+    print("\n".join(targets(*sys.argv[1:])))
 
 
 if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none
-    run(_check)
+    run(_print_targets)

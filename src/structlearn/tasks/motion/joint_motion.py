@@ -16,7 +16,6 @@ from structlearn.core.block_bootstrap import blocks
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
-from structlearn.core.params import local_path
 from structlearn.networks.torch_settings import AdamParameters, one_thread
 from structlearn.readers.joint_log import (
     DriveLog,
@@ -57,6 +56,7 @@ from structlearn.tasks.motion.drives_and_load import (
     weighed_loads,
 )
 from structlearn.tasks.motion.motion_parameters import MotionParameters, NetworkChoiceParameters
+from structlearn.tasks.task_files import local_path
 
 TEST = "test"
 """Part that is tested on, where it is not a log by its own name."""

@@ -1,4 +1,4 @@
-"""Parameters of identifying an arm from logs of its joints. Fields: `stages/own/params.yaml`, `motion`."""
+"""Parameters of identifying an arm from logs of its joints. Fields: `stages/tasks/params.yaml`, `motion`."""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal, Self

@@ -87,13 +87,13 @@ def report(found: Findings) -> str:
     if found.proposal is None:
         lines += ["No entry can be proposed: nothing here could be the pose of a hand."]
     else:
-        lines += ["To paste at the end of stages/own/params.yaml, where its tasks stand:", ""]
+        lines += ["To paste below `movement:` in stages/tasks/own.yaml:", ""]
         lines += as_yaml(found.proposal).splitlines()
     return "\n".join(printable(line).rstrip() for line in lines).rstrip() + "\n"
 
 
 def as_yaml(proposal: Proposal) -> str:
-    """An entry below `tasks:`, indented so that it can be appended, each value with its warnings above it."""
+    """An entry below `movement:`, indented as there, each value with its warnings above it."""
     lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.doubts, "", " " * 4)]
     return "\n".join(map(printable, lines)) + "\n"  # a doubt that broke its line would become an entry
 

@@ -1,4 +1,4 @@
-"""Parameters of learning the latent space of a skin. Fields: `stages/own/params.yaml`, `touch`."""
+"""Parameters of learning the latent space of a skin. Fields: `stages/tasks/params.yaml`, `touch`."""
 
 from typing import Literal
 

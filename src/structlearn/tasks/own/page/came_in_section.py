@@ -1,13 +1,13 @@
 """Imported data: sets of recordings with their files, rates and gaps."""
 
 from structlearn.reporting.document import Table
-from structlearn.tasks.own.page.section import Section
+from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 
 
 def section(files: TaskFiles) -> Section:
     """Of a task with demonstrations."""
-    table = files.table("came_in")
+    table = files.table("recorded/came_in")
     sets = table.groupby("set", sort=False).agg(
         files=("recording", "size"),
         shortest_s=("duration_s", "min"),

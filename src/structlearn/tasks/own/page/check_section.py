@@ -11,9 +11,9 @@ from structlearn.palette import CATEGORICAL_COLOURS, GREY, LIGHT_GREY
 from structlearn.primitives.sequence import default_start
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import WIDTH, canvas, styled
-from structlearn.tasks.own.page.section import Section
 from structlearn.tasks.own.protocol.arm_parameters import RobotParameters
 from structlearn.tasks.own.protocol.check_results import KINDS, THIN, SkillCheck, overall, read_check
+from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 
 HEADINGS = {
@@ -33,6 +33,7 @@ def section(files: TaskFiles) -> Section:
         "check",
         "On the robot",
         "check.html.jinja",
+        lead="check_lead.html.jinja",
         facts=check.metrics()
         | {
             "robot": robot,

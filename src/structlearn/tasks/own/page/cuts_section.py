@@ -12,7 +12,7 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import draw_cuts, shade_primitives, speed
 from structlearn.segmentation.segments import Segmentation
-from structlearn.tasks.own.page.section import Section
+from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 
 DRAWN = 12
@@ -34,6 +34,7 @@ def section(files: TaskFiles) -> Section:
         "cuts",
         "Cuts",
         "cuts.html.jinja",
+        lead="cuts_lead.html.jinja",
         facts={
             "cut": len(cut),
             "drawn": len(shown),

@@ -12,8 +12,8 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
 from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import capitalised
-from structlearn.tasks.own.page.section import Section
 from structlearn.tasks.own.protocol.own_feedback import read_own_feedback
+from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import OwnFeedbackParameters
 from structlearn.tasks.task_files import TaskFiles
 

@@ -14,8 +14,8 @@ from structlearn.reporting.figure_style import styled
 from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import interval, rounded
 from structlearn.rigid_body.motion import drawn_nmse
-from structlearn.tasks.motion.motion_parameters import MotionParameters
-from structlearn.tasks.own.page.section import Section
+from structlearn.tasks.section import Section
+from structlearn.tasks.task_entry import MotionEntry
 from structlearn.tasks.task_files import TaskFiles
 
 BEST = ("cov", "coulomb")
@@ -42,7 +42,7 @@ DRAWN = {("urdf", "none"): GREY, ("least_squares", "coulomb"): ORANGE, BEST: BLU
 
 def section(files: TaskFiles) -> Section:
     """Of a task with logs of joints."""
-    parameters = files.part("motion", MotionParameters)
+    parameters = files.entry(MotionEntry)
     names = ("motions", "blocks", "gravity", "base", "excitation", "traces")
     tables = {name: files.table(f"motion/{name}") for name in names}
     gravity, motions = tables["gravity"], tables["motions"]
@@ -74,6 +74,7 @@ def section(files: TaskFiles) -> Section:
         "motion",
         "The arm's dynamics",
         "motion.html.jinja",
+        lead="motion_lead.html.jinja",
         facts=facts,
         metrics=motion_metrics(best, facts),
         tables=motion_tables(tables | {"errors": errors}) | shown,
@@ -81,7 +82,7 @@ def section(files: TaskFiles) -> Section:
     )
 
 
-def held_out_errors(blocks: pd.DataFrame, joints: list[str], parameters: MotionParameters) -> pd.DataFrame:
+def held_out_errors(blocks: pd.DataFrame, joints: list[str], parameters: MotionEntry) -> pd.DataFrame:
     """NMSE with 95 % intervals per `model`, `friction` and `joint` by name (`place` counts from 1)."""
     tables = []
     for key in [tuple(name.split("/")) for name in blocks if "/" in name]:

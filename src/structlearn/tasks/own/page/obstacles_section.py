@@ -11,7 +11,7 @@ from structlearn.reporting.figure_style import styled
 from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import interval, percent, rounded
 from structlearn.reporting.scene_ways import NONE, OURS, PLANNED, RECORDED, TEXT, SceneWays
-from structlearn.tasks.own.page.section import Section
+from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 
 FEWEST = 20
@@ -44,6 +44,7 @@ def section(files: TaskFiles) -> Section:
         "obstacles",
         "Reaches past obstacles",
         "obstacles.html.jinja",
+        lead="obstacles_lead.html.jinja",
         facts=facts,
         metrics=metrics,
         tables={

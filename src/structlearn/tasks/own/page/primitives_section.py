@@ -10,7 +10,7 @@ from structlearn.primitives.sequence import largest_acceleration_jump
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
 from structlearn.reporting.movement_figures import fit_panel, sequence_figure, space_panels
-from structlearn.tasks.own.page.section import Section
+from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 
 TITLES = {"nominal": "Nominal", "generalised": "New situation"}

@@ -10,9 +10,9 @@ from structlearn.reporting.claims import Evidence, mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.panels import map_panels
 from structlearn.reporting.prose import interval, rounded
-from structlearn.tasks.own.page.section import Section
+from structlearn.tasks.section import Section
+from structlearn.tasks.task_entry import TouchEntry
 from structlearn.tasks.task_files import TaskFiles
-from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 MODELS = {
     "structured": "structured latent space",
@@ -46,7 +46,7 @@ MEASURES = {
 
 def section(files: TaskFiles) -> Section:
     """Of a task with touches."""
-    parameters = files.part("touch", TouchParameters)
+    parameters = files.entry(TouchEntry)
     errors, lies, recordings = (files.table(f"touch/{name}") for name in ("errors", "map", "recordings"))
     errors = errors[~errors["learned_from"].isin(parameters.tuned_on)]
     held_out = errors[errors["new"] == NEW_BLOCKS]
@@ -78,6 +78,7 @@ def section(files: TaskFiles) -> Section:
         "touch",
         "The skin",
         "touch.html.jinja",
+        lead="touch_lead.html.jinja",
         facts=facts | {"further": [name for name in ("touch_force", "touch_servo") if name in tables]},
         metrics=metrics | {"touch_samples": len(lies)},
         tables=tables,

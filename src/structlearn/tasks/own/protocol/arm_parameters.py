@@ -35,7 +35,7 @@ class RobotParameters(Parameters):
     """A robot, how it stands to what was demonstrated, and what it may be asked for.
 
     Limits of position and velocity are those of the URDF, which knows none of the others. Fields:
-    `stages/own/params.yaml`, `robot`.
+    `stages/tasks/params.yaml`, `robot`.
     """
 
     urdf: str = Field(min_length=1)

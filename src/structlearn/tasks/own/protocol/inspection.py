@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from structlearn.core.errors import InputError
-from structlearn.core.params import local_path
 from structlearn.readers.bag import RawMessages
 from structlearn.readers.bag_files import RecordingFile, open_bag, recording_files
 from structlearn.readers.bag_recording import read_recording
@@ -22,6 +21,7 @@ from structlearn.readers.topics import JointPose, TopicMap, TransformPose
 from structlearn.readers.transforms import TransformSeries, chain, transform_series
 from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
 from structlearn.tasks.own.protocol.hand_paths import HandPath, PoseSource, hand_path
+from structlearn.tasks.task_files import local_path
 
 BEHIND_STAMP = 12
 """Bytes of a message's encapsulation and of its header's stamp; of an array without one, of its layout."""

@@ -1,4 +1,4 @@
-"""An entry of `stages/own/params.yaml` for recordings without an entry, with its warnings.
+"""An entry of `stages/tasks/own.yaml` for recordings without an entry, with its warnings.
 
 It holds what the files tell and the defaults do not. What was chosen among several, and what may go wrong, is
 said beside the key that it is about.
@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from structlearn.core.params import local_path
 from structlearn.readers.clock import MAX_GAP_S
 from structlearn.readers.messages import READERS
 from structlearn.readers.topics import JointPose
@@ -26,6 +25,7 @@ from structlearn.tasks.own.protocol.inspection import (
     series_of,
 )
 from structlearn.tasks.own.protocol.motion_survey import MotionSurvey
+from structlearn.tasks.task_files import local_path
 
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
 """What topics of tactile arrays are mostly called; other arrays are commands and the like."""
@@ -37,7 +37,7 @@ times as good."""
 
 @dataclass(frozen=True)
 class Proposal:
-    """What to paste below `tasks:`.
+    """What to paste below `movement:`.
 
     Attributes:
         name: of the task.
@@ -80,10 +80,10 @@ def propose(
 
 
 def task_name(source: str) -> str:
-    """A name for a task whose files lie at a path: letters, digits and _ of its last part."""
+    """A name for a task whose files lie at a path: lower-case letters, digits and _ of its last part."""
     path = local_path(source).absolute()
-    words = re.findall(r"[A-Za-z0-9]+", path.stem if path.is_file() else path.name)
-    return "_".join(words) or "task"
+    words = re.findall(r"[a-z0-9]+", (path.stem if path.is_file() else path.name).lower())
+    return "_".join(words)[:60] or "task"
 
 
 def from_home(path: str) -> str:

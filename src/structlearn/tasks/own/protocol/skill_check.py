@@ -22,7 +22,6 @@ import pandas as pd
 
 from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
-from structlearn.core.params import local_path
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill
@@ -43,6 +42,7 @@ from structlearn.tasks.own.protocol.check_results import (
     SkillCheck,
     verdict,
 )
+from structlearn.tasks.task_files import local_path
 
 BEYOND_ALL_BOUNDS = 1e9
 """Weights of a network whose coupling term is at its bound from the second tick on, or on its way there."""

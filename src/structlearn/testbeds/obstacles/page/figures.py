@@ -318,7 +318,7 @@ def hits_panel(results: ObstacleResults) -> Figure:
 
 @styled
 def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
-    """Closest distance on the grid of spheres, a dot for each unroll, hits in red and counted."""
+    """Closest distance on the grid of spheres, a dot for each unroll, hits in orange and counted."""
     pairs = results.contenders
     figure = canvas(1.0 + 0.26 * len(pairs), PANEL_WIDTH)
     panel = figure.subplots()

@@ -144,8 +144,9 @@ def _notes(
         f"{len(shown)} scenarios are chosen here, with {len(shown[0].demonstrations)} demonstrations each. "
         f"A square of the floor is {FLOOR_SQUARE_M:g} m wide. {len(unhindered)} reaches without obstacle are "
         "in the tab *all settings*, with the number of every setting. In "
-        f"{sum(hit for _, hit in places)} settings the reach without avoidance hits an obstacle (it enters the "
-        "virtual radius, as in the tables). Dots on an obstacle are the cloud that models see; a point is the hand.\n\n"
+        f"{sum(hit for _, hit in places)} settings the reach without avoidance hits an obstacle: it enters "
+        "the virtual radius, as in the tables. Dots on an obstacle are the cloud that models see; a point is "
+        "the hand.\n\n"
         f"{legend(colours)}\n\nPlay the time line to see the hands move.\n"
     )
 

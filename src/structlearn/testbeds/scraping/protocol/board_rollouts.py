@@ -16,9 +16,10 @@ from structlearn.feedback.skill import Limits, ReactiveSkill, largest_coupling, 
 from structlearn.policy_search.refinement import Rollout
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.readers.clock import ClockParameters, synchronise
+from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.recording import Recording
+from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation, orientation_cost
 from structlearn.testbeds.scraping.protocol.executions import Run, execute_run

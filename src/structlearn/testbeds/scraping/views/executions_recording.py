@@ -61,7 +61,7 @@ makes of it (dissertation IV.9.3).
 """
 
 FINGERS = """**Fingers**: every electrode's reading against what runs without feedback on the level board
-felt; orange is above, blue below, grey as expected."""
+felt; orange is above, light blue below, grey as expected."""
 
 URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 """Of the arm with its meshes, among the data that PyBullet brings."""

@@ -12,7 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import quaternion
-from structlearn.palette import GREY, LIGHT_GREY
+from structlearn.palette import GREY, WHITE
 from structlearn.simulation.fingers import HOME_MM, PAD_DISTANCE_MM
 from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.views.shown_execution import RATE_HZ, Execution
@@ -63,7 +63,7 @@ def send_scene(
         translation=one.grasp[one.kept], quaternion=quaternion.to_xyzw(one.tool_orientation[one.kept])
     )
     stream.send_columns(f"{path}/tool", times, pose)
-    send_tool(stream, f"{path}/tool", colour, colour if shadow else LIGHT_GREY, opacity)
+    send_tool(stream, f"{path}/tool", colour, colour if shadow else WHITE, opacity)
     if not shadow:
         send_board(stream, f"{path}/board", one.board_deg)
         strip = rr.LineStrips3D([position], colors=rgba([colour]), radii=-1.0)
@@ -102,7 +102,7 @@ def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: 
 
 
 def send_tool(
-    stream: rr.RecordingStream, path: str, colour: str, grip: str = LIGHT_GREY, opacity: float = 1.0
+    stream: rr.RecordingStream, path: str, colour: str, grip: str = WHITE, opacity: float = 1.0
 ) -> None:
     """Log what the fingers hold of the tool, its blade and its edge below the entity of the grasp's frame."""
     reached = 0.5 * GRIP_M[2]

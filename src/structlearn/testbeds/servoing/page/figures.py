@@ -228,7 +228,7 @@ def _success(results: ServoingResults, form: str) -> Figure:
 
 
 def _ways(results: ServoingResults, variant: Variant) -> Figure:
-    """Ways of true contacts over the flat skin, from start (dot) to target (cross, red if it is missed)."""
+    """Ways of true contacts over the flat skin, from start (dot) to target (cross, orange if missed)."""
     figure, axes = _panel(
         names.FORM_NAMES[variant.form].capitalize(), "along the finger (mm)", "across (mm)", 3.3
     )

@@ -11,4 +11,4 @@ def main(files: TaskFiles) -> None:
 
 
 if __name__ == "__main__":
-    run_for_task(main, "segment", "segments")
+    run_for_task(main, out="segments")

@@ -34,4 +34,4 @@ def main(files: TaskFiles) -> None:
 
 
 if __name__ == "__main__":
-    run_for_task(main, "skill", "skill")
+    run_for_task(main, out="skill")

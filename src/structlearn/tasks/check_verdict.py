@@ -27,8 +27,8 @@ def main(files: TaskFiles) -> bool:
     Raises:
         InputError: the task has no robot, or was not checked.
     """
-    if not files.has("robot"):
-        raise InputError(f"stages/own/params.yaml: tasks.{files.name} has no robot to be checked on")
+    if files.kind != "movement" or not files.has("robot"):
+        raise InputError(f"stages/tasks/own.yaml: {files.kind}.{files.name} has no robot to be checked on")
     check = read_check(files.folder / "check")
     print("\n".join(lines(check)))
     return check.verdict != NO

@@ -2,12 +2,12 @@
 
 from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.core.artefacts import publish, write_table
-from structlearn.tasks.task_entry import ObstacleParameters
+from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:
-    results = learn_past_obstacles(files.runs("reaches"), files.part("obstacles", ObstacleParameters))
+    results = learn_past_obstacles(files.runs("reaches"), files.entry(ObstacleEntry))
     with publish(files.folder / "obstacles") as folder:
         folder.mkdir()
         for name, table in vars(results).items():
@@ -15,4 +15,4 @@ def main(files: TaskFiles) -> None:
 
 
 if __name__ == "__main__":
-    run_for_task(main, "obstacles", "obstacles")
+    run_for_task(main, out="obstacles")

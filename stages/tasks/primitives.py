@@ -27,4 +27,4 @@ def main(files: TaskFiles) -> None:
 
 
 if __name__ == "__main__":
-    run_for_task(main, "fit", "primitives")
+    run_for_task(main, out="primitives")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run
-from structlearn.tasks.own.world.pick_and_place import takes, write_takes
+from structlearn.tasks.pick_and_place_world import takes, write_takes
 
 TARGET = Path("data/example/pick")
 SEED, MOVES, COUNT = 1, 3, 6

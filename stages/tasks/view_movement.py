@@ -15,11 +15,11 @@ LEARNED = """Thick: the primitives in turn, from and to the mean start and goals
 
 
 def main(files: TaskFiles) -> None:
-    with publish(files.report / "recordings") as folder:
-        if files.has("segment"):
-            write_recordings(files, folder)
+    with publish(files.report / "rerun") as folder:
+        if files.absent:
+            leave_out(folder, files.absent)
         else:
-            leave_out(folder, "demonstrations")
+            write_recordings(files, folder)
 
 
 def write_recordings(files: TaskFiles, folder: Path) -> None:

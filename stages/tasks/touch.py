@@ -4,22 +4,20 @@ What loads slowly is imported where it is needed: most tasks have no touches.
 """
 
 from structlearn.core.artefacts import publish
-from structlearn.core.params import local_path
 from structlearn.readers import read_demonstrations
-from structlearn.readers.stamps import StampPolicy
 from structlearn.readers.touch_log import read_touch_logs, touch_of
-from structlearn.tasks.task_files import TaskFiles, run_for_task
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.task_entry import TouchEntry
+from structlearn.tasks.task_files import TaskFiles, local_path, run_for_task
 
 
 def main(files: TaskFiles) -> None:
     from structlearn.tasks.touch.skin_touches import learn_touch
 
-    parameters = files.part("touch", TouchParameters)
+    parameters = files.entry(TouchEntry)
     source = local_path(parameters.source)
     logs = read_touch_logs(source, parameters.channels)
     if not logs:
-        clock = files.clock.model_dump() | {"stamps": files.part("stamps", StampPolicy)}
+        clock = parameters.clock.model_dump() | {"stamps": parameters.stamps}
         logs = [touch_of(one) for one in read_demonstrations(source, parameters.topics, **clock)]
     with publish(files.folder / "touch") as folder:
         folder.mkdir()
@@ -27,4 +25,4 @@ def main(files: TaskFiles) -> None:
 
 
 if __name__ == "__main__":
-    run_for_task(main, "touch", "touch")
+    run_for_task(main, out="touch")

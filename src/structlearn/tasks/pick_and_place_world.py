@@ -325,7 +325,7 @@ def _since_first_stamp(take: Take) -> np.ndarray:
 def _provenance(take: Take) -> dict[str, str]:
     return {
         "origin": "simulated",
-        "generator": "structlearn.tasks.own.world.pick_and_place",
+        "generator": "structlearn.tasks.pick_and_place_world",
         "version": structlearn.__version__,
         "seed": str(take.seed),
         "what": f"an arm is led: {', '.join(take.moves)}",

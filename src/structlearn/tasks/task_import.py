@@ -1,0 +1,184 @@
+"""Recordings of a task, read once with its reader: checked, put on its clock, named by what they are for.
+
+A reader is a module of `structlearn.readers` with a function for each kind of data that it has,
+
+    read_movement(folder, entry, left_out) -> list[Recording]
+    read_motion(folder, entry, left_out) -> list[JointLog] | list[DriveLog]
+    read_obstacles(folder, entry, left_out) -> list[Recording], with shapes, and `person` in their provenance
+
+where `entry` has the task's parameters, and `left_out[file] = reason` names what could not be read.
+"""
+
+import importlib
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from structlearn import readers
+from structlearn.core.artefacts import publish, write_csv, write_table
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers import Recording, synchronise
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.joint_log import write_log_table
+from structlearn.readers.runs import write_runs
+from structlearn.readers.settings import setting_folders
+from structlearn.readers.source import ClockParameters, SourceParameters
+from structlearn.tasks.task_entry import MotionEntry, MovementEntry, ObstacleEntry
+from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
+
+WORDS = {
+    "joint_positions": "joint positions",
+    "joint_velocities": "joint velocities",
+    "joint_torques": "joint torques",
+    "tool_to_board": "tool to board",
+}
+"""What kinds of streams are called, where it is not their name."""
+
+BAGS = {"bags": "structlearn.tasks.bags"}
+"""The reader that is not a public layout."""
+
+LeftOut = dict[str, str]
+"""Why files could not be read, by their names."""
+
+
+def import_task(task: SourceParameters, target: Path) -> None:
+    """Publish what was recorded in a folder, with `left_out.csv`.
+
+    Of a public set that is missing or that cannot be read the folder says why, and the pipeline goes on.
+
+    Raises:
+        InputError: recordings of a lab cannot be read or fail their checks.
+    """
+    left_out: LeftOut = {}
+    with publish(target) as folder:
+        folder.mkdir()
+        try:
+            WRITERS[task.kind](task, folder, left_out)
+        except InputError as error:
+            if not is_public(task.source):
+                raise
+            reason = str(error).replace(f"{local_path('$DATA')}/", "")
+            for path in folder.iterdir():  # parts of it
+                path.unlink()
+            folder.rmdir()
+            leave_out(folder, reason)
+            if not isinstance(error, MissingInputError):
+                left_out[""] = reason
+        rows = [(file, reason.replace(f"{local_path('$DATA')}/", "")) for file, reason in left_out.items()]
+        write_csv(pd.DataFrame(rows, columns=["file", "reason"]), folder / LEFT_OUT)
+    for _, reason in rows:
+        print(f"{target}: left out: {reason}", file=sys.stderr)
+
+
+def reader(task: SourceParameters) -> Callable[[Path, Any, LeftOut], Any]:
+    """The function of a task's reader for its kind of data.
+
+    Raises:
+        InputError: there is no such reader, or it does not read this kind.
+    """
+    name, function = task.reader, f"read_{task.kind}"
+    modules = {one.name: f"{readers.__name__}.{one.name}" for one in iter_modules(readers.__path__)} | BAGS
+    found = getattr(importlib.import_module(modules[name]), function, None) if name in modules else None
+    if found is None:
+        raise InputError(f"reader '{name}': there is no {function} in structlearn/readers/{name}.py")
+    return found
+
+
+def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
+    """What a task's reader finds in a file or folder.
+
+    Raises:
+        MissingInputError: of a public set, there is none.
+        InputError: it cannot be read.
+    """
+    path = local_path(source)
+    if is_public(source) and not path.exists():
+        raise MissingInputError(f"{source}: not recorded here")
+    return reader(task)(path, task, left_out)
+
+
+def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
+    """`demonstrations`, `executions`, `corrections/SETTING` (runs) and `came_in`."""
+    recordings = {"demonstrations": read_source(task, task.source, left_out)}
+    if task.feedback is not None:
+        recordings["executions"] = read_source(task, task.feedback.executions, left_out)
+        for label, path in setting_folders(
+            local_path(task.feedback.corrections), task.feedback.settings
+        ).items():
+            recordings[f"corrections/{label}"] = reader(task)(path, task, left_out)
+    for name, its in recordings.items():
+        write_runs(_on_clock(task, its, task.clock, left_out), folder / f"{name}.parquet")
+    write_table(came_in(recordings), folder / "came_in.parquet")
+
+
+def _logs(task: MotionEntry, folder: Path, left_out: LeftOut) -> None:
+    """`logs`."""
+    write_log_table(read_source(task, task.source, left_out), folder / "logs.parquet")
+
+
+def _touches(task: SourceParameters, folder: Path, left_out: LeftOut) -> None:
+    """Nothing yet: the stage reads them."""
+
+
+def _reaches(task: ObstacleEntry, folder: Path, left_out: LeftOut) -> None:
+    """`reaches` (runs)."""
+    reaches = read_source(task, task.source, left_out)
+    runs = _on_clock(task, reaches, task.clock, left_out, refuse_jumps=False)  # the protocol names them
+    write_runs(runs, folder / "reaches.parquet")
+
+
+WRITERS: dict[str, Callable[[Any, Path, LeftOut], None]] = {
+    "movement": _movements,
+    "motion": _logs,
+    "touch": _touches,
+    "obstacles": _reaches,
+}
+"""By kind: reads with the task's reader, and writes into a folder."""
+
+
+def _on_clock(
+    task: SourceParameters,
+    recordings: list[Recording],
+    clock: ClockParameters | None,
+    left_out: LeftOut,
+    refuse_jumps: bool = True,
+) -> list[Demonstration]:
+    """Of a public set what fails its checks is left out; of a lab's recordings it is an error."""
+    on = clock.model_dump() if clock else {}  # without: the rate of the poses
+    runs = []
+    for one in recordings:
+        try:
+            runs.append(synchronise(one, **on, refuse_jumps=refuse_jumps))
+        except InputError as error:
+            if not is_public(task.source):
+                raise InputError(f"{task.source}: {error}") from error
+            left_out[one.name] = str(error)
+    if not runs:
+        raise InputError(f"{task.source}: holds no recording that can be read")
+    return runs
+
+
+def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
+    """Per recording: `set`, `recording`, `duration_s`, `pose_hz`, `largest_gap_ms`, `signals`, `stamps`."""
+    rows = []
+    for kind, its in recordings.items():
+        for one in its:
+            pose = next(stream for stream in one.streams if stream.kind == "pose")
+            kinds = dict.fromkeys(stream.kind for stream in one.streams)
+            rows.append(
+                {
+                    "set": kind.replace("/", ", "),
+                    "recording": one.name,
+                    "duration_s": 1e-9 * float(pose.stamps[-1] - pose.stamps[0]),
+                    "pose_hz": 1.0 / np.median(1e-9 * np.diff(pose.stamps)),
+                    "largest_gap_ms": max(1e-6 * np.diff(stream.stamps).max() for stream in one.streams),
+                    "signals": ", ".join(WORDS.get(one, one) for one in kinds),
+                    "stamps": one.provenance.get("stamps", ""),
+                }
+            )
+    return pd.DataFrame(rows)

@@ -1,0 +1,132 @@
+"""The page of a task: a section for every part that it has, and the claims about a public set."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from structlearn.core.params import read_values
+from structlearn.reporting.claims import Judged, judge, read_claims, unknown
+from structlearn.reporting.document import Document, Source, environment
+from structlearn.reporting.findings import Findings
+from structlearn.reporting.publishing import HEADLINES, publish_report
+from structlearn.tasks.own.page import (
+    came_in_section,
+    check_section,
+    cuts_section,
+    feedback_section,
+    motion_section,
+    obstacles_section,
+    primitives_section,
+    touch_section,
+)
+from structlearn.tasks.section import Section
+from structlearn.tasks.task_entry import FOLDER, OF_PUBLIC, OWN, PIPELINE, read_checked
+from structlearn.tasks.task_files import TaskFiles, is_public
+
+PACKAGE = "structlearn.tasks"
+
+SECTIONS: dict[str, tuple[tuple[str, Callable[[TaskFiles], Section]], ...]] = {
+    "movement": (
+        ("", came_in_section.section),
+        ("", cuts_section.section),
+        ("", primitives_section.section),
+        ("feedback", feedback_section.section),
+        ("", check_section.skill_section),
+        ("robot", check_section.section),
+    ),
+    "motion": (("", motion_section.section),),
+    "touch": (("", touch_section.section),),
+    "obstacles": (("", obstacles_section.section),),
+}
+"""By kind: key of the task's parameters, null where it has none, and what makes the section; in order."""
+
+STAGES = {
+    "recordings": ("recorded", "import_movement"),
+    "demonstrations": ("recorded", "import_movement"),
+    "segments": ("segments", "segment"),
+    "primitives": ("primitives", "primitives"),
+    "feedback": ("feedback", "feedback"),
+    "skill": ("skill", "skill"),
+    "check": ("check", "check"),
+    "motion": ("motion", "motion"),
+    "touch": ("touch", "touch"),
+    "obstacles": ("obstacles", "obstacles"),
+}
+"""By the name of a source: folder of the task's data, and the stage that writes it."""
+
+
+def publish_page(files: TaskFiles) -> None:
+    """Publish the page of a task with its figures, tables, claims and key figures."""
+    kind, task, absent = files.kind, read_checked(files.parameters), files.absent
+    parts = () if absent else SECTIONS[kind]
+    sections = [_in_package(make(files), make.__module__) for key, make in parts if not key or files.has(key)]
+    shown = {section.name: section for section in sections}
+    tables = {name: table for section in sections for name, table in section.tables.items()}
+    pictures = {name: drawing for section in sections for name, drawing in section.pictures.items()}
+    metrics = {name: value for section in sections for name, value in section.metrics.items() if known(value)}
+    find = Findings.of_metrics(metrics, tuple(metrics)[:HEADLINES])
+    for section in sections:
+        find.include(section.find)
+    public = is_public(task.source)
+    facts: dict[str, Any] = {name: section.facts for name, section in shown.items()}
+    facts |= find.numbers() | {
+        "find": find,
+        "task": files.name,
+        "title": files.name,
+        "stage": STAGES[kind][1] if kind in STAGES else "segment",
+        "file": (FOLDER / (OF_PUBLIC if public else OWN)).as_posix(),
+        "public": public,
+        "up": ("../../recorded/index.html", "Recorded data")
+        if public
+        else ("../../index.html", "All testbeds"),
+        "absent": absent,
+        "left_out": files.left_out().to_dict("records"),
+        "sections": sections,
+        "shown": shown,
+    }
+    page = Document(
+        template="task.html.jinja",
+        package=PACKAGE,
+        stage=f"{PIPELINE}:report_{kind}@{files.name}",
+        facts=facts,
+        tables=tables,
+        judged=judged(files.name, find, facts),
+        sources={
+            name: Source(f"{files.folder}/{folder}", f"{PIPELINE}:{stage}@{files.name}")
+            for name, (folder, stage) in STAGES.items()
+        }
+        | {name: source for section in sections for name, source in section.sources.items()},
+        parameters={f"{kind}.{files.name}": task},
+        recordings="rerun",
+        simulated=kind == "movement"
+        and not absent
+        and any(one.simulated for one in files.runs("demonstrations")),
+    )
+    publish_report(files.report, {"index": page}, pictures, tables, find)
+
+
+def known(value: object) -> bool:
+    """Whether a metric is one: of too few data it is NaN."""
+    return not (isinstance(value, float) and np.isnan(value))
+
+
+def _in_package(section: Section, module: str) -> Section:
+    """A section whose templates are named from the package of tasks."""
+    folder = module.removeprefix(f"{PACKAGE}.").rpartition(".")[0].replace(".", "/")
+    lead = f"{folder}/{section.lead}" if section.lead else ""
+    return replace(section, template=f"{folder}/{section.template}", lead=lead)
+
+
+def judged(name: str, find: Findings, facts: Mapping[str, object]) -> list[Judged]:
+    """Claims about a task, in `claims/NAME.yaml` beside its entry; not tested where there are no data."""
+    path = FOLDER / "claims" / f"{name}.yaml"
+    if not path.exists():
+        return []
+    claims = read_claims(path)
+    without = unknown("nothing recorded decides it" if find else "not recorded here")
+    found = {one.evidence: find.get(one.evidence) or without for one in claims}
+    published = path.with_name("published.yaml")
+    facts = {"published": read_values(published) if published.exists() else {}} | dict(facts)
+    return judge(claims, found, environment(PACKAGE), facts)
