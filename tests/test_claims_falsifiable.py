@@ -23,7 +23,7 @@ import test_scraping_page
 import test_servoing_page
 import torch
 from dynamics_tables import dynamics_results
-from reporting_feedback import ADAPTED, PRIMITIVES, people
+from reporting_feedback import PRIMITIVES, people
 from reporting_refinement import refinement_results
 from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
@@ -40,12 +40,8 @@ from structlearn.tasks.public.page import assembly, calibration_results
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
-from structlearn.testbeds.scraping.page.people_results import (
-    People,
-    feedback_evidence,
-    segmentation_evidence,
-    sweep_evidence,
-)
+from structlearn.testbeds.scraping.page import findings as scraping
+from structlearn.testbeds.scraping.page.findings import People
 from structlearn.testbeds.servoing.page import findings as servoing_findings
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
 
@@ -123,11 +119,12 @@ def servoing_people(results: Any) -> Findings:
     return find
 
 
-def of_people(results: Any) -> Mapping[str, Found]:
+def segmentation_of_people(results: Any) -> Findings:
     """Of the page on segmentation: what the sweep and a study of people like this one find."""
+    find = test_scraping_page.rows(scraping.segmentation_of_one, results)
     aligned = [primitive.name for primitive in results.found_primitives]
-    studied = People.of_study(people(results.metrics()), PRIMITIVES)
-    return segmentation_evidence(studied, aligned) | sweep_evidence(results)
+    scraping.segmentation_of_people(find, People(people(find.numbers()), PRIMITIVES), aligned)
+    return find
 
 
 def arithmetic() -> dict[str, set[str]]:
@@ -137,12 +134,6 @@ def arithmetic() -> dict[str, set[str]]:
         for seeds in (range(2), range(3, 5))
     )
     return {"downsampling": {name for name in first if first[name].equals(second[name])}}
-
-
-def feedback_of_people(results: Any) -> Mapping[str, Found]:
-    """Of the page on feedback: what a study of people like this one finds."""
-    studied = People.of_study(people(results.metrics()), PRIMITIVES)
-    return feedback_evidence(studied, ADAPTED, results.board.settings_deg)
 
 
 def deaf_to_phase(results: Any) -> Any:
@@ -176,13 +167,17 @@ PAGES = {
         servoing_people,
     ),
     "segmentation": Page(
-        SCRAPING, "segmentation_claims.yaml", lambda get: [get("segmentation")], of_people, known=arithmetic
+        SCRAPING,
+        "segmentation_claims.yaml",
+        lambda get: [get("segmentation")],
+        segmentation_of_people,
+        known=arithmetic,
     ),
     "feedback": Page(
         SCRAPING,
         "feedback_claims.yaml",
         lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
-        feedback_of_people,
+        test_scraping_page.feedback_evidence,
     ),
     "refinement": Page(
         SCRAPING,

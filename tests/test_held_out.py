@@ -33,6 +33,7 @@ from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_motions import arm, rubbing_motion, sine_motion
+from structlearn.tasks.public.protocol.corrections import _split, corrected_reaches, learn_corrections
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_learning import PARAMETERS as AVOIDANCE
@@ -91,7 +92,6 @@ from structlearn.tasks.public.protocol import (
     touch_sets,
 )
 from structlearn.tasks.public.protocol.avoidance_representations import RecordedAvoidanceParameters
-from structlearn.tasks.public.protocol.corrections import _split, corrected_reaches, learn_corrections
 from structlearn.tasks.task_entry import OwnFeedbackParameters
 from structlearn.tasks.touch import skin_readings, skin_touches
 from structlearn.tasks.touch.touch_parameters import TouchParameters

@@ -65,6 +65,13 @@ METHOD_NAMES = {
 METHOD_COLOURS = {"zvc": GREY, "dtw": ORANGE, "ls": SKY, "wls_text": PURPLE, "wls": BLUE}
 
 # who or what moves a hand through a scene of obstacles, in the order of tables
+PHASE_PATHS = {
+    "nominal": Look("nominal primitive", BLUE),
+    "coupling": Look("with learned coupling", REPRODUCTION_COLOUR),
+    "spread": Look("mean of the training runs", BLACK),
+}
+"""Of corrected runs; tables hold distances to them as `KEY_mm`."""
+
 SCENE_WAYS = {
     "none": Look("baseline alone", BLACK),
     "human_inspired": Look("human-inspired (Rai et al.)", ORANGE),

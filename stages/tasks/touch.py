@@ -1,27 +1,55 @@
-"""Learn a latent space of the skin of a task from touches (dissertation II.3.3).
+"""Learn from the touches of a task: a skin and its map, expected traces, or what carries over (II, IV.6).
 
-What loads slowly is imported where it is needed: most tasks have no touches.
+What loads slowly is imported where it is needed.
 """
 
-from structlearn.core.artefacts import publish
-from structlearn.readers import read_demonstrations
-from structlearn.readers.touch_log import read_touch_logs, touch_of
-from structlearn.tasks.task_entry import TouchEntry
-from structlearn.tasks.task_files import TaskFiles, local_path, run_for_task
+from pathlib import Path
+
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import stage_parameters
+from structlearn.readers.runs import read_streams
+from structlearn.readers.touch_log import read_touch_logs
+from structlearn.tasks.task_files import TaskFiles, run_for_task
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 
 def main(files: TaskFiles) -> None:
-    from structlearn.tasks.touch.skin_touches import learn_touch
-
-    parameters = files.entry(TouchEntry)
-    source = local_path(parameters.source)
-    logs = read_touch_logs(source, parameters.channels)
-    if not logs:
-        clock = parameters.clock.model_dump() | {"stamps": parameters.stamps}
-        logs = [touch_of(one) for one in read_demonstrations(source, parameters.topics, **clock)]
+    parameters = files.entry(TouchParameters)
     with publish(files.folder / "touch") as folder:
         folder.mkdir()
-        learn_touch(logs, parameters, folder)
+        if parameters.surfaces is not None:
+            surfaces(files, parameters, folder)
+        elif parameters.transfer is not None:
+            transfer(files, parameters, folder)
+        else:
+            from structlearn.tasks.touch.skin_touches import learn_touch
+
+            learn_touch(read_touch_logs(files.recorded / "touches.parquet"), parameters, folder)
+
+
+def surfaces(files: TaskFiles, parameters: TouchParameters, folder: Path) -> None:
+    from structlearn.tasks.touch.surface_traces import learn_surfaces
+
+    learn_surfaces(read_streams(files.recorded / "streams.parquet"), parameters.surfaces, folder)
+
+
+def transfer(files: TaskFiles, parameters: TouchParameters, folder: Path) -> None:
+    from structlearn.simulation.fingers import TouchParameters as ElectrodeParameters
+    from structlearn.simulation.touch import TouchFingerParameters
+    from structlearn.simulation.touch_demonstrator import ToucherParameters
+    from structlearn.tactile.touch_preparation import TouchDataParameters
+    from structlearn.tasks.touch.touch_transfer import compare_sets
+
+    electrodes = stage_parameters("testbed.touch", ElectrodeParameters)
+    tables = compare_sets(
+        read_streams(files.recorded / "streams.parquet"),
+        parameters,
+        stage_parameters("toucher", ToucherParameters),
+        stage_parameters("touch_finger", TouchFingerParameters).with_electrodes_of(electrodes),
+        stage_parameters("touch_dataset", TouchDataParameters),
+    )
+    for name, table in tables.items():
+        write_table(table, folder / f"{name}.parquet")
 
 
 if __name__ == "__main__":

@@ -5,15 +5,13 @@ sensing using cut-cell microstructures"), folder `characterization/datasets`. Th
 probe have clocks of their own; readings take the state of the nearest time.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.series_table import Series, write_series
 from structlearn.readers.text_log import check_rising, read_each, read_stamped_table, source_provenance
+from structlearn.readers.touch_log import TouchLog
 
 REPOSITORY = "https://github.com/notvenky/eFlesh"
 COMMIT = "ab5ca56a87df7cbf59264138998bf74efc216b13"
@@ -32,40 +30,31 @@ STANDARD_GRAVITY = 9.80665
 MISSING = -1.0
 """What the log holds where the scale gave no reading."""
 
-PLACE = ["x_m", "y_m", "z_m"]
-UNITS = {"time_s": "s", "force_n": "N"} | dict.fromkeys(PLACE, "m")
 
+def read_touch(folder: Path, entry: object, left_out: dict[str, str]) -> list[TouchLog]:
+    """All runs, over places and on a scale, each in the order of their names, which are times.
 
-@dataclass(frozen=True)
-class ProbeRun:
-    """One run of the probe, a row per reading of the skin.
-
-    Attributes:
-        name: of its folder.
-        time: (N,) s since its first reading.
-        place: (N, 3) m, commanded position of the probe; z points away from the skin.
-        counts: (N, 15) readings less the resting ones.
-        force: (N,) N on the scale, NaN where it gave no reading; NaN throughout where there was no scale.
-        provenance: where the files come from.
+    Raises:
+        MissingInputError: there is no run over places.
+        InputError: see `read_run`.
     """
-
-    name: str
-    time: np.ndarray
-    place: np.ndarray
-    counts: np.ndarray
-    force: np.ndarray
-    provenance: dict[str, str] = field(default_factory=dict)
+    found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
+    if not found[PRESSES]:
+        raise MissingInputError(f"{folder}: holds no run ({FOLDERS[PRESSES]}/RUN/states.csv)")
+    return [run for runs in found.values() for run in runs]
 
 
-def read_runs(folder: str | Path, kind: str, left_out: dict[str, str] | None = None) -> list[ProbeRun]:
-    """All runs of one kind, `PRESSES` or `STROKES`, in the order of their names, which are times."""
+def read_runs(folder: str | Path, kind: str, left_out: dict[str, str] | None = None) -> list[TouchLog]:
+    """All runs of one kind, `PRESSES` or `STROKES`, in the order of their names."""
     folder = Path(folder)
     paths = sorted(path.parent for path in (folder / FOLDERS[kind]).glob("*/states.csv"))
     return read_each(lambda path: read_run(path, folder, kind == STROKES), paths, left_out)
 
 
-def read_run(path: Path, root: Path, on_scale: bool) -> ProbeRun:
+def read_run(path: Path, root: Path, on_scale: bool) -> TouchLog:
     """One run from a folder below the data set's; `on_scale`: its states end with a scale's reading.
+
+    Counts are less the resting reading; the place is the commanded one, z pointing away from the skin.
 
     Raises:
         InputError: a file is missing or no table of its columns, times do not rise, a reading has no state
@@ -83,16 +72,20 @@ def read_run(path: Path, root: Path, on_scale: bool) -> ProbeRun:
         raise InputError(
             f"{files[1]}: line {row + 1} is {away[row] * 1e-9:.3f} s from any state in {files[0]}"
         )
-    grams = states[rows, 3] if on_scale else np.full(len(rows), MISSING)
-    wrong = np.flatnonzero((grams < 0) & (grams != MISSING))
-    if len(wrong):
-        raise InputError(f"{files[0]}: line {rows[wrong[0]] + 1}: the scale reads {grams[wrong[0]]:g} g")
-    return ProbeRun(
+    force = None
+    if on_scale:
+        grams = states[rows, 3]
+        wrong = np.flatnonzero((grams < 0) & (grams != MISSING))
+        if len(wrong):
+            raise InputError(f"{files[0]}: line {rows[wrong[0]] + 1}: the scale reads {grams[wrong[0]]:g} g")
+        force = np.where(grams == MISSING, np.nan, 1e-3 * STANDARD_GRAVITY * grams)
+    return TouchLog(
         name=path.name,
-        time=(sensed - sensed[0]) * 1e-9,
-        place=1e-3 * states[rows, :3],
+        channels=CHANNELS,
         counts=counts,
-        force=np.where(grams == MISSING, np.nan, 1e-3 * STANDARD_GRAVITY * grams),
+        place=1e-3 * states[rows, :3],
+        time=(sensed - sensed[0]) * 1e-9,
+        force=force,
         provenance=source_provenance(REPOSITORY, COMMIT, LICENCE, root, files),
     )
 
@@ -103,28 +96,3 @@ def nearest_rows(stamps: np.ndarray, asked: np.ndarray) -> np.ndarray:
     after = np.minimum(after, len(stamps) - 1)
     before = np.maximum(after - 1, 0)
     return np.where(asked - stamps[before] <= stamps[after] - asked, before, after)
-
-
-def read_all_runs(folder: str | Path, left_out: dict[str, str] | None = None) -> dict[str, list[ProbeRun]]:
-    """Runs of all kinds, by kind; `left_out`: see `text_log.read_each`.
-
-    Raises:
-        MissingInputError: there is no run over places.
-        InputError: see `read_run`.
-    """
-    found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
-    if not found[PRESSES]:
-        raise MissingInputError(f"{folder}: holds no run ({FOLDERS[PRESSES]}/RUN/states.csv)")
-    return found
-
-
-def write_runs(found: Mapping[str, Sequence[ProbeRun]], target: Path) -> None:
-    """Write runs by kind as tables into an empty folder, with their provenance."""
-    for kind, runs in found.items():
-        series = []
-        for run in runs:
-            values = np.column_stack([run.time, run.force, run.place, run.counts])
-            columns = dict(zip([*UNITS, *CHANNELS], values.T, strict=True))
-            series.append(Series(run.name, columns, run.provenance))
-        if runs:
-            write_series(series, UNITS | dict.fromkeys(CHANNELS, "counts"), target / f"{kind}.parquet")

@@ -5,6 +5,7 @@ heterogeneous tactile sensory data"): six streams per trial, each with Unix time
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,11 @@ COLUMNS = {"cp": 8, "jp": 8, "jv": 8, "jt": 8, "cw": 7, "bio": 45}
 
 FIRST_ELECTRODE = 25
 """Columns of `bio` before the electrodes, without the time: pressures, temperatures and 22 vibrations."""
+
+
+def read_touch(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
+    """The first `entry.part` slides over each material."""
+    return read_slides(folder, entry.part, left_out)
 
 
 def read_slides(

@@ -7,7 +7,7 @@ tactile signal have the pose of what touches as place.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -18,9 +18,11 @@ import pyarrow
 from structlearn.core.errors import InputError
 from structlearn.readers.bag_files import natural_order
 from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.series_table import Series, read_series, write_series
 from structlearn.readers.text_log import LARGEST
 
 PLACE, HEIGHT, TIME, FORCE, RUN = ("x_m", "y_m"), "z_m", "time_s", "force_n", "run"
+UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys((*PLACE, HEIGHT), "m")
 READERS = {".csv": pd.read_csv, ".parquet": partial(pd.read_parquet, page_checksum_verification=True)}
 
 
@@ -37,6 +39,7 @@ class TouchLog:
     place: np.ndarray | None
     time: np.ndarray | None = None
     force: np.ndarray | None = None
+    provenance: dict[str, str] = field(default_factory=dict)
 
 
 def touch_of(demonstration: Demonstration) -> TouchLog:
@@ -59,9 +62,30 @@ def touch_tables(source: Path) -> list[Path]:
     return sorted(found, key=lambda path: natural_order(path.stem))
 
 
-def read_touch_logs(source: Path, channels: Sequence[str] | None) -> list[TouchLog]:
-    """Recordings in the tables of a file or folder; none where it has bags alone."""
-    return [log for path in touch_tables(source) for log in read_touch_table(path, channels)]
+def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
+    """Publish recordings with different names as one table, with their provenance."""
+    series = []
+    for log in logs:
+        columns = {} if log.time is None else {TIME: log.time}
+        if log.force is not None:
+            columns[FORCE] = log.force
+        if log.place is not None:
+            columns |= dict(zip((*PLACE, HEIGHT), log.place.T, strict=True))
+        columns |= dict(zip(log.channels, log.counts.T, strict=True))
+        series.append(Series(log.name, columns, log.provenance))
+    units = UNITS | {name: "counts" for log in logs for name in log.channels}
+    write_series(series, units, target)
+
+
+def read_touch_logs(path: str | Path) -> list[TouchLog]:
+    """What `write_touch_logs` published."""
+    logs = []
+    for one in read_series(path):
+        channels = tuple(name for name in one.columns if name not in UNITS)
+        place = one.stacked((*PLACE, HEIGHT)) if HEIGHT in one.columns else None
+        time, force = one.columns.get(TIME), one.columns.get(FORCE)
+        logs.append(TouchLog(one.name, channels, one.stacked(channels), place, time, force, dict(one.about)))
+    return logs
 
 
 def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLog]:

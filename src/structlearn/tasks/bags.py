@@ -5,8 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from structlearn.readers import Recording, read_recordings
+from structlearn.readers import Recording, read_recordings, synchronise
 from structlearn.readers.joint_log import JointLog, read_joint_logs
+from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables
 
 
 def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
@@ -33,3 +34,14 @@ def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str]) -> list[R
             name, person = (f"{one.name} {reach.name}", one.name) if people else (reach.name, reach.name)
             found.append(replace(reach, name=name, provenance={**reach.provenance, "person": person}))
     return found
+
+
+def read_touch(folder: Path, entry: Any, left_out: dict[str, str]) -> Sequence[TouchLog | Recording]:
+    """Tables of touches, or else bags with a tactile signal and the pose of what touches."""
+    logs = [log for path in touch_tables(folder) for log in read_touch_table(path, entry.channels)]
+    if logs:
+        return logs
+    recordings = read_recordings(folder, entry.topics, entry.stamps)
+    if entry.over_time:
+        return recordings
+    return [touch_of(synchronise(one, **entry.clock.model_dump())) for one in recordings]

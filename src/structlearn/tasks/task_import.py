@@ -5,6 +5,7 @@ A reader is a module of `structlearn.readers` with a function for each kind of d
     read_movement(folder, entry, left_out) -> list[Recording]
     read_motion(folder, entry, left_out) -> list[JointLog] | list[DriveLog]
     read_obstacles(folder, entry, left_out) -> list[Recording], with shapes, and `person` in their provenance
+    read_touch(folder, entry, left_out) -> list[TouchLog], or list[Recording] where `entry.over_time`
 
 where `entry` has the task's parameters, and `left_out[file] = reason` names what could not be read.
 """
@@ -25,11 +26,14 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import Recording, synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import write_log_table
-from structlearn.readers.runs import write_runs
+from structlearn.readers.runs import write_runs, write_streams
 from structlearn.readers.settings import setting_folders
 from structlearn.readers.source import ClockParameters, SourceParameters
-from structlearn.tasks.task_entry import MotionEntry, MovementEntry, ObstacleEntry
+from structlearn.readers.touch_log import write_touch_logs
+from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.task_entry import MotionEntry, ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 WORDS = {
     "joint_positions": "joint positions",
@@ -103,7 +107,7 @@ def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
 
 
 def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
-    """`demonstrations`, `executions`, `corrections/SETTING` (runs) and `came_in`."""
+    """`demonstrations`, `executions`, `corrections/SETTING`, `corrected` (runs) and `came_in`."""
     recordings = {"demonstrations": read_source(task, task.source, left_out)}
     if task.feedback is not None:
         recordings["executions"] = read_source(task, task.feedback.executions, left_out)
@@ -111,6 +115,12 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
             local_path(task.feedback.corrections), task.feedback.settings
         ).items():
             recordings[f"corrections/{label}"] = reader(task)(path, task, left_out)
+    if task.corrections is not None:
+        other = task.model_copy(update={"part": task.corrections.part})
+        try:
+            recordings["corrected"] = read_source(other, task.corrections.source, left_out)
+        except MissingInputError as missing:  # of a public set, whose other movements go on
+            print(missing)
     for name, its in recordings.items():
         write_runs(_on_clock(task, its, task.clock, left_out), folder / f"{name}.parquet")
     write_table(came_in(recordings), folder / "came_in.parquet")
@@ -121,8 +131,14 @@ def _logs(task: MotionEntry, folder: Path, left_out: LeftOut) -> None:
     write_log_table(read_source(task, task.source, left_out), folder / "logs.parquet")
 
 
-def _touches(task: SourceParameters, folder: Path, left_out: LeftOut) -> None:
-    """Nothing yet: the stage reads them."""
+def _touches(task: TouchParameters, folder: Path, left_out: LeftOut) -> None:
+    """`touches`, or of a finger over time `streams`, since touch counts at the sensor's own rate."""
+    found = read_source(task, task.source, left_out)
+    if not task.over_time:
+        write_touch_logs(found, folder / "touches.parquet")
+        return
+    checked = {one.name for one in _on_clock(task, found, None, left_out)}
+    write_streams([one for one in found if one.name in checked], folder / "streams.parquet")
 
 
 def _reaches(task: ObstacleEntry, folder: Path, left_out: LeftOut) -> None:

@@ -252,5 +252,4 @@ def _blueprint(
     return layout(
         rrb.Horizontal(left, rrb.Grid(*plots, grid_columns=2), column_shares=[2, 3]),
         steps_per_s=PHASE_STEPS / 3,
-        at_end=bool(around),
     )

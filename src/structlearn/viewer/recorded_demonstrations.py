@@ -202,7 +202,9 @@ def _blueprint(
     if only_positions:
         return layout(overview)
     details = [_detail(demonstration, segmentation, around) for demonstration in demonstrations[:DETAILED]]
-    return layout(rrb.Tabs(overview, *details, active_tab=0), at_end=bool(around))
+    felt = any(demonstration.tactile is not None for demonstration in demonstrations)
+    first = 1 if felt and not around else 0  # all paths together say nothing of what fingers felt
+    return layout(rrb.Tabs(overview, *details, active_tab=first))
 
 
 def _detail(

@@ -168,7 +168,7 @@ def send_moving_frame(
     colour: str,
     axis_length: float,
 ) -> None:
-    """Log a pose over time as a point, and as axes where an orientation is known.
+    """Log a pose over time as a point, and as axes where an orientation is known and they have a length.
 
     `indexes`: the time lines, each with T times; `position` (T, 3) m; `orientation` (T, 4) unit quaternions,
     or None; `axis_length`: m.
@@ -176,6 +176,7 @@ def send_moving_frame(
     pose: dict[str, Any] = {"translation": position}
     if orientation is not None:
         pose["quaternion"] = quaternion.to_xyzw(orientation)
+    if orientation is not None and axis_length > 0.0:
         stream.log(path, rr.TransformAxes3D(axis_length), static=True)
     stream.log(path, rr.Points3D([[0.0, 0.0, 0.0]], colors=rgba([colour]), radii=-3.0), static=True)
     stream.send_columns(path, indexes, rr.Transform3D.columns(**pose))
@@ -307,12 +308,11 @@ def layout(
     content: rrb.Container | rrb.View,
     timeline: str = TIME,
     steps_per_s: float | None = None,
-    at_end: bool = False,
 ) -> rrb.Blueprint:
     """Blueprint that leaves the window to the views; the panels at the sides are folded away.
 
-    `timeline`: on which the viewer starts, paused at its first time; `steps_per_s`: how fast time lines of
-    whole numbers are played; `at_end`: start at its last time instead.
+    `timeline`: which is played over and over from the start, so that the first look sees motion;
+    `steps_per_s`: how fast time lines of whole numbers are played.
     """
     return rrb.Blueprint(
         content,
@@ -321,7 +321,8 @@ def layout(
         rrb.TimePanel(
             state="collapsed",
             timeline=timeline,
-            play_state="following" if at_end else "paused",
+            play_state="playing",
+            loop_mode="all",
             fps=steps_per_s,
         ),
     )

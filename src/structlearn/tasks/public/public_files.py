@@ -1,6 +1,5 @@
 """Paths of the files of the recorded data, and typed readers."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,10 +7,6 @@ import pandas as pd
 
 from structlearn.core.artefacts import filled, read_csv, read_table
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.feedback.coupling_model import CouplingModel, read_networks
-from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
-from structlearn.primitives.sequence import PosePrimitive
-from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers import Recording
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import DriveLog, read_log_table
@@ -20,29 +15,15 @@ from structlearn.readers.runs import read_runs, read_streams
 RAW = "raw/recorded"
 LEFT_OUT = "data/raw/recorded/left_out.csv"
 
-REACHES, HIGHER_REACHES, UNSCREWING, SCRAPING, SLIDES = (
-    "reaches",
-    "corrected_reaches",
-    "unscrewing",
-    "scraping",
-    "slides",
-)
-"""Sets of movements."""
+SLIDES = "slides"
 
-LEARNED = {
-    REACHES: "primitive",
-    HIGHER_REACHES: "networks",
-    UNSCREWING: "primitive",
-    SCRAPING: "primitives",
-    SLIDES: "expected",
-}
+LEARNED: dict[str, str] = {}
 """File of what was learned from a set."""
 
-BOXES, SKIN, UR10E = "boxes", "skin", "ur10e"
+BOXES, UR10E = "boxes", "ur10e"
 
 SETS = {
     BOXES: ("reaches", "errors", "people", "left_out", "paths", "shapes"),
-    SKIN: ("errors", "maps", "servo", "paths", "force", "lags", "traces"),
     UR10E: (
         *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "links"),
         *("traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
@@ -51,32 +32,9 @@ SETS = {
 """Tables of sets that have a folder and a stage of their own."""
 
 TABLES = {
-    "reach_errors": "reaches/reproduction",
-    "cut_errors": "reaches/cut_errors",
-    "coupling_completeness": "corrected_reaches/completeness",
-    "coupling_distances": "corrected_reaches/distances",
-    "coupling_profile": "corrected_reaches/profile",
-    "coupling_scores": "corrected_reaches/scores",
-    "coupling_targets": "corrected_reaches/targets",
-    "coupling_paths": "corrected_reaches/paths",
-    "unscrewing_errors": "unscrewing/errors",
-    "sequence": "scraping/sequence",
-    "sequence_errors": "scraping/errors",
-    "electrode_scores": "scraping/electrode_scores",
-    "electrode_traces": "scraping/electrode_traces",
-    "clock_errors": "slides/clock_errors",
-    "slide_deviations": "slides/deviations",
-    "slide_left_one_out": "slides/left_one_out",
-    "slide_channels": "slides/channels",
-    "slide_across": "slides/across_materials",
-    "slide_statistics": "slides/statistics",
     "avoidance_scores": "avoidance/scores",
     "avoidance_folds": "avoidance/folds",
     "avoidance_phase": "avoidance/phase_worth",
-    "touch_errors": "latent_touch/errors",
-    "touch_sets": "latent_touch/sets",
-    "touch_likeness": "latent_touch/likeness",
-    "touch_correlations": "latent_touch/correlations",
     "panda_errors": "dynamics/errors",
     "panda_friction": "dynamics/friction",
     "panda_links": "dynamics/links",
@@ -85,17 +43,6 @@ TABLES = {
     "slide_payloads": "dynamics/slide_payloads",
 } | {f"{name}_{table}": f"{name}/{table}" for name, tables in SETS.items() for table in tables}
 """Tables that a page shows, by name."""
-
-CALIBRATION = ("comparison", "electrodes", "fingers", "spectra", "components", "traces")
-"""Tables of simulated touch beside recorded touch."""
-
-
-def shown_map(maps: pd.DataFrame, tuned_on: Collection[str]) -> pd.DataFrame:
-    """The map of the skin that is shown: the first that asks about a run that nothing was tuned on."""
-    untouched = maps[~maps["asked_about"].isin(tuned_on)]
-    maps = untouched if len(untouched) else maps
-    first = maps[["learned_from", "asked_about"]].iloc[0]
-    return maps[(maps["learned_from"] == first.iloc[0]) & (maps["asked_about"] == first.iloc[1])]
 
 
 @dataclass(frozen=True)
@@ -135,11 +82,6 @@ class RecordedFiles:
         """Those of `TABLES` for which there were data."""
         return {name: self._table(path) for name, path in TABLES.items() if self._has(f"{path}.parquet")}
 
-    def calibration(self) -> dict[str, pd.DataFrame]:
-        """All of `CALIBRATION`, or nothing where there were no data."""
-        names = [name for name in CALIBRATION if self._has(f"calibration/{name}.parquet")]
-        return {name: self._table(f"calibration/{name}") for name in names}
-
     def learned(self, name: str) -> bool:
         """Whether there were enough data of a set to learn from it."""
         return self._has(f"{name}/{LEARNED[name]}.safetensors")
@@ -164,26 +106,6 @@ class RecordedFiles:
     def ur10e_urdf(self) -> Path:
         """The URDF that was identified."""
         return self.data / "recorded/ur10e/identified.urdf"
-
-    def sequence(self) -> pd.DataFrame:
-        """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""
-        return self._table(TABLES["sequence"])
-
-    def completeness(self) -> pd.DataFrame:
-        """Which higher reaches are complete."""
-        return self._table(TABLES["coupling_completeness"])
-
-    def primitives(self, name: str) -> list[PosePrimitive]:
-        """Primitives in their order that were learned from a set."""
-        return read_primitives(self.data / f"recorded/{name}/{LEARNED[name]}.safetensors")
-
-    def coupling_networks(self) -> dict[str, CouplingModel]:
-        """Per local axis, learned from higher reaches."""
-        return read_networks(self.data / f"recorded/{HIGHER_REACHES}/{LEARNED[HIGHER_REACHES]}.safetensors")
-
-    def expected_slide(self) -> VectorPrimitive:
-        """Expected traces of the electrodes on the material that was learned."""
-        return read_vector_primitive(self.data / f"recorded/{SLIDES}/{LEARNED[SLIDES]}.safetensors")
 
     def _has(self, path: str) -> bool:
         """Whether a stage that ran wrote a file; where it had no data its folder is empty."""

@@ -32,13 +32,6 @@ PATHS = {
 }
 """Of the higher reaches; tables hold distances to the last three as `KEY_mm`."""
 
-SLIDE_GROUPS = {
-    "learned": Look("this material", BLUE),
-    "left out": Look("fault of the sensor", ORANGE),
-    "other material": Look("other material", VERMILION),
-}
-"""Trials of the slides."""
-
 REPRESENTATIONS = {
     "human_inspired": "human-inspired (Rai et al.)",
     "network_validation": "network, as published",
@@ -58,37 +51,6 @@ INPUTS = {
 
 BOX_WAYS = {"recorded": Look("person", DEMONSTRATION_COLOUR)} | SCENE_WAYS
 """Ways past boxes: who or what moves the hand."""
-
-TOUCH_MODELS = {
-    "structured": Look("structured latent space", BLUE),
-    "reconstruction only": Look("latent space without structure", ORANGE),
-    "3 principal components": Look("3 principal components", GREY),
-}
-
-SKIN_MODELS = TOUCH_MODELS | {"Gaussian process": Look("Gaussian process on all channels", GREEN)}
-
-SKIN_NEW_BLOCKS, SKIN_NEW_PRESSES, SKIN_NEW_RUN = "new blocks", "new presses", "new run"
-SKIN_SERVO, SKIN_SERVO_TEXT = "NJ, corrected", ("LL", "NG", "NJ")
-SKIN_FORCE = {
-    "channels and their products": Look("ridge regression, channels and their products", BLUE),
-    "pressure alone": Look("pressure alone", GREY),
-    "Gaussian process": SKIN_MODELS["Gaussian process"],
-}
-"""Keys of the magnetic skin's tables."""
-
-TOUCH_ASKED = (
-    ("slides", "slides", "new trials"),
-    ("slides", "slides", "new material"),
-    ("slides", "slides", "new material, standardised by itself"),
-    ("unscrewing", "unscrewing", "new trials"),
-    ("simulated", "simulated", "new trials"),
-    ("simulated, magnitudes", "simulated, magnitudes", "new trials"),
-    ("simulated, magnitudes", "slides", "new set"),
-    ("slides", "simulated, magnitudes", "new set"),
-    ("simulated", "unscrewing", "new set"),
-    ("unscrewing", "simulated", "new set"),
-)
-"""What was learned from, what was asked about, and what was new in it; in the order of tables."""
 
 DYNAMICS_MODELS = {"urdf": MODEL_NAMES[DEFAULT]} | MODEL_NAMES | {"least_squares": "least squares"}
 
@@ -110,11 +72,3 @@ DYNAMICS_LOOKS = {
     ("least_squares", "coulomb"): Look("least squares, Coulomb", BLACK),
 }
 """Models of the Panda with their friction, as figures show them."""
-
-TOUCH_WORLDS = {
-    "scraping, recorded": BLACK,
-    "scraping, simulated": VERMILION,
-    "unscrewing, recorded": PURPLE,
-    "slides, recorded": GREEN,
-}
-"""Colours of the sets of touch that are set beside each other."""

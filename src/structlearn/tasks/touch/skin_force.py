@@ -14,14 +14,9 @@ import pandas as pd
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.touch_log import TouchLog
-from structlearn.tasks.touch.skin_readings import NEW_RUN, PROCESS, gaussian_process, polynomial
+from structlearn.tasks.touch.skin_readings import gaussian_process, joined, polynomial
+from structlearn.tasks.touch.touch_names import NEW_PRESSES, NEW_RUN, PRESSURE, PROCESS, QUADRATIC
 from structlearn.tasks.touch.touch_parameters import ForceParameters
-
-QUADRATIC, PRESSURE = "channels and their products", "pressure alone"
-"""Models beside the Gaussian process: ridge regression on the channels and their products, and a polynomial
-of the norm of all channels, which is the contact pressure of a magnetic skin."""
-
-NEW_PRESSES = "new presses"
 
 PRESSURE_DEGREE = 4
 """Of the polynomial of the norm."""
@@ -97,10 +92,7 @@ def force_errors(
             print(f"skin: {run.name} left aside: {count} presses on the scale are too few to leave some out")
     judge = partial(_run_errors, runs=runs, parameters=parameters, known=known)
     found = parallel_map(judge, runs, "forces", local=True)
-    errors, lags, traces = (
-        pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
-        for tables in ([table for one in found for table in one[part]] for part in range(3))
-    )
+    errors, lags, traces = (joined([table for one in found for table in one[part]]) for part in range(3))
     return errors, lags, traces
 
 

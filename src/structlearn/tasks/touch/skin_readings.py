@@ -14,18 +14,8 @@ from structlearn.tactile.electrodes import map_laying
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, LearnedSkin, Touches, learn_skin
+from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_BLOCKS, NEW_RUN, PLAIN, PROCESS, STRUCTURED
 from structlearn.tasks.touch.touch_parameters import TouchParameters
-
-STRUCTURED, PLAIN, COMPONENTS, PROCESS = (
-    "structured",
-    "reconstruction only",
-    "3 principal components",
-    "Gaussian process",
-)
-MODELS = (STRUCTURED, PLAIN, COMPONENTS, PROCESS)
-
-NEW_BLOCKS, NEW_RUN = "new blocks", "new run"
-"""What is new in the presses that are tested on."""
 
 DIMENSIONS = 3
 """Of the latent spaces; as many principal components has the rival."""
@@ -43,7 +33,7 @@ class Reading:
     """What one model makes of N presses; None where it has no such thing.
 
     Attributes:
-        model: one of `MODELS`.
+        model: one of `touch_names.SPACES`.
         seed: its number.
         coordinates: (N, D) of which distances are those on the skin.
         place: (N, 2) m, read by regression.
@@ -90,7 +80,7 @@ def other_errors(
         The columns of `fold_errors`, where `new` is `NEW_RUN`.
     """
     learned, run, others = work
-    tables, maps = [pd.DataFrame()], [pd.DataFrame()]
+    tables, maps = [], []
     for other in others:
         asked = np.arange(len(other.counts))
         found = readings(learned, (run, np.arange(len(run.counts))), other.skin(asked), parameters)
@@ -98,11 +88,12 @@ def other_errors(
         table = block_scores(found, learned, (other, asked), other.blocks(parameters)[0], parameters)
         tables.append(table.assign(**names, new=NEW_RUN))
         maps.append(_lies(found[0], other.place, names))
-    return _joined(tables), _joined(maps)
+    return joined(tables), joined(maps)
 
 
-def _joined(tables: list[pd.DataFrame]) -> pd.DataFrame:
-    return pd.concat(tables[1:], ignore_index=True) if len(tables) > 1 else tables[0]
+def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Of no tables an empty one."""
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
 
 
 def _lies(reading: "Reading", place: np.ndarray, names: dict[str, str]) -> pd.DataFrame:

@@ -9,13 +9,10 @@ from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
 from structlearn.tactile.resting_servo import Caution, RestingServo
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
-from structlearn.tasks.touch.skin_readings import PLAIN, STRUCTURED
+from structlearn.tasks.touch.skin_readings import joined
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, LearnedSkin, Touches
+from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, STRUCTURED, TEXT_SERVO
 from structlearn.tasks.touch.touch_parameters import TouchParameters
-
-TEXT: tuple[InverseModel, ...] = ("LL", "NG", "NJ")
-CORRECTED = "NJ, corrected"
-"""Controllers: the text's, and ours that rests where it is and learns from what its steps missed."""
 
 SPREAD = 0.5
 """Of likely actions, over which the corrected controller takes slopes."""
@@ -61,10 +58,7 @@ def servo_trials(
             )
             if structure and controller == CORRECTED:
                 paths.append(_path_table(done.path[:, 0], done.target).assign(**names))
-    joined = (
-        pd.concat(tables, ignore_index=True) if tables else pd.DataFrame() for tables in (trials, paths)
-    )
-    return tuple(joined)
+    return joined(trials), joined(paths)
 
 
 def table_of(run: Touches, other: Touches, parameters: TouchParameters) -> PressedSkin:
@@ -82,7 +76,7 @@ def controllers(
 ) -> Iterator[tuple[bool, str, TactileServo]]:
     """Structure, name and controller of all that are compared."""
     assert parameters.servo is not None
-    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in TEXT), (CORRECTED, "NJ")]
+    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in TEXT_SERVO), (CORRECTED, "NJ")]
     chosen, beta = parameters.servo, parameters.spaces.training.action_penalty
     for structure in STRUCTURES:
         for name, inverse in compared:

@@ -1,10 +1,11 @@
-"""Parameters of learning the latent space of a skin. Fields: `stages/tasks/params.yaml`, `touch`."""
+"""Parameters of learning from touch. Fields: `stages/tasks/params.yaml`, `touch`."""
 
 from typing import Literal
 
 from pydantic import Field, PositiveFloat
 
 from structlearn.core.params import Parameters
+from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.topics import TopicMap
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters, SensorDescription
 
@@ -32,11 +33,31 @@ class ServoParameters(Parameters):
     seed: int = Field(ge=0)
 
 
-class TouchParameters(Parameters):
-    """A latent space of a skin, from touches at places that are known."""
+class SurfaceParameters(Parameters):
+    """Expected traces of a finger that slides over surfaces, and deviations from them."""
 
-    source: str = Field(min_length=1)
+    rate_hz: float = Field(gt=0)
+    max_gap_s: float = Field(gt=0)
+    material: str
+    left_out: tuple[str, ...]
+    strong_counts: float = Field(gt=0)
+    smoothing_hz: float = Field(gt=0)
+
+
+class TransferParameters(Parameters):
+    """Latent spaces of sets of touches, tried on each other and on simulated touch."""
+
+    left_out: tuple[str, ...]
+    simulated_repeats: int = Field(ge=1)
+
+
+class TouchParameters(SourceParameters):
+    """Touches of a skin at known places, or with `surfaces` or `transfer` those of a finger over time."""
+
+    kind = "touch"
+
     topics: TopicMap | None
+    clock: ClockParameters
     channels: tuple[str, ...] | None = Field(min_length=1)
     places: Literal["probe", "channels"]
     channels_mm: tuple[tuple[float, float], ...] | None
@@ -57,6 +78,13 @@ class TouchParameters(Parameters):
     spaces: LatentSpaceParameters
     force: ForceParameters | None
     servo: ServoParameters | None
+    surfaces: SurfaceParameters | None
+    transfer: TransferParameters | None
+
+    @property
+    def over_time(self) -> bool:
+        """Whether touches are learned from as streams."""
+        return self.surfaces is not None or self.transfer is not None
 
     def sensor(self, channels: tuple[str, ...]) -> SensorDescription:
         """The sensor that has these channels."""

@@ -20,14 +20,7 @@ from structlearn.reporting.figure_style import Drawing
 from structlearn.tasks.public.page.parts import (
     avoidance_part,
     boxes_part,
-    higher_reaches_part,
     panda_part,
-    reaches_part,
-    scraping_part,
-    skin_part,
-    slides_part,
-    touch_part,
-    unscrewing_part,
     ur10e_part,
 )
 from structlearn.tasks.public.page.parts.part import Part
@@ -38,41 +31,25 @@ PACKAGE = __package__
 STAGE = "stages/recorded/dvc.yaml:report"
 
 PARTS = (
-    reaches_part.PART,
-    higher_reaches_part.PART,
-    unscrewing_part.PART,
-    scraping_part.PART,
-    slides_part.PART,
     avoidance_part.PART,
     boxes_part.PART,
-    touch_part.PART,
-    skin_part.PART,
     panda_part.PART,
     ur10e_part.PART,
 )
 """In the order of the index."""
 
 PAGES = {
-    "movements": "Recorded reaches, unscrewing, scraping and slides",
     "avoidance": "Recorded obstacle avoidance",
     "boxes": "People past boxes: one obstacle's features, and a look ahead",
-    "touch": "Recorded touch in a latent space",
-    "skin": "Recorded touch: is the map the skin?",
     "panda": "Inverse dynamics of a recorded Franka Panda",
     "ur10e": "A second arm: a UR10e and its load",
 }
 """Titles of the pages behind the index."""
 
 HEADLINES = (
-    "reach_cut_error_ms_2mm",
-    "reach_left_ten_out_mean_mm",
-    "coupling_path_mean_mm",
     "obstacle_nmse_x",
     "boxes_hits",
     "boxes_path_mm",
-    "touch_reconstruction_nmse_simulated_to_slides",
-    "eflesh_map_nmse",
-    "eflesh_latent_mm",
     "panda_nmse_cov_coulomb",
     "ur10e_nmse_mean_cov_coulomb",
     "ur10e_load_kg",

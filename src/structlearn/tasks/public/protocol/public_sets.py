@@ -18,7 +18,7 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, to_table
 from structlearn.core.artefacts import publish, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import Parameters
-from structlearn.readers import clmc, eflesh, panda, slide, synchronise, ur10e
+from structlearn.readers import clmc, panda, slide, synchronise, ur10e
 from structlearn.readers.bag_files import natural_order
 from structlearn.readers.joint_log import write_log_table
 from structlearn.readers.reaches_past_boxes import read_reaches_past_boxes
@@ -107,10 +107,6 @@ READERS = {
     "biotac_slides": _movements(slide.read_slides, forms=(STREAMS,)),
     # the protocol names the reaches in which tracking jumped
     "reaches_past_boxes": _movements(lambda folder, _, out: read_reaches_past_boxes(folder, out), jumps=True),
-    "eflesh": Reader(
-        lambda folder, _, out: eflesh.read_all_runs(folder, out),
-        lambda found, to, _: eflesh.write_runs(found, to),
-    ),
     "panda": Reader(lambda folder, _, out: panda.read_trajectories(folder, out), _write_panda),
     "ur10e": Reader(
         lambda folder, _, out: (ur10e.read_logs(folder, out), ur10e.urdf_path(folder)), _write_ur10e

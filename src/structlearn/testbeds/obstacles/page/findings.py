@@ -198,8 +198,8 @@ def findings(results: ObstacleResults, published: Mapping[str, Any]) -> Findings
 
     `hits_unseen_<source>_worst_person` is the largest number of unseen spheres that anyone's ensemble hits,
     by what it learned from, and `..._share_of_people_within_1` the share of people whose ensemble hits at
-    most one; `..._single_...` are those of the published form. `hits_<protocol>_baseline` and `_all` are sums
-    over people, without avoidance and with the ensemble of all shapes.
+    most one; `..._single_...` are those of the published form. `hits_<protocol>_baseline` and
+    `hits_all_shapes_<protocol>` are sums over people, without avoidance and with the ensemble of all shapes.
     """
     find = Findings(f"{len(results.people)} simulated people on whom nothing was tuned")
     find.exact("people", len(results.people), headline=True)
@@ -224,16 +224,19 @@ def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None
     find.exact("nmse_dominant", fits["nmse_dominant"].mean(), len(own))
     find.exact("nmse_without_dominant", fits.loc[fits["dominant"] == "", "nmse_across"].mean())
     find.exact("nmse_along_x", fits["nmse_x"].mean(), len(fits))
-    for name, column in (("errors", "nmse"), ("dominant", "nmse_dominant")):
+    for low_name, worse, column in (
+        ("low_errors", "rai_fits_worse", "nmse"),
+        ("low_dominant", "rai_dominant", "nmse_dominant"),
+    ):
         errors = {words: results.setting_fits(column, part) for words, part in PARTS.items()}
         low = {words: (its[NETWORK] <= largest_nmse).groupby(level="person") for words, its in errors.items()}
         find.clustered_share(
-            f"low_{name}",
+            low_name,
             {words: (its.sum().to_numpy(), its.size().to_numpy()) for words, its in low.items()},
         )
         means = {words: its.groupby(level="person").mean() for words, its in errors.items()}
         find.difference(
-            f"rai_minus_network_{name}",
+            worse,
             {words: (its[HUMAN_INSPIRED], its[NETWORK]) for words, its in means.items()},
         )
     find.mean("rai_across_settings", results.fit_by_person(HUMAN_INSPIRED))
@@ -257,19 +260,19 @@ def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None
 def _hits(results: ObstacleResults, find: Findings) -> None:
     """Hits of obstacles, and how far hands go out of their way."""
     hits, sizes = results.hits_by_person(TRAINED, TEXT, SETTING)
-    find.exact("hits_per_setting", hits.sum(), headline=True)
+    find.exact("reaches_hit_per_setting", hits.sum(), headline=True)
     find.exact("networks_per_setting", sizes.sum())
-    find.clustered_share("hit_share_per_setting", hits, sizes)
+    find.clustered_share("hits_per_setting", hits, sizes)
     rai = results.hits_by_person(TRAINED, (HUMAN_INSPIRED, PUBLISHED), SETTING)
-    find.clustered_share("hit_share_of_rai", *rai)
+    find.clustered_share("hits_of_rai", *rai)
     for form, word, trained in ((TEXT, "single_", SHAPES), (OURS, "", EVERY)):
         for protocol, name, sources in ((TRAINED, "per_shape", trained), (UNSEEN, "unseen", trained)):
             cases = {source: results.hits_by_person(protocol, form, source) for source in sources}
-            find.clustered_share(f"{word}hit_share_{name}", cases)
+            find.clustered_share(f"{word}hits_{name}", cases)
     for protocol in SITUATIONS:
         bare = results.rows(protocol)
         find.exact(f"hits_{protocol}_baseline", bare["hit"].sum(), len(bare), headline=protocol == UNSEEN)
-        find.exact(f"hits_{protocol}_all", results.hits(protocol, ENSEMBLE, ALL), len(bare))
+        find.exact(f"hits_all_shapes_{protocol}", results.hits(protocol, ENSEMBLE, ALL), len(bare))
         detour = results.rows(protocol, ENSEMBLE, ALL)["detour_m"]
         find.exact(
             f"detour_{protocol}_all_mean_m", detour.mean(), len(detour), unit="m", headline=protocol == PAIR
@@ -292,14 +295,14 @@ def _hits(results: ObstacleResults, find: Findings) -> None:
     detours = {
         source: results.rows(PAIR, ENSEMBLE, source).groupby("person")["detour_m"].mean() for source in EVERY
     }
-    find.mean("detour_pair_m", detours, unit="m")
+    find.mean("detour_pair", detours, unit="m")
 
 
 def _goals(results: ObstacleResults, find: Findings, largest_goal_m: float) -> None:
     """Distances from the goal: at the prescribed time, at 1.5 times it (late), and between (excursion)."""
     own = results.rows(TRAINED, NETWORK, SETTING, PUBLISHED)
     far = (own["goal_distance_m"] > largest_goal_m).groupby(own["person"])
-    find.clustered_share("far_share_of_network", far.sum().to_numpy(), far.size().to_numpy())
+    find.clustered_share("goal_of_network", far.sum().to_numpy(), far.size().to_numpy())
     rai = results.rows(TRAINED, HUMAN_INSPIRED, SETTING, PUBLISHED)["goal_distance_m"]
     find.exact("goal_of_rai", rai.max(), len(rai), unit="m")
     limited = results.limited
@@ -307,12 +310,12 @@ def _goals(results: ObstacleResults, find: Findings, largest_goal_m: float) -> N
         find.exact(f"{name}_distance_max_m", limited[f"{name}_distance_m"].max(), len(limited), unit="m")
     goals = {"prescribed time": "goal_distance_m", "1.5 times it": "late_goal_distance_m"}
     find.exact(
-        "goal_with_limits_cm",
+        "goal_with_limits",
         {words: (100 * limited[column].max(), len(limited)) for words, column in goals.items()},
         unit="cm",
     )
     between = limited.groupby("model")["excursion_m"].agg(["max", "size"])
-    find.exact("excursion_of_ensembles_cm", 100 * between.loc[ENSEMBLE, "max"], between.loc[ENSEMBLE, "size"])
+    find.exact("excursions", 100 * between.loc[ENSEMBLE, "max"], between.loc[ENSEMBLE, "size"])
     for kind in (NETWORK, ENSEMBLE):
         find.exact(f"excursion_{kind}_max_m", between.loc[kind, "max"], between.loc[kind, "size"], unit="m")
     short = results.rows(GOAL_CHANGE)["goal_distance_m"]

@@ -1,0 +1,36 @@
+"""Public recordings of BioTac fingers, which several sets have: slides, unscrewing and scraping.
+
+`$DATA` holds `slide` and `clmc`, or one of them; recordings are called SET/NAME.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from structlearn.core.errors import MissingInputError
+from structlearn.readers import clmc, slide
+from structlearn.readers.recording import Recording
+
+
+def read_touch(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
+    """The first `entry.part` slides over each material, all logs of unscrewing, an execution of scraping.
+
+    Raises:
+        MissingInputError: there is none of these.
+        InputError: a file cannot be read.
+    """
+    readers: dict[str, Callable[[], list[Recording]]] = {
+        "scraping": lambda: clmc.read_scraping_execution(folder / "clmc"),
+        "slides": lambda: slide.read_slides(folder / "slide", entry.part, left_out),
+        "unscrewing": lambda: clmc.read_unscrewing(folder / "clmc", left_out),
+    }
+    found = []
+    for name, read in readers.items():
+        try:
+            found += [replace(one, name=f"{name}/{one.name}") for one in read()]
+        except MissingInputError as missing:
+            print(f"biotac: without {name}: {missing}")
+    if not found:
+        raise MissingInputError(f"{folder}: holds no slides, unscrewing or scraping")
+    return found

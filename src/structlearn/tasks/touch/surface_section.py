@@ -1,0 +1,195 @@
+"""Slides of a finger over materials: what expected traces predict, what deviations from them tell."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from structlearn.readers.slide import material_of
+from structlearn.reporting.claims import (
+    Evidence,
+    Found,
+    by_case,
+    confidence,
+    geometric_mean,
+    in_words,
+    unknown,
+)
+from structlearn.reporting.document import Table
+from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.findings import Findings
+from structlearn.reporting.panels import legend, panel
+from structlearn.reporting.prose import listing
+from structlearn.tasks.public.page.recorded_tables import shown
+from structlearn.tasks.section import Section
+from structlearn.tasks.touch.touch_names import SLIDE_GROUPS
+
+Tables = Mapping[str, pd.DataFrame]
+
+TOO_FEW = unknown("it takes two slides over each of two materials")
+"""To tell materials apart."""
+
+FEW = 3
+"""Materials that sentences name; tables have all."""
+
+STREAM_UNITS = {
+    "pose": "m",
+    "joint_positions": "rad",
+    "joint_velocities": "rad/s",
+    "joint_torques": "N m",
+    "wrench": "N, N m",
+    "tactile": "counts",
+}
+
+
+def section(tables: Tables) -> Section:
+    """Of tables by name."""
+    find = find_surfaces(tables)
+    return Section(
+        "touch",
+        "Slides over materials",
+        "surfaces.html.jinja",
+        "surfaces_lead.html.jinja",
+        facts=surface_facts(tables, find),
+        find=find,
+        tables=surface_tables(tables),
+        pictures=surface_pictures(tables),
+    )
+
+
+def find_surfaces(tables: Tables) -> Findings:
+    """What was found, by the names that claims and sentences use."""
+    find = Findings("slides")
+    left_out, channels = tables["left_one_out"], tables["channels"]
+    for row in by_group(tables).itertuples():
+        find.exact(f"{row.group.replace(' ', '_')}_median_rms_counts", row.median_rms, row.trials)
+    for material, trials in left_out.groupby("material"):
+        find.exact(f"left_one_out_{material}_median_rms_counts", trials["rms"].median(), len(trials))
+        find.exact(f"left_one_out_{material}_median_nmse", trials["nmse"].median(), len(trials))
+    strength = channels.query("channels in ('strong', 'weak')")
+    for (material, name), trials in strength.groupby(["material", "channels"]):
+        find.exact(f"left_one_out_{material}_{name}_median_nmse", trials["nmse"].median(), len(trials))
+    pose = tables["clock_errors"].set_index("kind").loc["pose"]
+    find.exact("clock_pose_rms_mm", 1e3 * pose["rms_error"], int(pose["samples"]))
+    own = dict(list(left_out.groupby("material", sort=False)))
+    across = dict(list(tables["across_materials"].groupby("expected", sort=False)["rms"]))
+    either = {name: (its, own[name]["rms"]) for name, its in across.items() if name in own}
+    find.add("other_material", by_case(group_difference, either) or TOO_FEW)
+    find.add("predicted", _predicted(left_out), headline=True)
+    find.add("predicted_strong", _predicted(channels.query("channels == 'strong'")))
+    return find
+
+
+def _predicted(table: pd.DataFrame) -> Found:
+    """NMSE by material."""
+    cases = {name: [its.to_numpy()] for name, its in table.groupby("material")["nmse"]}
+    return by_case(geometric_mean, cases) or unknown("no slide could be left out")
+
+
+def group_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
+    """Mean of (N,) minus mean of (M,) samples that are no pairs, with Welch's interval."""
+    from scipy import stats
+
+    if min(len(first), len(second)) < 2:
+        return TOO_FEW
+    test = stats.ttest_ind(np.asarray(first), np.asarray(second), equal_var=False)
+    interval = test.confidence_interval(confidence(comparisons))
+    return Evidence(
+        float(np.mean(first) - np.mean(second)), interval.low, interval.high, len(first) + len(second)
+    )
+
+
+def by_group(tables: Tables) -> pd.DataFrame:
+    """Deviation from the expected traces by group of trials."""
+    by = tables["deviations"].groupby("group", sort=False)["rms"]
+    return by.agg(trials="size", median_rms="median", largest_rms="max").reset_index()
+
+
+def by_channels(tables: Tables) -> pd.DataFrame:
+    """Errors of the slides left out, by material and channels: all of a trial's electrodes, or a group."""
+    count = tables["statistics"]["electrode"].nunique()
+    whole = tables["left_one_out"].assign(channels="all", electrodes=count)
+    rows = []
+    for (material, channels), its in pd.concat([whole, tables["channels"]]).groupby(
+        ["material", "channels"], sort=False
+    ):
+        nmse = its["nmse"].to_numpy()
+        better = f"{(nmse < 1).sum()} of {len(nmse)}"
+        words = in_words(geometric_mean(nmse), ".2f")
+        rows.append((material, channels, int(its["electrodes"].iloc[0]), its["rms"].median(), words, better))
+    columns = ["material", "channels", "electrodes", "median_rms_counts", "nmse", "better_than_their_mean"]
+    order = {material: place for place, material in enumerate(dict.fromkeys(whole["material"]))}
+    table = pd.DataFrame(rows, columns=columns)
+    return table.sort_values("material", key=lambda its: its.map(order), kind="stable")
+
+
+def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
+    """All findings, and other values for the sentences."""
+    deviations, left_out = tables["deviations"], tables["left_one_out"]
+    learned = deviations.loc[deviations["group"] == "learned", "demonstration"]
+    either = find["other_material"]
+    channels = by_channels(tables).set_index(["material", "channels"])["nmse"]
+    better = [
+        f"{(its < 1).sum()} of {len(its)} over {name}"
+        for name, its in list(left_out.groupby("material", sort=False)["nmse"])[:FEW]
+    ]
+    return find.numbers() | {
+        "materials": list(dict.fromkeys(map(material_of, deviations["demonstration"]))),
+        "slides": len(deviations),
+        "learned": len(learned),
+        "material": material_of(learned.iloc[0]),
+        "predicted": listing(better, ""),
+        "worst": deviations.loc[deviations["rms"].idxmax()].to_dict(),
+        "more_counts": {
+            name: in_words(its, ".1f")
+            for name, its in list(({} if isinstance(either, Evidence) else either).items())[:FEW]
+        },
+        "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)[:FEW]},
+    }
+
+
+def surface_tables(tables: Tables) -> dict[str, Table]:
+    """Tables keyed by name."""
+    clock = tables["clock_errors"]
+    return {
+        "slide_channels": shown(by_channels(tables)),
+        "slide_clock": shown(clock.assign(unit=clock["kind"].map(STREAM_UNITS))),
+        "slides": shown(by_group(tables)),
+    }
+
+
+def surface_pictures(tables: Tables) -> dict[str, Drawing | Sequence[Drawing]]:
+    """Figures keyed by name."""
+    slides = [slide_panel(tables, place) for place in range(3)]
+    return {"slides": [slides[0], trials_panel(tables)], "slides_more": slides[1:]}
+
+
+@styled
+def slide_panel(tables: Tables, place: int) -> Figure:
+    """Deviation of one of the electrodes that vary most: mean and std over the trials of a group."""
+    groups = {name: its for name, its in tables["statistics"].groupby("group")}
+    electrode = groups["learned"].groupby("electrode")["std"].mean().nlargest(3).index[place]
+    title = f"Electrode {electrode}: mean and std over trials"
+    figure, axes = panel(title, xlabel="time (s)", ylabel="deviation (counts)")
+    for group in (name for name in ("other material", "learned") if name in groups):
+        look, rows = SLIDE_GROUPS[group], groups[group].query("electrode == @electrode").iloc[::4]
+        low, high = rows["mean"] - rows["std"], rows["mean"] + rows["std"]
+        axes.fill_between(rows["time_s"], low, high, color=look.colour, alpha=0.2, linewidth=0)
+        axes.plot(rows["time_s"], rows["mean"], color=look.colour, label=look.name)
+    return legend(figure)
+
+
+@styled
+def trials_panel(tables: Tables) -> Figure:
+    """Deviation of every trial; of one learned from, from the traces expected by the others."""
+    figure, axes = panel("Every trial", ylabel="root mean square (counts)")
+    alone = tables["left_one_out"].set_index("demonstration")["rms"]
+    trials = tables["deviations"]
+    rms = trials["rms"].where(trials["group"] != "learned", trials["demonstration"].map(alone))
+    for group, look in SLIDE_GROUPS.items():
+        chosen = np.flatnonzero(trials["group"] == group)
+        axes.bar(chosen, rms.iloc[chosen], color=look.colour, label=look.name)
+    axes.set_xticks(range(len(trials)), trials["demonstration"], rotation=90, fontsize=7)
+    axes.grid(axis="x", visible=False)
+    return legend(figure, 3)

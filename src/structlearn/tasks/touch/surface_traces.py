@@ -1,0 +1,190 @@
+"""A finger that slides over surfaces: expected traces of one material, deviations on another (IV.6).
+
+Trials are called MATERIAL_NUMBER.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core.artefacts import write_table
+from structlearn.core.errors import MissingInputError
+from structlearn.primitives.primitive_files import write_vector_primitive
+from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
+from structlearn.readers import synchronise
+from structlearn.readers.clock import held_out_error
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.recording import Recording
+from structlearn.readers.slide import material_of
+from structlearn.tasks.touch.touch_parameters import SurfaceParameters
+
+PLACES = {
+    "side, 1 to 6": (1, 6),
+    "tip, 7 to 10": (7, 10),
+    "side, 11 to 16": (11, 16),
+    "middle, 17 to 19": (17, 19),
+}
+"""First and last electrode of each part of a BioTac's core (see `tactile.electrodes`)."""
+
+
+def learn_surfaces(recordings: Sequence[Recording], parameters: SurfaceParameters, folder: Path) -> None:
+    """Learn expected traces, score every trial, and write all of it into a folder that is there."""
+    trials = on_one_clock(recordings, parameters)
+    left_one_out, channels = leave_one_out(trials, parameters)
+    expected, deviations, statistics = deviations_from_expected(trials, parameters)
+    write_vector_primitive(expected, folder / "expected.safetensors", "electrode counts without offset")
+    tables = {
+        "clock_errors": clock_errors(recordings),
+        "deviations": deviations,
+        "left_one_out": left_one_out,
+        "channels": channels,
+        "across_materials": across_materials(trials, parameters),
+        "statistics": statistics,
+    }
+    for name, table in tables.items():
+        write_table(table, folder / f"{name}.parquet")
+
+
+def on_one_clock(recordings: Sequence[Recording], parameters: SurfaceParameters) -> list[Demonstration]:
+    """Trials at the electrodes' rate."""
+    return [synchronise(one, parameters.rate_hz, parameters.max_gap_s) for one in recordings]
+
+
+def clock_errors(recordings: Sequence[Recording]) -> pd.DataFrame:
+    """What it costs to put the streams on one clock: error of interpolation, measured on held-out samples.
+
+    Returns:
+        Per kind of stream: `samples`, `median_gap_ms`, `longest_gap_ms`, and `rms_error`, `max_error` (in the
+        unit of the signal) of every second sample predicted from its neighbours. The gaps bridged here are
+        twice the real ones, so these are upper bounds; noise of the sensor counts in full.
+    """
+    rows = []
+    for stream in (stream for recording in recordings for stream in recording.streams):
+        gaps = 1e-6 * np.diff(stream.stamps)
+        row = (stream.kind, len(stream.stamps), np.median(gaps), gaps.max(), *held_out_error(stream))
+        rows.append(row)
+    how = {"samples": "sum", "median_gap_ms": "median", "longest_gap_ms": "max"}
+    how |= {"rms_error": "mean", "max_error": "max"}
+    return pd.DataFrame(rows, columns=["kind", *how]).groupby("kind", sort=False).agg(how).reset_index()
+
+
+def deviations_from_expected(
+    trials: Sequence[Demonstration], parameters: SurfaceParameters
+) -> tuple[VectorPrimitive, pd.DataFrame, pd.DataFrame]:
+    """Expected traces from some trials of one material, and how all trials deviate from them.
+
+    Returns:
+        The expected traces. Per trial `demonstration`, `group` (see `trial_groups`), `rms` and `largest`
+        (deviation in counts over all electrodes and times). Over the trials of a group, mean and standard
+        deviation of every electrode's deviation: `group`, `electrode`, `time_s`, `mean`, `std`.
+
+    Raises:
+        MissingInputError: there is no trial to learn from.
+    """
+    groups = trial_groups([one.name for one in trials], parameters)
+    traces = {one.name: without_offset(one.signal("tactile")) for one in trials}
+    learned = [traces[name] for name, group in groups.items() if group == "learned"]
+    if not learned:
+        raise MissingInputError("there is no slide to learn from")
+    dt = trials[0].dt
+    primitive = fit_expected_traces(learned, dt, parameters.smoothing_hz)
+    left = {one.name: deviation(primitive, traces[one.name], one.dt) for one in trials}
+    rows = [(name, groups[name], np.sqrt(np.mean(its**2)), np.abs(its).max()) for name, its in left.items()]
+    samples = min(len(its) for its in left.values())
+    statistics = []
+    for group in dict.fromkeys(groups.values()):
+        values = np.array([its[:samples] for name, its in left.items() if groups[name] == group])
+        electrodes = values.shape[2]
+        columns = {
+            "group": group,
+            "electrode": np.repeat(np.arange(1, electrodes + 1), samples),
+            "time_s": np.tile(dt * np.arange(samples), electrodes),
+            "mean": values.mean(axis=0).T.ravel(),
+            "std": values.std(axis=0).T.ravel(),
+        }
+        statistics.append(pd.DataFrame(columns))
+    deviations = pd.DataFrame(rows, columns=["demonstration", "group", "rms", "largest"])
+    return primitive, deviations, pd.concat(statistics, ignore_index=True)
+
+
+def leave_one_out(
+    trials: Sequence[Demonstration], parameters: SurfaceParameters
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """How every trial deviates from the traces expected from the other trials over its own material.
+
+    Returns:
+        Per trial `demonstration`, `material`, `rms` of the deviation in counts, and its `nmse` over all
+        electrodes: 1 is as good as the electrodes' own means over the trial. And the same per trial and
+        `channels` (strong or weak ones of its material, or of one of the `PLACES`), with the number of these
+        `electrodes`.
+    """
+    dt = trials[0].dt
+    whole, parts = [], []
+    for material, traces in _by_material(trials, parameters).items():
+        ranges = np.median([np.ptp(trace, axis=0) for trace in traces.values()], axis=0)
+        electrodes, strong = np.arange(1, len(ranges) + 1), ranges > parameters.strong_counts
+        channels = {"strong": strong, "weak": ~strong} | {
+            name: (electrodes >= first) & (electrodes <= last) for name, (first, last) in PLACES.items()
+        }
+        for name, trace in traces.items():
+            others = [its for other, its in traces.items() if other != name]
+            if not others:
+                continue
+            left = deviation(fit_expected_traces(others, dt, parameters.smoothing_hz), trace, dt)
+            whole.append((name, material, *_errors(left, trace)))
+            parts += [
+                (name, material, group, mask.sum(), *_errors(left[:, mask], trace[:, mask]))
+                for group, mask in channels.items()
+                if mask.any()
+            ]
+    columns = ["demonstration", "material", "rms", "nmse"]
+    found = pd.DataFrame(whole, columns=columns)
+    return found, pd.DataFrame(parts, columns=[*columns[:2], "channels", "electrodes", *columns[2:]])
+
+
+def across_materials(trials: Sequence[Demonstration], parameters: SurfaceParameters) -> pd.DataFrame:
+    """Per material `expected` and trial of another one: `demonstration`, `material`, `rms`, `nmse`."""
+    by_material = _by_material(trials, parameters)
+
+    def rows() -> Iterator[tuple[object, ...]]:
+        for expected, learned in by_material.items():
+            primitive = fit_expected_traces(list(learned.values()), trials[0].dt, parameters.smoothing_hz)
+            for material in (one for one in by_material if one != expected):
+                for name, trace in by_material[material].items():
+                    left = deviation(primitive, trace, trials[0].dt)
+                    yield expected, name, material, *_errors(left, trace)
+
+    return pd.DataFrame(rows(), columns=["expected", "demonstration", "material", "rms", "nmse"])
+
+
+def trial_groups(names: Sequence[str], parameters: SurfaceParameters) -> dict[str, str]:
+    """Group of every trial: `learned`, `left out` (a fault of the sensor) or `other material`."""
+    sound = Counter(material_of(name) for name in names if name not in parameters.left_out)
+    most = sound.most_common(1)
+    learned = parameters.material if parameters.material in sound or not most else most[0][0]
+    return {
+        name: "left out"
+        if name in parameters.left_out
+        else ("learned" if material_of(name) == learned else "other material")
+        for name in names
+    }
+
+
+def _errors(left: np.ndarray, trace: np.ndarray) -> tuple[float, float]:
+    """Root mean square of a deviation, and its squared sum over that from the electrodes' own means."""
+    own = np.sum((trace - trace.mean(axis=0)) ** 2)
+    return np.sqrt(np.mean(left**2)), np.sum(left**2) / own
+
+
+def _by_material(
+    trials: Sequence[Demonstration], parameters: SurfaceParameters
+) -> dict[str, dict[str, np.ndarray]]:
+    """Traces (T, E) by material and trial, without the trials that are never learned from."""
+    found: dict[str, dict[str, np.ndarray]] = {}
+    for one in trials:
+        if one.name not in parameters.left_out:
+            found.setdefault(material_of(one.name), {})[one.name] = without_offset(one.signal("tactile"))
+    return found

@@ -1,0 +1,339 @@
+"""Latent spaces of recorded touch, and what carries over between simulated and recorded touch (II.4).
+
+Sets of BioTac touches, slides over materials and logs of unscrewing, stand beside simulated touches of a
+handle. The same code learns from each set; whole trials are left out. Then what was learned from one set is
+tested on its partner, each standardised by itself, with principal components as the simple rival.
+
+What the counts mean differs. In the logs of unscrewing they rise under pressure: the contact force that a log
+itself holds rises with their mean (correlation 0.98 and more), so their sign is turned. The slides were
+published as magnitudes of change: none is below zero. Which way an electrode changed is lost, so each is
+taken for pressed, and magnitudes are compared with magnitudes.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core import quaternion, signals
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.metrics import nmse
+from structlearn.core.parallel import parallel_map
+from structlearn.readers import synchronise
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.recording import Recording
+from structlearn.readers.slide import material_of
+from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate
+from structlearn.simulation.touch_demonstrator import recorded as demonstrated
+from structlearn.tactile.electrodes import SKINS, Skin
+from structlearn.tactile.geodesics import Geodesics, geodesics
+from structlearn.tactile.latent_comparison import learn_spaces, own_units, seen_in
+from structlearn.tactile.latent_evaluation import latent_errors
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
+from structlearn.tactile.touch_dataset import OTHER, TEST, TRAIN, TouchDataset
+from structlearn.tactile.touch_preparation import TouchDataParameters, contact_points, prepare
+from structlearn.tasks.touch.touch_names import (
+    COMPONENTS,
+    MAGNITUDES,
+    NEW_MATERIAL,
+    NEW_SET,
+    NEW_TRIALS,
+    OWN_UNITS,
+    PARTNERS,
+    PLAIN,
+    SIMULATED,
+    SLIDES,
+    STRUCTURED,
+    UNSCREWING,
+)
+from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch.touch_statistics import variance_shares
+
+if TYPE_CHECKING:
+    from sklearn.decomposition import PCA
+
+LEARNED = "learned from"
+RECORDED = (SLIDES, UNSCREWING)
+
+DIMENSIONS = 3
+"""Of the latent space; as many principal components has the rival."""
+
+
+@dataclass(frozen=True)
+class TouchSet:
+    """Touches of one origin, by what was touched in each trial; the split of the samples does not count."""
+
+    name: str
+    samples: TouchDataset
+    geodesics: Geodesics
+    groups: tuple[str, ...]
+
+    def without(self, trials: Sequence[int] | np.ndarray) -> TouchDataset:
+        """The samples with these trials as the test split, all others to be learned from."""
+        return replace(self.samples, split=np.where(np.isin(self.samples.trial, trials), TEST, TRAIN))
+
+
+def held_touch(demonstrations: Sequence[Demonstration], skin: Skin, cutoff_hz: float) -> TouchDataset:
+    """Samples of trials in which something touches from start to end; every trial is one contact."""
+    parts = []
+    for number, one in enumerate(demonstrations):
+        orientation = quaternion.normalised(signals.low_pass(one.signal("orientation"), one.dt, cutoff_hz))
+        position = signals.low_pass(one.position, one.dt, cutoff_hz)
+        velocity = signals.derivative(position, one.dt), quaternion.angular_velocity(orientation, one.dt)
+        parts.append(
+            {
+                "signals": -signals.low_pass(one.signal("tactile"), one.dt, cutoff_hz),
+                "velocity": np.hstack(velocity),
+                "orientation": orientation,
+                "time": one.time,
+                "trial": np.full(len(one.time), number),
+            }
+        )
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    trial = columns.pop("trial")
+    found = {name: values.astype(np.float32) for name, values in columns.items()}
+    return TouchDataset(
+        **found,
+        pressure=-found["signals"].mean(axis=1),
+        contact_point=contact_points(found["signals"], skin).astype(np.float32),
+        contact=trial,
+        trial=trial,
+        pressed=np.full(len(trial), True),
+        motion=np.full(len(trial), OTHER),
+        split=np.full(len(trial), TRAIN),
+        rate_hz=np.array(1 / demonstrations[0].dt),
+    )
+
+
+def magnitudes(samples: TouchDataset, skin: Skin) -> TouchDataset:
+    """The same touches when the directions of the changes are lost: every electrode is taken for pressed."""
+    found = -np.abs(samples.signals)
+    points = contact_points(found, skin).astype(np.float32)
+    return replace(samples, signals=found, pressure=-found.mean(axis=1), contact_point=points)
+
+
+def touch_sets(
+    recorded: Mapping[str, Sequence[Demonstration]],
+    simulated: TouchDataset,
+    skin: Skin,
+    cutoff_hz: float,
+    left_out: Collection[str],
+    parameters: GeodesicParameters,
+) -> list[TouchSet]:
+    """Recorded sets that have several trials, and their partners, with their distances on the skin.
+
+    A set is left aside with its partner if it has too few samples, or patches too far apart, for distances.
+
+    Raises:
+        MissingInputError: no set is left.
+    """
+    found = {}
+    for name, trials in recorded.items():
+        sound = [one for one in trials if one.name not in left_out]
+        if len(sound) > 1:
+            groups = [material_of(one.name) if name == SLIDES else one.name for one in sound]
+            found[name] = held_touch(sound, skin, cutoff_hz), groups
+    handle = ["handle"] * (int(simulated.trial.max()) + 1)
+    found[SIMULATED] = simulated, handle
+    found[MAGNITUDES] = magnitudes(simulated, skin), handle
+    sets = {}
+    for name, (samples, groups) in found.items():
+        try:
+            distances = geodesics(samples.contact_point, parameters)
+        except MissingInputError as missing:
+            print(f"latent touch: {name} left aside: {missing}")
+        else:
+            sets[name] = TouchSet(name, samples, distances, tuple(groups))
+    paired = [its for name, its in sets.items() if PARTNERS[name] in sets]
+    if not paired:
+        raise MissingInputError("there are no two slides or logs of unscrewing whose touches make a map")
+    return paired
+
+
+def in_sets(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
+    """Recordings called SET/NAME, by NAME and by their set."""
+    found: dict[str, list[Recording]] = {}
+    for one in recordings:
+        name, _, rest = one.name.partition("/")
+        found.setdefault(name, []).append(replace(one, name=rest))
+    return found
+
+
+def compare_sets(
+    recordings: Sequence[Recording],
+    parameters: TouchParameters,
+    person: ToucherParameters,
+    finger: FingerParameters,
+    samples: TouchDataParameters,
+) -> dict[str, pd.DataFrame]:
+    """Put recorded sets beside touches by a simulated person, and learn from all; see `learn_transfer`."""
+    chosen, skin = parameters.transfer, SKINS["biotac"]
+    assert chosen is not None
+    recorded = {
+        name: [synchronise(one, samples.rate_hz) for one in its]
+        for name, its in in_sets(recordings).items()
+        if name in RECORDED
+    }
+    if max(map(len, recorded.values()), default=0) < 2:
+        raise MissingInputError("two slides or two logs of unscrewing are needed")
+    fewer = dict.fromkeys(("rotations", "translations"), chosen.simulated_repeats) | {"skin": skin.name}
+    person = person.model_copy(update=fewer)
+    touches = [synchronise(demonstrated(one, person), samples.rate_hz) for one in demonstrate(person, finger)]
+    simulated = prepare(touches, skin, samples)
+    sets = touch_sets(recorded, simulated, skin, samples.cutoff_hz, chosen.left_out, parameters.geodesics)
+    return learn_transfer(sets, skin, parameters)
+
+
+def learn_transfer(
+    sets: Sequence[TouchSet], skin: Skin, parameters: TouchParameters
+) -> dict[str, pd.DataFrame]:
+    """Learn from every set, and test on what was left out and on its partner.
+
+    Of the simulated sets only the first part of the trials is left out: they are many, and like each other.
+
+    Returns:
+        `errors` per `learned_from` and `asked_about` (sets), `new` (what is new in the samples), `part` (its
+        number), `model` and `seed`: NMSE of `reconstruction` (mean over electrodes), of its
+        `worst_electrode`, of map `distances` and of `pressure`; the last two are NaN for components.
+        `sets`: see `_statistics`. `likeness` per `first` and `second`: `correlation` of the off-diagonal
+        elements of their electrodes' correlation matrices; of a set with itself, mean over pairs of its
+        groups. `correlations`, these matrices: `set`, `electrode`, `other`, `correlation`.
+
+    Raises:
+        InputError: a set has a single trial, or an electrode of it never changes.
+    """
+    by_name = {one.name: one for one in sets}
+    work = [
+        (one, by_name[PARTNERS[one.name]], new, part, trials, parameters.spaces)
+        for one in sets
+        for new, parts in parts_left_out(one, parameters.folds).items()
+        for part, trials in enumerate(parts)
+        if part == 0 or one.name in RECORDED
+    ]
+    tables = parallel_map(_errors, work, "latent spaces of touch", local=True)
+    return {
+        "errors": pd.concat(tables, ignore_index=True),
+        "sets": pd.DataFrame([_statistics(one, skin) for one in sets]),
+        "likeness": _likeness(by_name),
+        "correlations": pd.concat([_correlation_table(one) for one in sets], ignore_index=True),
+    }
+
+
+def parts_left_out(touches: TouchSet, folds: int) -> dict[str, list[np.ndarray]]:
+    """Trials that are left out in turn, by what is new: whole trials, or a group that has several."""
+    groups = np.array(touches.groups)
+    trials = np.arange(len(groups))
+    if len(trials) < 2:
+        raise InputError(f"{touches.name}: of a single trial none can be left out")
+    count = min(folds, len(trials))
+    found = {NEW_TRIALS: [trials[part::count] for part in range(count)]}
+    names = dict.fromkeys(touches.groups)
+    if 1 < len(names) < len(trials):
+        found[NEW_MATERIAL] = [trials[groups == name] for name in names]
+    return found
+
+
+def _errors(
+    work: tuple[TouchSet, TouchSet, str, int, np.ndarray, LatentSpaceParameters],
+) -> pd.DataFrame:
+    """Errors of all models that learned from one part of a set."""
+    from sklearn.decomposition import PCA
+
+    source, partner, new, part, trials, parameters = work
+    samples = source.without(trials)
+    units = own_units(samples, source.geodesics)
+    models = learn_spaces(samples, source.geodesics, units, parameters)
+    asked = {LEARNED: (units, samples, source, TRAIN), new: (units, samples, source, TEST)}
+    if new == NEW_MATERIAL:
+        rest = source.without(np.setdiff1d(np.arange(len(source.groups)), trials))
+        asked[OWN_UNITS] = (own_units(rest, source.geodesics), rest, source, TRAIN)
+    else:
+        whole = partner.without(())
+        asked[NEW_SET] = (own_units(whole, partner.geodesics), whole, partner, TRAIN)
+    seen = {
+        name: seen_in(its_units, touches, of.geodesics, split, parameters.evaluation_pairs)
+        for name, (its_units, touches, of, split) in asked.items()
+    }
+    spaces = latent_errors(models, seen).rename(columns={"split": "new"})
+    spaces["model"] = np.where(spaces.pop("structure"), STRUCTURED, PLAIN)
+    components = PCA(DIMENSIONS).fit(seen[LEARNED].signals.numpy())
+    rival = pd.DataFrame(
+        {"new": name, "model": COMPONENTS, "seed": 0, **_component_errors(components, data.signals.numpy())}
+        for name, data in seen.items()
+    )
+    table = pd.concat([spaces, rival], ignore_index=True)
+    if new == NEW_MATERIAL:  # its errors on what it learned from tell nothing more than those of `NEW_TRIALS`
+        table = table[table["new"] != LEARNED]
+    about = table["new"].map({name: of.name for name, (_, _, of, _) in asked.items()})
+    return table.assign(learned_from=source.name, asked_about=about, part=part)
+
+
+def _component_errors(components: "PCA", seen: np.ndarray) -> dict[str, float]:
+    errors = nmse(components.inverse_transform(components.transform(seen)), seen)
+    return {"reconstruction": errors.mean(), "worst_electrode": errors.max()}
+
+
+def _statistics(touches: TouchSet, skin: Skin) -> dict[str, float | str]:
+    """Of one set.
+
+    `counts`: root mean square over electrodes of their standard deviations; `against`: share of changes
+    against the pressure; `start_counts`, `end_counts`: mean pressure of the trials there; `components`:
+    principal components that hold 99 % of the standardised variance; `along_mm`, `across_mm`: mean place of
+    the contact points on the skin.
+    """
+    samples = touches.samples
+    along, across = skin.coordinates(samples.contact_point.astype(float))
+    starts = np.flatnonzero(np.diff(samples.trial, prepend=-1))
+    ends = np.append(starts[1:], len(samples)) - 1
+    deviation = samples.signals.std(axis=0, dtype=float)
+    shares = variance_shares(samples.signals / deviation)
+    return {
+        "set": touches.name,
+        "trials": len(touches.groups),
+        "samples": len(samples),
+        "counts": np.sqrt(np.mean(deviation**2)),
+        "against": np.mean(samples.signals > 0),
+        "start_counts": samples.pressure[starts].mean(dtype=float),
+        "end_counts": samples.pressure[ends].mean(dtype=float),
+        "components": int(np.searchsorted(np.cumsum(shares), 0.99) + 1),
+        "along_mm": 1e3 * along.mean(),
+        "across_mm": 1e3 * across.mean(),
+        "along_std_mm": 1e3 * along.std(),
+        "across_std_mm": 1e3 * across.std(),
+    }
+
+
+def _likeness(by_name: Mapping[str, TouchSet]) -> pd.DataFrame:
+    rows, recorded = [], [name for name in RECORDED if name in by_name]
+    for name in recorded:
+        touches = by_name[name].samples.signals
+        groups = np.array(by_name[name].groups)[by_name[name].samples.trial]
+        matrices = [np.corrcoef(touches[groups == its].T) for its in dict.fromkeys(by_name[name].groups)]
+        alike = [_alike(*pair) for pair in combinations(matrices, 2)]
+        if alike:
+            rows.append((name, name, float(np.mean(alike))))
+    for name in recorded:
+        matrices = [np.corrcoef(by_name[its].samples.signals.T) for its in (name, PARTNERS[name])]
+        rows.append((name, PARTNERS[name], _alike(*matrices)))
+    return pd.DataFrame(rows, columns=["first", "second", "correlation"])
+
+
+def _alike(first: np.ndarray, second: np.ndarray) -> float:
+    upper = np.triu_indices(len(first), k=1)
+    return float(np.corrcoef(first[upper], second[upper])[0, 1])
+
+
+def _correlation_table(touches: TouchSet) -> pd.DataFrame:
+    matrix = np.corrcoef(touches.samples.signals.T)
+    electrodes = np.arange(1, len(matrix) + 1)
+    columns = {
+        "set": touches.name,
+        "electrode": np.repeat(electrodes, len(electrodes)),
+        "other": np.tile(electrodes, len(electrodes)),
+        "correlation": matrix.ravel(),
+    }
+    return pd.DataFrame(columns)

@@ -1,0 +1,120 @@
+"""Recordings of touch to look at: presses and their map, servoing, forces; slides and their deviations."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.palette import BLUE, GREY, LIGHT_GREY, VERMILION, place_colours
+from structlearn.primitives.vector import VectorPrimitive, deviation, without_offset
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.slide import material_of
+from structlearn.tasks.touch.skin_section import shown_map
+from structlearn.tasks.touch.surface_traces import trial_groups
+from structlearn.tasks.touch.touch_names import SLIDE_GROUPS
+from structlearn.tasks.touch.touch_parameters import SurfaceParameters
+from structlearn.viewer.notes import legend, notes_view, send_notes
+from structlearn.viewer.recorded_demonstrations import write_demonstrations
+from structlearn.viewer.rrd import entity, flat_view, layout, plot, recording, rgba, send_curve, time_column
+
+PRESS_MM, PROBE_MM = 0.3, 0.7
+"""Radii of dots."""
+
+MARGIN_MM = 2.5
+
+TRIALS = 12
+"""Paths that follow each other, one step a second."""
+
+IN_FRONT = 30.0
+
+NOTE = f"""A probe pressed a skin at known places; all of it is recorded. A press has the same colour on the
+plate and in the latent map, which was learned from another run and is only turned and shifted onto the plate.
+
+Over time, on the plate: servoing on the table of recorded presses, from one press to the readings of another,
+a step a second, one path after the other. Below: the force on a scale at one place, and what is read off the
+skin by another run.
+
+{legend({"probe": LIGHT_GREY, "its target": GREY, "scale": VERMILION, "read off the skin": BLUE})}"""
+
+
+def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
+    """Write the recording of a skin; of a single run there is no map to show, but forces where weighed."""
+    with recording(path, "A skin and its map") as stream:
+        views: list[rrb.Container | rrb.View] = []
+        if "maps" in tables:
+            views.append(_send_maps(stream, shown_map(tables["maps"], tuned_on), tables.get("paths")))
+        if "traces" in tables:
+            _send_forces(stream, tables["traces"])
+            views.append(plot("force (N)", ["/force/**"]))
+        send_notes(stream, NOTE)
+        shown = rrb.Vertical(*views, row_shares=[3, 1][: len(views)]) if views else notes_view()
+        stream.send_blueprint(layout(rrb.Horizontal(shown, notes_view(), column_shares=[4, 1])))
+
+
+def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFrame | None) -> rrb.Horizontal:
+    """Presses on the plate and in the map in mm about the plate's middle, y up."""
+    plate = maps[["x_m", "y_m"]].to_numpy()
+    middle, colours = 0.5 * (plate.min(axis=0) + plate.max(axis=0)), place_colours(plate)
+
+    def drawn(points: np.ndarray) -> np.ndarray:
+        return 1e3 * (points - middle) * [1.0, -1.0]  # the viewer's y is downwards
+
+    for name, points in (("plate", plate), ("map", maps[["map_x_m", "map_y_m"]].to_numpy())):
+        presses = rr.Points2D(drawn(points), colors=colours, radii=PRESS_MM)
+        stream.log(entity(name, "presses"), presses, static=True)
+    if paths is not None:
+        pair = (paths[["learned_from", "asked_about"]] == maps[["learned_from", "asked_about"]].iloc[0]).all(
+            axis=1
+        )
+        shown = paths[pair & (paths["trial"] < TRIALS)].sort_values(["trial", "step"])
+        times = [time_column(np.arange(len(shown), dtype=float))]
+        for name, columns, colour in (
+            ("probe", ["x_m", "y_m"], LIGHT_GREY),
+            ("target", ["target_x_m", "target_y_m"], GREY),
+        ):
+            look: dict[str, Any] = {"colors": rgba([colour]), "draw_order": IN_FRONT}
+            stream.log(entity("plate", name), rr.Points2D.from_fields(radii=PROBE_MM, **look), static=True)
+            places = rr.Points2D.columns(positions=drawn(shown[columns].to_numpy()))
+            stream.send_columns(entity("plate", name), times, places)
+    half = 0.5e3 * np.ptp(plate, axis=0).max() + MARGIN_MM
+    ends = [-half, half]
+    return rrb.Horizontal(
+        flat_view("the skin (mm): where it was pressed", "/plate", ends, ends),
+        flat_view("its map, learned from another run (mm)", "/map", ends, ends),
+    )
+
+
+def _send_forces(stream: rr.RecordingStream, traces: pd.DataFrame) -> None:
+    keys = ["learned_from", "asked_about"]
+    its = traces[(traces[keys] == traces[keys].iloc[0]).all(axis=1)]
+    for name, column, colour in (("scale", "force_n", VERMILION), ("read off the skin", "read_n", BLUE)):
+        path, time = entity("force", name), its["time_s"].to_numpy()
+        send_curve(stream, path, time, its[column].to_numpy(), name, colour)
+
+
+def write_slides(
+    path: Path, trials: Sequence[Demonstration], expected: VectorPrimitive, parameters: SurfaceParameters
+) -> None:
+    """Write the slides; electrodes show their deviation from the expected traces."""
+    groups = trial_groups([trial.name for trial in trials], parameters)
+    materials = dict.fromkeys(material_of(trial.name) for trial in trials)
+    learned = next(material_of(name) for name, group in groups.items() if group == "learned")
+    first = ("left out", "other material", "learned")  # the first trials have a tab
+    order = sorted(trials, key=lambda trial: first.index(groups[trial.name]))
+    deviating = [
+        replace(trial, tactile=deviation(expected, without_offset(trial.signal("tactile")), trial.dt))
+        for trial in order
+    ]
+    note = (
+        f"A robot slides a tactile finger over {' and '.join(materials)}. Tabs of single trials show how far "
+        f"each electrode deviates from the traces expected of {learned}:\n\n"
+        f"{legend(dict(SLIDE_GROUPS.values()))}"
+    )
+    colours = [SLIDE_GROUPS[groups[trial.name]].colour for trial in order]
+    title = "Slides: deviation from the expected traces"
+    write_demonstrations(path, deviating, None, title, note, colours=colours)

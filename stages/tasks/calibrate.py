@@ -1,0 +1,37 @@
+"""Measure the same statistics of touch on recordings and on the simulated robot's nominal executions."""
+
+from pathlib import Path
+
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.errors import MissingInputError
+from structlearn.core.stage import or_empty, run, stage_parameters
+from structlearn.readers import read_recordings
+from structlearn.readers.runs import read_streams
+from structlearn.tasks.task_entry import DEFAULTS, FOLDER
+from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.touch.touch_calibration import (
+    CalibrationParameters,
+    calibration_tables,
+    calibration_traces,
+)
+from structlearn.tasks.touch.touch_transfer import in_sets
+
+SIMULATED = Path("data/raw/scraping/unrolls")
+
+
+def main() -> None:
+    parameters = stage_parameters("calibrate", CalibrationParameters, FOLDER / DEFAULTS)
+    files = TaskFiles("biotac")
+    if files.absent:
+        raise MissingInputError(files.absent)
+    recorded = in_sets(read_streams(files.recorded / "streams.parquet"))
+    simulated = read_recordings(SIMULATED) if any(SIMULATED.iterdir()) else []
+    tables = calibration_tables(calibration_traces(recorded, simulated, parameters), parameters)
+    with publish("data/calibration") as folder:
+        folder.mkdir()
+        for name, table in tables.items():
+            write_table(table, folder / f"{name}.parquet")
+
+
+if __name__ == "__main__":
+    run(or_empty(main, "data/calibration"))

@@ -1,0 +1,186 @@
+"""Statistics of touch on traces whose answer is known, and of traces out of recordings."""
+
+import numpy as np
+import pytest
+from committed import committed
+
+from structlearn.core.errors import InputError
+from structlearn.readers.recording import Recording, Stream
+from structlearn.tasks.touch import touch_calibration, touch_statistics
+from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE
+from structlearn.tasks.touch.touch_statistics import FingerTrace, finger_traces, joined
+
+RATE_HZ = 100.0
+NOTHING = np.zeros((100, 2))
+PARAMETERS = committed(
+    touch_calibration.CalibrationParameters,
+    "calibrate",
+    rate_hz=RATE_HZ,
+    settling_s=0.0,
+    average_s=0.1,
+    active_counts=20.0,
+    variance=0.99,
+    segment_s=2.56,
+    factor=2.0,
+)
+
+
+def execution(seed: int, gain: float = 1.0) -> np.ndarray:
+    """Counts (1000, 19): contact at 3 s moves electrode e by 190 / e, then all swing together by 5 %."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(1000) / RATE_HZ
+    course = np.clip((time - 2.0) / 0.5, 0.0, 1.0) + 0.05 * np.sin(2 * np.pi * time) * (time > 3.0)
+    change = gain * 190.0 / np.arange(1, 20)
+    return np.rint(
+        30 * rng.standard_normal(19) + course[:, None] * change + 0.6 * rng.standard_normal((1000, 19))
+    )
+
+
+def recording(name: str, counts: list[np.ndarray], rate_hz: float, segments=None) -> Recording:
+    stamps = np.round(np.arange(len(counts[0])) / rate_hz * 1e9).astype(np.int64)
+    streams = [Stream(f"/finger/{place}", "tactile", stamps, its) for place, its in enumerate(counts)]
+    return Recording(name, tuple(streams), segments, {"origin": "simulated"})
+
+
+def test_contact_change_is_the_difference_of_two_means():
+    counts = np.vstack([np.full((50, 2), 7.0), np.full((50, 2), [10.0, -3.0])])
+    np.testing.assert_array_equal(touch_statistics.contact_change(counts, 100, 10), [3.0, -10.0])
+    np.testing.assert_array_equal(touch_statistics.contact_change(counts, 50, 10), [0.0, 0.0])
+
+
+def test_a_spike_is_no_range():
+    counts = np.tile(np.linspace(0, 100, 1001)[:, None], 2)
+    counts[500, 1] = 3000.0
+    np.testing.assert_allclose(touch_statistics.movement_range(counts), [99.0, 99.0], atol=0.6)
+
+
+def test_noise_is_found_under_motion():
+    rng = np.random.default_rng(0)
+    time = np.arange(20_000) / RATE_HZ
+    motion = 200 * np.sin(2 * np.pi * 0.3 * time)
+    counts = motion[:, None] + rng.standard_normal((len(time), 3)) * [0.5, 1.0, 2.0]
+    counts[5000:5200] += 300 * rng.standard_normal((200, 3))  # a knock
+    np.testing.assert_allclose(touch_statistics.noise(counts, RATE_HZ), [0.5, 1.0, 2.0], rtol=0.05)
+
+
+def test_spectrum_integrates_to_the_variance():
+    rng = np.random.default_rng(0)
+    time = np.arange(30_000) / RATE_HZ
+    counts = np.column_stack([4 * np.sin(2 * np.pi * 12.5 * time), 3 * rng.standard_normal(len(time))])
+    frequency, density = touch_statistics.spectrum(counts, RATE_HZ, 2.56)
+    np.testing.assert_allclose(density.sum(axis=0) * frequency[1], [8.0, 9.0], rtol=0.03)
+    assert frequency[density[:, 0].argmax()] == pytest.approx(12.5, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("statistic", "message"),
+    [
+        (lambda: touch_statistics.contact_change(NOTHING, 101, 10), "contact at sample 101 and means of 10"),
+        (lambda: touch_statistics.contact_change(NOTHING, 15, 10), "contact at sample 15 and means of 10"),
+        (lambda: touch_statistics.noise(NOTHING[:20], RATE_HZ), "too short to measure noise"),
+        (lambda: touch_statistics.spectrum(NOTHING, RATE_HZ, 2.56), r"of 1 s has no window of 2\.56 s"),
+    ],
+)
+def test_traces_that_are_too_short(statistic, message):
+    with pytest.raises(InputError, match=message):
+        statistic()
+
+
+def test_components_of_a_known_mixture():
+    rng = np.random.default_rng(0)
+    sources = rng.standard_normal((5000, 3)) * [10.0, 3.0, 0.1]
+    basis = np.linalg.qr(rng.standard_normal((19, 19)))[0][:3]
+    shares = touch_statistics.variance_shares(sources @ basis)
+    np.testing.assert_allclose(shares[:2], np.array([100, 9]) / 109.01, rtol=0.1)
+    assert touch_statistics.pca_dimensions(sources @ basis, 0.99) == 2
+    assert touch_statistics.pca_dimensions(sources @ basis, 0.9) == 1
+    assert touch_statistics.pca_dimensions(sources @ basis, 0.99999) == 3
+
+
+def test_nothing_has_no_dimensions():
+    np.testing.assert_array_equal(touch_statistics.variance_shares(np.ones((50, 19))), np.zeros(19))
+
+
+def test_held_values_are_thinned_and_primitives_joined():
+    """A log at 300 Hz that holds every value for three rows is the sensor's own trace at 100 Hz."""
+    own = execution(1)
+    held = np.repeat(own, 3, axis=0)
+    parts = [recording("a", [held[:900], held[:900]], 300.0), recording("b", [held[900:], held[900:]], 300.0)]
+    left, right = joined("set", "run", parts, RATE_HZ, settling_s=0.5)
+    np.testing.assert_array_equal(left.counts, own)
+    assert (left.finger, right.finger) == ("left", "right")
+    assert (left.contact, len(left.moving)) == (350, 650)
+
+
+def test_one_stream_of_both_fingers_is_split():
+    counts = np.hstack([execution(1), execution(2)])
+    segments = np.array([[0.0, 3.0], [3.0, 9.0]])
+    left, right = finger_traces("set", recording("run", [counts], RATE_HZ, segments), RATE_HZ)
+    np.testing.assert_array_equal(right.counts, execution(2))
+    assert left.contact == right.contact == 300
+
+
+@pytest.mark.parametrize(
+    ("counts", "rate_hz", "message"),
+    [
+        ([], 100.0, "run: has electrodes of 0 fingers"),
+        ([np.zeros((50, 18))], 100.0, "run: has 18 electrodes"),
+        ([np.zeros((50, 19))], 30.0, "run: touch comes at 30 Hz, not at 100"),
+    ],
+)
+def test_readers_without_fingers(counts, rate_hz, message):
+    empty = Recording("run", (), None, {})
+    with pytest.raises(InputError, match=message):
+        finger_traces("set", recording("run", counts, rate_hz) if counts else empty, RATE_HZ)
+
+
+def traces(gain: float) -> list[FingerTrace]:
+    recorded = [
+        FingerTrace(REFERENCE, "run", finger, execution(seed), 300)
+        for seed, finger in enumerate(("left", "right"))
+    ]
+    simulated = [
+        FingerTrace(CALIBRATED, f"{run}", finger, execution(10 * run + place, gain), 300)
+        for run in range(3)
+        for place, finger in enumerate(("left", "right"))
+    ]
+    return [*recorded, *simulated, FingerTrace("slides", "slide", "left", execution(99))]
+
+
+def calibrated(fingers: list[FingerTrace]):
+    """Tables of the fingers, electrodes and spectra, and the comparison."""
+    electrodes = touch_calibration.electrode_table(fingers, PARAMETERS)
+    spectra = touch_calibration.spectrum_table(fingers, PARAMETERS)
+    table = touch_calibration.finger_table(fingers, electrodes, PARAMETERS)
+    return table, electrodes, spectra, touch_calibration.comparison(table, spectra, PARAMETERS)
+
+
+def compared(gain: float):
+    table, *_, comparison = calibrated(traces(gain))
+    return table, comparison.set_index("statistic")
+
+
+def test_the_comparison_finds_the_same_in_the_same():
+    table, comparison = compared(1.0)
+    assert comparison["agrees"].all()
+    assert comparison.loc["contact_strongest", "recorded"] == pytest.approx(190, abs=2)
+    assert comparison.loc["contact_many", "simulated"] == 1
+    assert comparison.loc["noise_median", "simulated"] == pytest.approx(np.hypot(0.6, 12**-0.5), rel=0.1)
+    assert comparison.loc["power_slow", "recorded"] == pytest.approx(9.5 / np.sqrt(2), rel=0.1)
+    always = table[table["group"] == "slides"]
+    assert always[["contact_strongest", "contact_many"]].isna().all(axis=None)
+
+
+def test_the_comparison_finds_a_factor():
+    _, comparison = compared(3.0)
+    disagree = comparison.index[~comparison["agrees"]]
+    assert {"contact_strongest", "range_strongest", "power_slow"} <= set(disagree)
+    assert comparison.loc["contact_strongest", "ratio"] == pytest.approx(3.0, rel=0.05)
+    assert {"noise_median", "power_fast"}.isdisjoint(disagree)
+
+
+def test_traces_to_look_at_start_at_zero():
+    table = touch_calibration.trace_table(traces(1.0), PARAMETERS)
+    assert set(table["group"]) == {REFERENCE, CALIBRATED}
+    assert abs(table[table["time_s"] < -2.0]["change"]).max() < 10
+    assert table["time_s"].min() == -3.0

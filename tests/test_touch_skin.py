@@ -1,0 +1,307 @@
+"""Touches of a skin: blocks held out, maps, forces and servoing on toy runs; findings on made-up tables."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pandas as pd
+import pytest
+from committed import committed_task
+from viewer_files import contents, note
+
+from structlearn.core.errors import MissingInputError
+from structlearn.palette import PLATE_CORNERS, place_colours
+from structlearn.readers import eflesh
+from structlearn.readers.touch_log import TouchLog
+from structlearn.tactile.pressed_skin import block_numbers, held_out
+from structlearn.tasks.touch import skin_force, skin_readings, skin_servoing
+from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
+from structlearn.tasks.touch.skin_touches import folds_of, gathered, learn_skin, learn_touch
+from structlearn.tasks.touch.touch_names import (
+    CORRECTED,
+    FORCE_MODELS,
+    NEW_BLOCKS,
+    NEW_PRESSES,
+    NEW_RUN,
+    QUADRATIC,
+    SPACES,
+    STRUCTURED,
+    TEXT_SERVO,
+)
+from structlearn.tasks.touch.touch_view import write_skin
+
+CHANNELS = tuple(str(channel) for channel in range(15))
+BRIEF = {"seeds": 1, "pair_pool": 5000, "evaluation_pairs": 2000}
+SMALL = committed_task(
+    "eflesh",
+    tuned_on=["a"],
+    block_mm=3.0,
+    folds=2,
+    copies=2,
+    rival_samples=150,
+    spaces=BRIEF | {"training": {"steps": 200, "evaluate_every": 200}},
+    servo={"walks": 500, "trials": 8, "steps": 10},
+)
+
+
+def grid(size, passes=1):
+    """Places (N, 2) m, 1 mm apart, exact to tenths of a micrometre as the logs' are."""
+    x, y = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
+    places = np.tile(1e-3 * np.column_stack([x.ravel(), y.ravel()]), (passes, 1))
+    return places + 6.1e-8 * (np.arange(len(places))[:, None] % 2)
+
+
+def toy_run(name, seed, depth_mm=0.0, size=10):
+    """Presses of a skin whose channels are bumps of either sign; deeper presses are stronger."""
+    rng, bumps = np.random.default_rng(seed), np.random.default_rng(0)
+    place = grid(size, passes=2)
+    depth = 1e-3 * depth_mm * rng.uniform(-1, 1, len(place))
+    centres = 1e-3 * bumps.uniform(0, size, (15, 2))
+    squared = np.square(place[:, None] - centres).sum(axis=-1)
+    counts = bumps.choice([-300, 300], 15) * np.exp(-squared / (2 * 0.006**2)) * np.exp(-300 * depth)[:, None]
+    counts += rng.normal(size=counts.shape)
+    place = np.column_stack([place, depth])
+    return TouchLog(name, CHANNELS, counts, place, np.arange(len(place)) * 4.0)
+
+
+def toy_strokes(name, presses=8, gain=1.0):
+    """Depth, channels that follow it 0.35 s later, and a scale 0.6 s later that reads every other row."""
+    time = np.arange(0, 20.0 * presses, 0.1)
+
+    def depth(at):
+        return 6e-3 * (1 - np.cos(2 * np.pi * np.maximum(at, 0) / 20.0))
+
+    force = 2e5 * gain * depth(time - 0.6) ** 2
+    counts = np.outer(2e5 * depth(time - 0.35), np.random.default_rng(3).normal(size=15))
+    place = np.column_stack([np.zeros((len(time), 2)), -depth(time)])
+    weighed = np.where(np.arange(len(time)) % 2, np.nan, force)
+    return TouchLog(name, CHANNELS, counts, place, time, weighed)
+
+
+def touches(log, parameters=SMALL):
+    """The touches of one recording."""
+    return gathered([log], parameters)[0][0]
+
+
+@pytest.fixture(scope="module")
+def learned():
+    runs = [toy_run("a", 1, depth_mm=1.0), toy_run("b", 2)]
+    return learn_touch([*runs, toy_strokes("c"), toy_strokes("d")], SMALL)
+
+
+def test_no_two_neighbours_are_held_out_at_once():
+    block, fold = held_out(grid(31), 5e-3, 4)
+    assert len(np.unique(block)) == 36
+    assert np.unique(block, return_counts=True)[1].max() == 36  # the last row belongs to the last blocks
+    column, row = block_numbers(grid(31), 5e-3)
+    by_block = pd.DataFrame({"fold": fold, "column": column, "row": row}).drop_duplicates()
+    assert len(by_block) == 36
+    squares = by_block.pivot_table(index="column", columns="row", values="fold").to_numpy()
+    for first, second in ((squares[1:], squares[:-1]), (squares[:, 1:], squares[:, :-1])):
+        assert (first != second).all()
+    corners = [squares[0, 0], squares[0, -1], squares[-1, 0], squares[-1, -1]]
+    assert len(set(corners)) == 4
+
+
+def test_a_polynomial_reads_polynomials():
+    known = np.random.default_rng(0).normal(size=(60, 2))
+    wanted = np.column_stack([known[:, 0] ** 3 - known[:, 1], known[:, 0] * known[:, 1] ** 2])
+    new = np.random.default_rng(1).normal(size=(20, 2))
+    expected = np.column_stack([new[:, 0] ** 3 - new[:, 1], new[:, 0] * new[:, 1] ** 2])
+    np.testing.assert_allclose(skin_readings.polynomial(known, wanted, 3)(new), expected, atol=1e-9)
+
+
+def test_a_gaussian_process_knows_what_never_varies():
+    known = np.linspace(-2, 2, 80)[:, None]
+    read = skin_readings.gaussian_process(
+        known, np.column_stack([np.sin(known[:, 0]), np.full(80, 0.143)]), 40
+    )
+    found = read(np.array([[0.31], [-1.17]]))
+    np.testing.assert_allclose(found, [[np.sin(0.31), 0.143], [np.sin(-1.17), 0.143]], atol=0.02)
+
+
+def test_the_map_is_the_skin_and_rivals_have_none(learned):
+    _, tables = learned
+    errors = tables["errors"].groupby(["new", "learned_from", "model"])[["map_nmse", "latent_mm"]].mean()
+    for run in ("a", "b"):
+        its = errors.loc[NEW_RUN, run]
+        assert its.loc["structured", "map_nmse"] < 0.2
+        assert its.loc["structured", "map_nmse"] < 0.5 * its.loc["3 principal components", "map_nmse"]
+        assert its.loc["Gaussian process", "latent_mm"] < 1.0
+    by_run = tables["errors"].groupby(["learned_from", "model"])["depth_nmse"]
+    known = by_run.apply(lambda its: its.notna().any())
+    assert known.loc["a"].all()
+    assert not known.loc["b"].any()  # it knows one depth only
+
+
+def held_out_errors(log, parameters):
+    """Errors on all folds of one recording."""
+    work = folds_of([touches(log, parameters)], parameters)
+    return pd.concat([skin_readings.fold_errors(one, parameters)[0] for one in work], ignore_index=True)
+
+
+def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
+    skins, tables = learned
+    assert len(skins["a"].units.action_scale) == 3
+    assert len(skins["b"].units.action_scale) == 2
+    runs = touches(toy_run("b", 2)), touches(toy_run("a", 1, depth_mm=1.0))
+    one_depth = skin_servoing.table_of(*runs, SMALL)
+    assert 0 < len(one_depth.pressure) < 288
+    assert np.abs(one_depth.place[:, 2]).max() <= 0.5e-3
+    servo = tables["servo"]
+    assert set(servo["controller"]) == {CORRECTED, *TEXT_SERVO}
+    assert (servo.loc[servo["arrived"], "left_mm"] <= SMALL.servo.tolerance_mm).all()
+
+
+def test_a_lag_is_found_between_steps():
+    time = np.arange(0, 60, 0.07)
+    cause = np.sin(0.9 * time) + 0.4 * np.sin(2.3 * time)
+    effect = 3.0 * (np.sin(0.9 * (time - 0.437)) + 0.4 * np.sin(2.3 * (time - 0.437))) + 1.0
+    assert skin_force.lag_behind(time, cause, time, effect, 1.0) == pytest.approx(0.437, abs=5e-3)
+    assert skin_force.lag_behind(time, cause, time, cause, 1.0) == pytest.approx(0.0, abs=5e-3)
+
+
+def test_presses_part_halfway_between_two():
+    force = np.array([0, 9, 9, 0, 0, 0, 9, 0, 9.0])
+    np.testing.assert_array_equal(
+        skin_force.press_numbers(np.arange(9.0), force, 5.0), [0, 0, 0, 0, 1, 1, 1, 2, 2]
+    )
+    np.testing.assert_array_equal(skin_force.press_numbers(np.arange(2.0), force[1:3], 5.0), [0, 0])
+
+
+def test_lags_and_forces_are_found(learned):
+    _, tables = learned
+    np.testing.assert_allclose(tables["lags"][["signals_s", "force_s"]], [[0.35, 0.6]] * 2, atol=0.03)
+    errors = tables["force"].groupby(["new", "model"])["rms_n"].mean()
+    assert errors[NEW_RUN, QUADRATIC] < 0.5
+    assert set(tables["force"]["press"]) == set(range(8))
+
+
+def test_a_scale_that_says_too_little_is_left_aside(capsys):
+    mute = replace(toy_strokes("mute"), force=np.full(len(toy_strokes("mute").time), np.nan))
+    quiet, few, sound = toy_strokes("c", gain=0.1), toy_strokes("few", presses=3), toy_strokes("d", presses=4)
+    errors, lags, traces = skin_force.force_errors([mute, quiet, few, sound], SMALL.force, 150)
+    assert set(errors["learned_from"]) == set(lags["run"]) == {"d"}
+    assert traces.empty
+    assert capsys.readouterr().out.count("left aside: 0 presses") == 2
+
+
+def test_a_run_in_one_block_has_nothing_held_out():
+    spot = toy_run("spot", 2, size=3)
+    with pytest.raises(MissingInputError, match="no touches in two blocks of 3 mm"):
+        learn_touch([spot], SMALL)
+    quick = SMALL.model_copy(update={"folds": 4, "block_mm": 4.0})
+    narrow = toy_run("narrow", 2)
+    strip = narrow.place[:, 0] < 4e-3
+    cut = {name: getattr(narrow, name)[strip] for name in ("time", "place", "counts")}
+    errors = held_out_errors(replace(narrow, **cut), quick)  # two blocks, of folds 0 and 2
+    assert errors.groupby("model")["block"].nunique().eq(2).all()
+
+
+@lru_cache
+def made_up(good=True):
+    """Results in which every claim holds, or none does."""
+    runs, wiggle = ("a", "b"), np.linspace(-0.01, 0.01, 6)
+    errors = []
+    for model in SPACES:
+        ours = (model == "structured") == good
+        level = 0.01 if ours else 0.5
+        for first in runs:
+            for second in runs:
+                new = NEW_BLOCKS if first == second else NEW_RUN
+                table = pd.DataFrame({"block": range(6), "presses": 20, "model": model, "seed": 0})
+                table = table.assign(learned_from=first, asked_about=second, new=new)
+                for name in ("map_nmse", "pressure_nmse", "signal_nmse", "depth_nmse"):
+                    table[name] = level * (1 + wiggle)
+                table["latent_mm"] = table["laid_mm"] = (0.5 if ours else 2.0) * (1 + wiggle)
+                errors.append(table)
+    place = grid(5)
+    pairs = [{"learned_from": first, "asked_about": second} for first, second in (("a", "b"), ("b", "a"))]
+    maps = pd.DataFrame({"x_m": place[:, 0], "y_m": place[:, 1], "z_m": 0.0, "pressure": 0.0})
+    maps = maps.assign(map_x_m=place[:, 0], map_y_m=place[:, 1])
+    path = pd.DataFrame(
+        {"trial": np.repeat(range(3), 4), "step": np.tile(range(4), 3), "x_m": 0.0, "y_m": 0.0}
+    )
+    path = path.assign(target_x_m=1e-3, target_y_m=1e-3)
+    servo = pd.DataFrame(
+        [
+            (model, controller, trial, ((model == "structured") == good), 0.5, 1.05 if good else 2.0)
+            for model in ("structured", "reconstruction only")
+            for controller in (*TEXT_SERVO, CORRECTED)
+            for trial in range(20)
+        ],
+        columns=["model", "controller", "trial", "arrived", "left_mm", "length_ratio"],
+    ).assign(seed=0, straight_mm=9.0)
+    servo["length_ratio"] *= 1 + 0.001 * (servo["trial"] % 3)
+    force = pd.DataFrame(
+        [
+            (new, model, press, (0.3 if good else 3.0) + 0.01 * press, 1.0)
+            for new in (NEW_PRESSES, NEW_RUN)
+            for model in FORCE_MODELS
+            for press in range(4)
+        ],
+        columns=["new", "model", "press", "rms_n", "worst_n"],
+    )
+    both = [{"learned_from": first, "asked_about": second} for first, second in (("c", "d"), ("d", "c"))]
+    traces = pd.DataFrame({"time_s": np.arange(9.0), "force_n": 1.0, "read_n": 1.1})
+    several = {
+        name: pd.concat([table.assign(**pair) for pair in pairs], ignore_index=True)
+        for name, table in (("maps", maps), ("paths", path), ("servo", servo))
+    }
+    if not good:  # a trial that never arrives has no way
+        several["servo"].loc[several["servo"]["model"] == "structured", "arrived"] = False
+    tables = several | {
+        "errors": pd.concat(errors, ignore_index=True),
+        "force": pd.concat([force.assign(**pair) for pair in both], ignore_index=True),
+        "lags": pd.DataFrame(
+            {"run": ["c"], "signals_s": [0.4], "force_s": [0.5], "readings": [9], "presses": [4]}
+        ),
+        "traces": traces.assign(learned_from="c", asked_about="d"),
+    }
+    return SkinRuns(tables, ("a",))
+
+
+def test_blocks_of_the_run_tuned_on_decide_nothing():
+    spoiled = made_up().tables["errors"].copy()
+    own = (spoiled["learned_from"] == "a") & (spoiled["asked_about"] == "a")
+    spoiled.loc[own, ["map_nmse", "latent_mm"]] = 99.0
+    results = SkinRuns(made_up().tables | {"errors": spoiled}, ("a",))
+    assert find_skin(results)["map_nmse"] == find_skin(made_up())["map_nmse"]
+    alone = find_skin(SkinRuns({"errors": spoiled[own]}, ("a",)))
+    assert alone["map_nmse"].reason == "no runs for it are recorded here"
+    assert alone["latent_mm"].n == 0
+
+
+def test_the_recording_shows_what_is_there(tmp_path):
+    for there in (("maps", "paths", "traces"), ("maps", "paths"), ("traces",), ()):
+        write_skin(tmp_path / "skin.rrd", {name: made_up().tables[name] for name in there}, ("a",))
+        assert "recorded" in note(tmp_path / "skin.rrd")
+        assert ("/map/presses" in contents(tmp_path / "skin.rrd")[1]) == ("maps" in there)
+
+
+def test_findings_are_those_of_the_aims():
+    find = find_skin(made_up())
+    for name in ("map_nmse", "latent_mm", "latent_cross_run_mm", "pressure_nmse", "depth_nmse", "force_n"):
+        assert find[name].low < find[name].value < find[name].high
+    assert find["latent_mm"].value == pytest.approx(0.5)
+
+
+def test_places_have_the_colours_of_their_corners():
+    colours = place_colours(np.array([[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.0]]))
+    hexes = [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colours[:4]]
+    assert hexes == [*PLATE_CORNERS[0], *PLATE_CORNERS[1]]
+
+
+def test_the_recorded_skin_carries_over(recorded_data):
+    """A short training already finds the place of presses of another run within a millimetre and a half."""
+    logs = eflesh.read_touch(recorded_data / "eflesh", SMALL, {})
+    assert any(log.force is not None for log in logs)
+    pressed = [log for log in logs if log.force is None][:2]
+    brief = SMALL.spaces.training.model_copy(update={"steps": 400, "evaluate_every": 400})
+    few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
+    first, second = (touches(log, few) for log in pressed)
+    skin = learn_skin(first, np.full(len(first.counts), True), few, with_dynamics=False)
+    errors, _ = skin_readings.other_errors((skin, first, [second]), few)
+    by_model = errors.groupby("model")[["map_nmse", "laid_mm"]].mean()
+    assert by_model.loc[STRUCTURED, "map_nmse"] < 0.06
+    assert by_model.loc[STRUCTURED, "laid_mm"] < 1.5

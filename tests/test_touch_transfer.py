@@ -1,0 +1,205 @@
+"""What carries over between sets of touches: made-up sets, and the recordings where they are at hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from committed import committed_task
+from tactile_toy import toy_dataset, toy_geodesics
+
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers import clmc, slide, synchronise
+from structlearn.readers.demonstration import Demonstration
+from structlearn.tactile.electrodes import biotac
+from structlearn.tactile.touch_dataset import TEST, TRAIN
+from structlearn.tasks.touch import touch_transfer
+from structlearn.tasks.touch.touch_names import (
+    COMPONENTS,
+    MAGNITUDES,
+    NEW_MATERIAL,
+    NEW_SET,
+    NEW_TRIALS,
+    OWN_UNITS,
+    PARTNERS,
+    PLAIN,
+    SIMULATED,
+    SLIDES,
+    STRUCTURED,
+    UNSCREWING,
+)
+from structlearn.tasks.touch.touch_transfer import TouchSet
+
+SKIN = biotac()
+FEW = committed_task(
+    "biotac",
+    folds=2,
+    spaces={
+        "seeds": 1,
+        "training": {"steps": 2, "batch_size": 8},
+        "pair_pool": 100,
+        "evaluation_pairs": 50,
+    },
+)
+
+
+def touch_set(name, groups, seed=0, scale=1.0):
+    samples = toy_dataset(contacts=len(groups), samples=130, seed=seed)
+    signals = (scale * samples.signals).astype(np.float32)
+    samples = replace(samples, signals=signals, pressure=-signals.mean(axis=1))
+    return TouchSet(name, samples, toy_geodesics(samples, bins=1, size=200), groups)
+
+
+@pytest.fixture(scope="module")
+def results():
+    """Slides and their partner are the same touches in other counts, the other two sets are not."""
+    sets = [
+        touch_set(SLIDES, ("a", "a", "b", "b")),
+        touch_set(MAGNITUDES, ("c",) * 4, scale=0.25),
+        touch_set(UNSCREWING, ("1", "2", "3")),
+        touch_set(SIMULATED, ("c",) * 4, seed=3),
+    ]
+    return touch_transfer.learn_transfer(sets, SKIN, FEW)
+
+
+def demonstration(name, counts):
+    time = np.arange(len(counts)) / 100
+    angle = 0.1 * np.sin(time)
+    zero = np.zeros_like(time)
+    orientation = np.column_stack([np.cos(angle / 2), np.sin(angle / 2), zero, zero])
+    position = np.column_stack([0.025 * time, zero, zero])
+    return Demonstration(name, time, position, orientation, tactile=counts)
+
+
+def test_counts_that_rise_are_pressure_and_every_trial_is_a_contact():
+    electrode = 8
+    counts = np.full((200, 19), -5.0)
+    counts[:, electrode] = 400.0
+    samples = touch_transfer.held_touch([demonstration(name, counts) for name in "ab"], SKIN, 1.0)
+    np.testing.assert_allclose(samples.signals, -np.tile(counts, (2, 1)), rtol=1e-4)
+    np.testing.assert_allclose(samples.pressure, (400.0 - 18 * 5.0) / 19, rtol=1e-4)
+    np.testing.assert_allclose(samples.contact_point[0], SKIN.project(SKIN.electrodes[electrode]), atol=1e-6)
+    np.testing.assert_allclose(samples.velocity[50:150, 0], 0.025, rtol=1e-2)
+    np.testing.assert_array_equal(samples.trial, np.repeat([0, 1], 200))
+    np.testing.assert_array_equal(samples.contact, samples.trial)
+    assert samples.rate_hz == pytest.approx(100.0)
+
+
+def test_magnitudes_forget_the_direction_of_a_change():
+    samples = toy_dataset(contacts=2, samples=50)
+    flipped = replace(samples, signals=samples.signals * np.float32([-1, 1] * 9 + [-1]))
+    found, other = (touch_transfer.magnitudes(one, SKIN) for one in (samples, flipped))
+    np.testing.assert_array_equal(found.signals, other.signals)
+    np.testing.assert_array_equal(found.contact_point, other.contact_point)
+    assert (found.signals <= 0).all()
+    np.testing.assert_allclose(found.pressure, np.abs(samples.signals).mean(axis=1), rtol=1e-6)
+
+
+def test_every_trial_is_left_out_once_and_every_material_once():
+    slides = touch_set(SLIDES, ("a", "b", "a", "b", "b"))
+    parts = touch_transfer.parts_left_out(slides, 2)
+    for found in parts.values():
+        np.testing.assert_array_equal(np.sort(np.concatenate(found)), np.arange(5))
+    assert [part.tolist() for part in parts[NEW_MATERIAL]] == [[0, 2], [1, 3, 4]]
+    held_out = slides.without(parts[NEW_MATERIAL][0])
+    np.testing.assert_array_equal(held_out.split == TEST, np.isin(held_out.trial, [0, 2]))
+    assert (slides.without(()).split == TRAIN).all()
+    logs = touch_set(UNSCREWING, ("1", "2", "3"))
+    assert list(touch_transfer.parts_left_out(logs, 5)) == [NEW_TRIALS]
+    assert len(touch_transfer.parts_left_out(logs, 5)[NEW_TRIALS]) == 3
+    with pytest.raises(InputError, match="unscrewing: of a single trial none can be left out"):
+        touch_transfer.parts_left_out(replace(logs, groups=("1",)), 2)
+
+
+def test_all_is_asked_of_all_models(results):
+    counts = results["errors"].groupby(["learned_from", "asked_about", "new", "model"])["part"].nunique()
+    for model in (STRUCTURED, PLAIN, COMPONENTS):
+        for new, parts in (
+            (NEW_TRIALS, 2),
+            (NEW_MATERIAL, 2),
+            (OWN_UNITS, 2),
+        ):
+            assert counts[SLIDES, SLIDES, new, model] == parts
+        for source, target in PARTNERS.items():
+            assert counts[source, target, NEW_SET, model] >= 1
+    assert results["errors"]["reconstruction"].notna().all()
+
+
+def test_a_partner_in_other_counts_is_as_good_as_the_set_itself(results):
+    """All samples of the set are those learned from and those left out."""
+    errors = results["errors"][results["errors"]["model"] == COMPONENTS]
+    by = errors.groupby(["learned_from", "new"])["reconstruction"].mean()
+    slides = by[SLIDES]
+    low, high = sorted(slides[[touch_transfer.LEARNED, NEW_TRIALS]])
+    assert 0.9 * low < slides[NEW_SET] < 1.1 * high
+
+
+def test_likeness_is_one_for_the_same_touches(results):
+    its = results["likeness"].set_index(["first", "second"])["correlation"]
+    assert its[SLIDES, MAGNITUDES] == pytest.approx(1.0, abs=1e-6)
+    assert its[UNSCREWING, SIMULATED] < 0.999
+    assert its[UNSCREWING, UNSCREWING] < 0.999
+    sets = results["sets"].set_index("set")
+    ratio = sets.loc[SLIDES, "counts"] / sets.loc[MAGNITUDES, "counts"]
+    assert ratio == pytest.approx(4.0, rel=1e-5)
+    diagonal = results["correlations"].query("electrode == other")["correlation"]
+    np.testing.assert_allclose(diagonal, 1.0)
+
+
+def test_a_faulty_trial_is_left_out_altogether():
+    counts = 50.0 + 10.0 * np.random.default_rng(0).normal(size=(150, 19)).cumsum(axis=0) / 12
+    trials = [demonstration(name, np.abs(counts)) for name in ("mat9_1", "mat9_3", "mat15_1")]
+    few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0})
+    faulty = ("mat9_3",)
+    simulated = toy_dataset(contacts=4, samples=130)
+    sets = touch_transfer.touch_sets(
+        {SLIDES: trials, UNSCREWING: trials[:2]}, simulated, SKIN, 1.0, faulty, few
+    )
+    assert [one.name for one in sets] == ["slides", "unscrewing", "simulated", "simulated, magnitudes"]
+    assert sets[0].groups == ("mat9", "mat15")
+    assert len(sets[0].samples) == 300
+    alone = touch_transfer.touch_sets(
+        {SLIDES: trials[1:2], UNSCREWING: trials[::2]}, simulated, SKIN, 1.0, faulty, few
+    )
+    assert [one.name for one in alone] == ["unscrewing", "simulated"]
+    with pytest.raises(MissingInputError, match="no two slides or logs of unscrewing"):
+        touch_transfer.touch_sets(
+            {SLIDES: trials[1:2], UNSCREWING: trials[:1]}, simulated, SKIN, 1.0, faulty, few
+        )
+
+
+def test_a_set_goes_on_without_the_other(capsys):
+    """What is learned from slides needs no logs; a set too small for a map of the skin is left aside."""
+    found = touch_transfer.learn_transfer(
+        [touch_set(SLIDES, ("a", "a", "b", "b")), touch_set(MAGNITUDES, ("c",) * 4)],
+        SKIN,
+        FEW,
+    )
+    assert set(found["sets"]["set"]) == {SLIDES, MAGNITUDES}
+    assert set(found["errors"]["learned_from"]) == set(found["sets"]["set"])
+    assert list(found["likeness"]["first"]) == [SLIDES] * 2
+    counts = 50.0 + 10.0 * np.random.default_rng(0).normal(size=(150, 19)).cumsum(axis=0) / 12
+    long, short = ([demonstration(name, np.abs(counts[:samples])) for name in "ab"] for samples in (150, 20))
+    few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0, "neighbours": 45})
+    simulated = toy_dataset(contacts=4, samples=130)
+    sets = touch_transfer.touch_sets({SLIDES: long, UNSCREWING: short}, simulated, SKIN, 1.0, (), few)
+    assert [one.name for one in sets] == ["slides", "simulated, magnitudes"]
+    assert "unscrewing left aside: touch: 40 points in a bin" in capsys.readouterr().out
+
+
+def test_recorded_slides_are_magnitudes(recorded_data):
+    for recording in slide.read_slides(recorded_data / "slide", 2):
+        tactile = next(stream.values for stream in recording.streams if stream.kind == "tactile")
+        assert tactile.min() >= 0
+
+
+def test_recorded_unscrewing_knows_its_contact_point_and_rises_with_force(recorded_data):
+    """The log holds a contact point and force of its own; its x axis is our y axis, turned round."""
+    path = sorted((recorded_data / "clmc" / "quat_dmp_unscrewing").glob("*.txt"))[0]
+    log = np.loadtxt(path)
+    force, own = np.linalg.norm(log[:, 70:73], axis=1), 1e-3 * log[:, 76:79]
+    recording = clmc.read_unscrewing(recorded_data / "clmc")[0]
+    samples = touch_transfer.held_touch([synchronise(recording)], SKIN, 100.0)
+    assert np.corrcoef(samples.pressure, force)[0, 1] > 0.98
+    wanted = SKIN.project(np.column_stack([own[:, 1], -own[:, 0], own[:, 2]]))
+    distance = np.linalg.norm(samples.contact_point - wanted, axis=1)
+    assert np.median(distance) < 0.5e-3
