@@ -12,8 +12,7 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages
-from structlearn.readers.checks import at_row
-from structlearn.readers.decoding import (
+from structlearn.readers.cdr import (
     Decoded,
     decoded,
     fields_named,
@@ -21,6 +20,7 @@ from structlearn.readers.decoding import (
     sample_stamps,
     sequence,
 )
+from structlearn.readers.checks import at_row
 from structlearn.readers.messages import FIELDS
 from structlearn.readers.recording import JOINT_KINDS, Kind, Stream
 from structlearn.readers.stamps import StampPolicy, in_order

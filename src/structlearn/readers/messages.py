@@ -24,14 +24,15 @@ from mcap.reader import make_reader
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.readers import cdr
 from structlearn.readers.bag import RawMessages, of_one_type
-from structlearn.readers.decoding import (
+from structlearn.readers.cdr import (
+    columns,
     decoded,
     fields_named,
     header_stamps,
     sample_stamps,
     sequence,
+    short_name,
     table,
 )
 from structlearn.readers.recording import JOINT_KINDS, Form, Kind, NamedShape, Stream
@@ -68,7 +69,7 @@ def check_readable(where: str, role: Role | Literal["transforms"], types: Sequen
     """Raise an InputError unless all messages of a topic have one type that can be read in its role."""
     if len(types) > 1:
         raise InputError(f"{where} has messages of several types: {', '.join(types)}")
-    if cdr.short_name(types[0]) not in READERS[role]:
+    if short_name(types[0]) not in READERS[role]:
         raise InputError(
             f"{where} has messages of type {types[0]}; {role} can be read from {', '.join(READERS[role])}"
         )
@@ -122,8 +123,8 @@ def to_messages(where: str, stream: Stream) -> RawMessages:
         values = quaternion.to_xyzw(values)
     lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
     message_type = MESSAGE_TYPES[stream.kind]
-    content, columns = _blank(where, message_type, stream.stamps, (), lengths)
-    places = READERS[stream.kind][cdr.short_name(message_type)](columns)
+    content, fields = _blank(where, message_type, stream.stamps, (), lengths)
+    places = READERS[stream.kind][short_name(message_type)](fields)
     with np.errstate(over="ignore"):
         for place, column in zip(places, values.T, strict=True):
             place[:] = column
@@ -142,9 +143,9 @@ def joint_messages(
     """
     message_type = MESSAGE_TYPES["joint_positions"]
     lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
-    content, columns = _blank(where, message_type, stamps, names, lengths)
+    content, fields = _blank(where, message_type, stamps, names, lengths)
     for kind, its in values.items():
-        getattr(columns, FIELDS[kind])[:] = its
+        getattr(fields, FIELDS[kind])[:] = its
     return of_one_type(message_type, definition(message_type), stamps, content)
 
 
@@ -204,7 +205,7 @@ def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
 
 def definition(message_type: str) -> str:
     """Text of a message definition with those of all nested types, as MCAP's `ros2msg` encoding has it."""
-    names = [cdr.short_name(message_type)]
+    names = [short_name(message_type)]
     for name in names:  # grows by the types that are met
         nested = re.findall(r"^(\w+/\w+)", _DEFINITIONS[name], re.MULTILINE)
         names += [one for one in dict.fromkeys(nested) if one not in names]
@@ -216,7 +217,7 @@ def definition(message_type: str) -> str:
 def _type_of(messages: RawMessages) -> str:
     schema = messages.schemas[0]
     assert schema is not None  # `check_readable` lets none pass
-    return cdr.short_name(schema.name)
+    return short_name(schema.name)
 
 
 def _blank(
@@ -228,13 +229,13 @@ def _blank(
         raise InputError(f"{where}: stamps {fault} cannot be written")
     template = _template(message_type, tuple(names), tuple(lengths.items()))
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
-    found = cdr.columns(message_type, definition(message_type), messages)
+    found = columns(message_type, definition(message_type), messages)
     assert found is not None  # the template has what we define
-    columns, _ = found
-    if hasattr(columns, "header"):
-        stamp = columns.header.stamp
+    fields, _ = found
+    if hasattr(fields, "header"):
+        stamp = fields.header.stamp
         stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
-    return messages, columns
+    return messages, fields
 
 
 @cache
@@ -324,7 +325,7 @@ READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Callable[[Any
     },
 }
 """Message types that can be read in each role, and how a message gives its columns: numbers, or where its
-fields are columns over many messages (`cdr.columns`), arrays."""
+fields are columns over many messages (`columns`), arrays."""
 
 _DEFINITIONS = {
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",

@@ -14,9 +14,9 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages
+from structlearn.readers.cdr import decoded, fields_named, nanoseconds, sample_stamps
 from structlearn.readers.checks import NORM_TOLERANCE
 from structlearn.readers.clock import linear, shared_stamps, slerp
-from structlearn.readers.decoding import decoded, fields_named, nanoseconds, sample_stamps
 from structlearn.readers.recording import Stream
 from structlearn.readers.stamps import StampPolicy, in_order
 from structlearn.readers.topics import TransformPose
