@@ -67,19 +67,12 @@ Row = tuple[int, Schema | None, bytes]
 
 @dataclass(frozen=True)
 class RawMessages:
-    """Messages of one topic, in the order of their log times.
+    """Messages of one topic, in the order of their log times."""
 
-    Attributes:
-        schemas: their definitions; None where the file has none.
-        kinds: (T,) which of the schemas each message has.
-        log_times: (T,) int64 ns.
-        data: bytes of each message.
-    """
-
-    schemas: Sequence[Schema | None]
-    kinds: np.ndarray
-    log_times: np.ndarray
-    data: Sequence[bytes]
+    schemas: Sequence[Schema | None]  # their definitions; None where the file has none
+    kinds: np.ndarray  # (T,) which of the schemas each message has
+    log_times: np.ndarray  # (T,) int64 ns
+    data: Sequence[bytes]  # bytes of each message
 
     def rows(self) -> Iterator[Row]:
         """Messages one by one."""
@@ -104,17 +97,12 @@ def of_one_type(message_type: str, definition: str, stamps: np.ndarray, content:
 
 @dataclass(frozen=True)
 class Bag:
-    """What a file has.
+    """What a file has."""
 
-    Attributes:
-        topics: every topic with the types of its messages; what is not a ROS 2 message says so in its type.
-        metadata: our own metadata record; None where the file is not ours.
-        messages: of each topic that was asked for, unless there are none.
-    """
-
+    # every topic with the types of its messages; what is not a ROS 2 message says so in its type
     topics: Mapping[str, Sequence[str]]
-    metadata: Mapping[str, str] | None
-    messages: Mapping[str, RawMessages]
+    metadata: Mapping[str, str] | None  # our own metadata record; None where the file is not ours
+    messages: Mapping[str, RawMessages]  # of each topic that was asked for, unless there are none
 
     def provenance(self, path: Path) -> dict[str, str]:
         """What our own metadata say of the origin; a file without them was recorded."""

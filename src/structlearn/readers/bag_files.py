@@ -138,17 +138,11 @@ METADATA = "metadata.yaml"
 
 @dataclass(frozen=True)
 class RecordingFile:
-    """One recording as it lies on the disk.
+    """One recording as it lies on the disk."""
 
-    Attributes:
-        name: of the recording: the file's stem, or where a bag is split the name of its folder.
-        format: how it is stored.
-        paths: the file; where a bag is split, its files in their order.
-    """
-
-    name: str
-    format: Format
-    paths: tuple[Path, ...]
+    name: str  # of the recording: the file's stem, or where a bag is split the name of its folder
+    format: Format  # how it is stored
+    paths: tuple[Path, ...]  # the file; where a bag is split, its files in their order
 
     @property
     def path(self) -> Path:

@@ -44,15 +44,10 @@ _CONSTANT = re.compile(r"\S+\s+[A-Z]\w*\s*=")
 
 @dataclass(frozen=True)
 class Decoded:
-    """Messages of one layout.
+    """Messages of one layout."""
 
-    Attributes:
-        rows: (M,) which of the topic's messages they are.
-        message: with columns (M,) or (M, n) as its numbers; of a single one they may be numbers and lists.
-    """
-
-    rows: np.ndarray
-    message: Any
+    rows: np.ndarray  # (M,) which of the topic's messages they are
+    message: Any  # with columns (M,) or (M, n) as its numbers; of a single one they may be numbers and lists
 
 
 def decoded(where: str, messages: RawMessages) -> list[Decoded]:

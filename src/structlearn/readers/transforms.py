@@ -27,17 +27,12 @@ Edge = tuple[str, str]
 
 @dataclass(frozen=True)
 class TransformSeries:
-    """One transform as it came: the child's pose in the parent's frame.
-
-    Attributes:
-        stamps: (T,) int64 ns in the order in which they came.
-        values: (T, 7) m, then unit quaternion w, x, y, z.
-    """
+    """One transform as it came: the child's pose in the parent's frame."""
 
     parent: str
     child: str
-    stamps: np.ndarray
-    values: np.ndarray
+    stamps: np.ndarray  # (T,) int64 ns in the order in which they came
+    values: np.ndarray  # (T, 7) m, then unit quaternion w, x, y, z
 
     @property
     def moves(self) -> bool:
