@@ -12,10 +12,11 @@ user, unless the pose is named by its frames (see `transforms`).
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from io import BytesIO
+from operator import attrgetter
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -31,7 +32,6 @@ from structlearn.readers.cdr import (
     fields_named,
     header_stamps,
     sample_stamps,
-    sequence,
     short_name,
     table,
 )
@@ -86,10 +86,9 @@ def to_stream(
     """
     groups = decoded(where, messages)
     short = _type_of(messages)
-    read = READERS[role][short]
     with fields_named(where):
         header = None if short in WITHOUT_HEADER else header_stamps(groups)
-        parts = [(group.rows, read(group.message)) for group in groups]
+        parts = [(group.rows, _columns(group.message, READERS[role][short])) for group in groups]
     stamps = sample_stamps(messages.log_times, header, policy)
     values = table(where, stamps, parts)
     if values.shape[1] == 0:
@@ -124,7 +123,7 @@ def to_messages(where: str, stream: Stream) -> RawMessages:
     lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
     message_type = MESSAGE_TYPES[stream.kind]
     content, fields = _blank(where, message_type, stream.stamps, (), lengths)
-    places = READERS[stream.kind][short_name(message_type)](fields)
+    places = _columns(fields, READERS[stream.kind][short_name(message_type)])
     with np.errstate(over="ignore"):
         for place, column in zip(places, values.T, strict=True):
             place[:] = column
@@ -161,8 +160,7 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     """
     (first,) = decoded(where, replace(messages, kinds=messages.kinds[:1], data=messages.data[:1]))
     with fields_named(where):
-        markers = READERS["obstacles"][_type_of(messages)](first.message)
-        found = [_of_marker(one) for one in markers]
+        found = [_of_marker(one) for one in getattr(first.message, "markers", [first.message])]
     spaces = [space for space, _, kind, _ in found if kind in FORMS]
     shapes = []
     for space, number, kind, values in found:
@@ -258,26 +256,21 @@ def _encoded(message_type: str, message: Mapping[str, Any]) -> bytes:
     return record.data
 
 
-def _of_pose(pose: Any) -> Sequence:
-    """x, y, z, then the quaternion in ROS's order x, y, z, w."""
-    return (*_of_vector(pose.position), *_of_quaternion(pose.orientation))
-
-
-def _of_transform(transform: Any) -> Sequence:
-    return (*_of_vector(transform.translation), *_of_quaternion(transform.rotation))
-
-
-def _of_vector(v: Any) -> Sequence:
-    return (v.x, v.y, v.z)
-
-
-def _of_quaternion(q: Any) -> Sequence:
-    return (q.x, q.y, q.z, q.w)
+def _columns(message: Any, paths: Sequence[str]) -> list:
+    """Numbers of some fields of a message, or where these are columns over many messages, arrays."""
+    found: list = []
+    for path in paths:
+        part = attrgetter(path)(message)
+        if path == "data":
+            found += list(part.T if isinstance(part, np.ndarray) else part)
+        else:
+            found += [part.x, part.y, part.z, *([part.w] if hasattr(part, "w") else [])]
+    return found
 
 
 def _of_marker(one: Any) -> tuple[str, int, int, np.ndarray]:
     """Namespace, number, type, and (10,) pose and size; its numbers may be columns of one row."""
-    numbers = [one.id, one.type, *_of_pose(one.pose), *_of_vector(one.scale)]
+    numbers = [one.id, one.type, *_columns(one, ("pose.position", "pose.orientation", "scale"))]
     number, kind, *values = (float(np.ravel(value)[0]) for value in numbers)
     return one.ns, int(number), int(kind), np.array(values)
 
@@ -290,42 +283,29 @@ _ARRAYS = [f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "
 WITHOUT_HEADER = {"geometry_msgs/Pose", *_ARRAYS}
 """Understood types that have no header."""
 
-READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Callable[[Any], Any]]] = {
+READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]]] = {
     "pose": {
-        "geometry_msgs/PoseStamped": lambda message: _of_pose(message.pose),
-        "geometry_msgs/PoseWithCovarianceStamped": lambda message: _of_pose(message.pose.pose),
-        "geometry_msgs/TransformStamped": lambda message: _of_transform(message.transform),
+        "geometry_msgs/PoseStamped": ("pose.position", "pose.orientation"),
+        "geometry_msgs/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
+        "geometry_msgs/TransformStamped": ("transform.translation", "transform.rotation"),
         # An odometry's twist is given in the child frame, ours in the base frame: only the pose is taken.
-        "nav_msgs/Odometry": lambda message: _of_pose(message.pose.pose),
-        "geometry_msgs/Pose": _of_pose,
+        "nav_msgs/Odometry": ("pose.pose.position", "pose.pose.orientation"),
+        "geometry_msgs/Pose": ("position", "orientation"),
     },
-    "twist": {
-        "geometry_msgs/TwistStamped": lambda message: (
-            *_of_vector(message.twist.linear),
-            *_of_vector(message.twist.angular),
-        )
-    },
-    "joint_states": {"sensor_msgs/JointState": lambda message: message},
-    "transforms": dict.fromkeys(("tf2_msgs/TFMessage", "tf/tfMessage"), lambda message: message.transforms),
-    "wrench": {
-        "geometry_msgs/WrenchStamped": lambda message: (
-            *_of_vector(message.wrench.force),
-            *_of_vector(message.wrench.torque),
-        )
-    },
-    "tactile": dict.fromkeys(_ARRAYS, lambda message: sequence(message.data)),
+    "twist": {"geometry_msgs/TwistStamped": ("twist.linear", "twist.angular")},
+    "joint_states": {"sensor_msgs/JointState": ()},
+    "transforms": {"tf2_msgs/TFMessage": (), "tf/tfMessage": ()},
+    "wrench": {"geometry_msgs/WrenchStamped": ("wrench.force", "wrench.torque")},
+    "tactile": dict.fromkeys(_ARRAYS, ("data",)),
     "tool_to_board": {
-        "geometry_msgs/QuaternionStamped": lambda message: _of_quaternion(message.quaternion),
-        "geometry_msgs/PoseStamped": lambda message: _of_quaternion(message.pose.orientation),
-        "geometry_msgs/TransformStamped": lambda message: _of_quaternion(message.transform.rotation),
+        "geometry_msgs/QuaternionStamped": ("quaternion",),
+        "geometry_msgs/PoseStamped": ("pose.orientation",),
+        "geometry_msgs/TransformStamped": ("transform.rotation",),
     },
-    "obstacles": {
-        "visualization_msgs/MarkerArray": lambda message: message.markers,
-        "visualization_msgs/Marker": lambda message: [message],
-    },
+    "obstacles": {"visualization_msgs/MarkerArray": (), "visualization_msgs/Marker": ()},
 }
-"""Message types that can be read in each role, and how a message gives its columns: numbers, or where its
-fields are columns over many messages (`columns`), arrays."""
+"""Message types that can be read in each role, and the fields that are its columns; quaternions come in ROS's
+order x, y, z, w. Joint states, transforms and markers have ways of their own."""
 
 _DEFINITIONS = {
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",
