@@ -20,17 +20,17 @@ import motion_tables
 import numpy as np
 import pandas as pd
 import pytest
-import test_recorded_page
 import test_scraping_page
 import test_servoing_page
 import test_tasks_obstacles
 import test_tasks_representations
+import test_touch_calibration
+import test_touch_skin
 import torch
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
 from reporting_refinement import refinement_results
 from reporting_scraping import PARAMETERS, demonstration
-from structlearn.tasks.public.page import assembly, calibration_results
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
 from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
@@ -41,13 +41,11 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
-<<<<<<< HEAD
 from structlearn.tasks.motion.motion_results import motion_findings
-from structlearn.tasks.public.page import assembly, calibration_results
-=======
 from structlearn.tasks.obstacles.representations_section import representation_findings
 from structlearn.tasks.obstacles.scene_section import scene_findings
->>>>>>> main
+from structlearn.tasks.touch.calibration_section import find_calibration
+from structlearn.tasks.touch.skin_section import find_skin
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
@@ -162,10 +160,9 @@ FOLLOWS = {
     "tables.links": {"positive_mass", "positive_definite", "triangle"},
     "tables.gravity": {"limit_n_m"},
 }
-"""Columns of arms' tables that are not measured, but follow from how Cov writes a link, or from the URDF."""
+"""Columns of tables of arms that are not measured, but follow from how Cov writes a link, or from the URDF."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
-RECORDED = "structlearn.tasks.public.page"
 PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
 PAGES = {
     "dynamics": Page(
@@ -203,10 +200,16 @@ PAGES = {
         test_scraping_page.refinement_evidence,
     ),
     "calibration": Page(
-        RECORDED,
+        f"{PUBLIC}.touch",
         "calibration_claims.yaml",
-        lambda get: [test_recorded_page.calibration(1.0)["comparison"]],
-        calibration_results.evidence,
+        lambda get: [{"comparison": test_touch_calibration.compared(1.0)[1].reset_index()}],
+        find_calibration,
+    ),
+    "eflesh": Page(
+        PUBLIC,
+        f"{CLAIMS}/eflesh.yaml",
+        lambda get: [test_touch_skin.made_up()],
+        find_skin,
     ),
     "boxes": Page(
         PUBLIC,
@@ -229,17 +232,6 @@ PAGES = {
         known=partial(dict, FOLLOWS),
     )
     for name in motion_tables.JOINTS
-} | {
-    part.name: Page(
-        f"{RECORDED}.parts",
-        f"{part.name}_claims.yaml",
-        lambda get: [test_recorded_page.made_up()],
-        part.evidence,
-        lambda place, part=part: (
-            place.removeprefix("tables.") in part.needs or place.startswith(f"tables.{part.name}_")
-        ),
-    )
-    for part in assembly.PARTS
 }
 
 
