@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-import test_recorded_corrected_reaches
+import test_movement_phase_corrections
 import test_recorded_latent_touch
 import test_recorded_skin
 import test_simulation_board_refinement
@@ -33,14 +33,6 @@ from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_motions import arm, rubbing_motion, sine_motion
-from structlearn.tasks.own.protocol import own_feedback
-from structlearn.tasks.public.protocol import (
-    latent_touch,
-    movement,
-    slides,
-    touch_sets,
-)
-from structlearn.tasks.public.protocol.corrections import _split, corrected_reaches, learn_corrections
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_learning import PARAMETERS as AVOIDANCE
@@ -89,9 +81,12 @@ from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tactile.touch_dataset import TRAIN
 from structlearn.tasks.motion.joint_motion import learn_motion
+from structlearn.tasks.movement import feedback_learning
+from structlearn.tasks.movement.movement_learning import segmented
+from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
+from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
 from structlearn.tasks.obstacles import coupling_representations
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
-from structlearn.tasks.task_entry import OwnFeedbackParameters
 from structlearn.tasks.touch import skin_readings, skin_touches
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
@@ -210,7 +205,7 @@ def primitives(monkeypatch, tmp_path):
 
 
 def higher(place: int | None = None) -> list[Demonstration]:
-    arcs = test_recorded_corrected_reaches
+    arcs = test_movement_phase_corrections
     heights = [height + 0.05 * (number == place) for number, height in enumerate(arcs.HEIGHTS_M)]
     return [
         arcs.arc(str(number), height, 0.6 + 0.05 * number, dt=0.004, shift=0.01 * number)
@@ -218,27 +213,24 @@ def higher(place: int | None = None) -> list[Demonstration]:
     ]
 
 
-@of_stage("recorded/reaches")
-def reaches(monkeypatch, tmp_path):
-    parameters = committed(movement.ReachParameters, "recorded_reaches", fold=2)
+@of_stage("tasks/primitives")
+def two_at_a_time(monkeypatch, tmp_path):
+    cuts = segmented(higher(), "reach", None).results
     learn = each(
-        monkeypatch,
-        movement,
-        "learn_primitive",
-        lambda its: movement.learn_reaches(its, parameters),
+        monkeypatch, fitting, "learn_primitive", lambda its: cross_validation(its, cuts, FIT, fold=2)
     )
-    second = 2 + LEFT_OUT  # two are learned from all
+    second = 1 + LEFT_OUT  # the first is learned from all
     return Case(lambda its: learn(its)[second], higher(), higher(2 * LEFT_OUT), higher(2 * ANOTHER))
 
 
-@of_stage("recorded/corrected_reaches")
+@of_stage("tasks/feedback")
 def corrections(monkeypatch, tmp_path):
-    arcs = test_recorded_corrected_reaches
+    arcs = test_movement_phase_corrections
     nominal = fit_position([differentiated(higher()[0].position, 0.004, 20.0)])
     learned, left_out = _split(len(higher()), arcs.PARAMETERS, 0)
 
     def learn(demonstrations):
-        found = corrected_reaches(demonstrations, nominal, 20.0)
+        found = corrected_runs(demonstrations, nominal, 20.0)
         return learn_corrections(found, nominal.local, arcs.PARAMETERS)[0]
 
     return Case(learn, higher(), higher(left_out[0]), higher(learned[0]))
@@ -361,7 +353,7 @@ def refinement(monkeypatch, tmp_path):
     return Case(learn, data, corrected(data, data.setting == NEW), corrected(data, data.setting == KNOWN[0]))
 
 
-OWN_FEEDBACK = OwnFeedbackParameters.model_validate(
+OWN_FEEDBACK = TaskFeedbackParameters.model_validate(
     yaml.safe_load(TASK_FILE.read_text())["defaults"]["movement"]["feedback"]
     | {"executions": "runs", "corrections": "corrected", "settings": ("a", "b"), "primitives": ("scrape",)}
     | {"axes": ("x",), "hidden": (4,), "training": TRAINING}
@@ -395,9 +387,9 @@ def feedback_of_a_task(monkeypatch, tmp_path):
 
     learn = each(
         monkeypatch,
-        own_feedback,
+        feedback_learning,
         "_trained",
-        lambda its: own_feedback.learn_own_feedback(runs, its, learned, CUTTING, OWN_FEEDBACK),
+        lambda its: feedback_learning.learn_feedback(runs, its, learned, CUTTING, OWN_FEEDBACK),
     )
     for network, left_out in enumerate(("only tests", "a")):
         yield Case(

@@ -58,10 +58,10 @@ def test_the_page_counts_the_statements_of_the_dissertation():
         update={"tiles": (row("hits", "{value} | of spheres"),)}
     )
     page = PAGE.model_copy(update={"cards": {"scraping": card}, "findings": ()})
-    html = render_front(page, {"scraping": CLAIMS}, {"pour": "own/pour/index.html"}, Made("unknown commit"))
+    html = render_front(page, {"scraping": CLAIMS}, {"pour": "tasks/pour/index.html"}, Made("unknown commit"))
     assert "<b>2.2 %</b> of spheres" in html
     assert html.count("1 yes") == html.count("1 undecided") == 2  # of the card, and of all testbeds
-    assert '<a href="own/pour/index.html">pour</a>' in html
+    assert '<a href="tasks/pour/index.html">pour</a>' in html
 
 
 @pytest.mark.parametrize("row", [*ROWS, *TILES], ids=lambda row: f"{row.report}-{row.claim}")
