@@ -26,6 +26,9 @@ HEADLINES: Mapping[str, tuple[str, str, str]] = {
     "reach_cut_error_ms_2mm": ("reaches", "reach_cut_error_ms_2mm", ""),
     "reach_left_ten_out_mean_mm": ("reaches", "primitives_reach_left_out_mm", ""),
     "coupling_path_mean_mm": ("reaches", "coupling_path_mean_mm", ""),
+    "obstacle_nmse_x": ("avoidance", "nmse_x", ""),
+    "boxes_hits": ("boxes", "hits", ""),
+    "boxes_path_mm": ("boxes", "path", ""),
 }
 """Of `metrics.json`: task, name and case of the finding."""
 
