@@ -24,18 +24,13 @@ SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}
 
 @dataclass(frozen=True)
 class SkillCheck:
-    """Results.
+    """Results."""
 
-    Attributes:
-        margins: a row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`,
-            `bound`, `unit`, `margin`, `time_s`, `verdict`; what was not tested has no numbers.
-        rest: rest configuration by joint, rad or m.
-        notes: what nobody looked at, and why.
-    """
-
+    # a row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`, `bound`, `unit`,
+    # `margin`, `time_s`, `verdict`; what was not tested has no numbers
     margins: pd.DataFrame
-    rest: dict[str, float]
-    notes: tuple[str, ...]
+    rest: dict[str, float]  # rest configuration by joint, rad or m
+    notes: tuple[str, ...]  # what was not tested, and why
 
     @property
     def verdict(self) -> str:
@@ -98,11 +93,7 @@ def write_check(check: SkillCheck, folder: str | Path) -> None:
 
 
 def read_check(folder: str | Path) -> SkillCheck:
-    """Read what was found.
-
-    Raises:
-        InputError: a file is missing, damaged or another one.
-    """
+    """Read what was found. Raises InputError: a file is missing, damaged or another one."""
     margins, rest, notes = (read_table(Path(folder) / f"{name}.parquet", its) for name, its in TABLES.items())
     return SkillCheck(margins, dict(zip(rest["joint"], rest["rest"], strict=True)), tuple(notes["note"]))
 
