@@ -189,7 +189,7 @@ def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
 def margins(
     arm: Arm, path: JointPath, bounds: Bounds, shapes: LinkShapes | None
 ) -> Iterator[dict[str, str | float]]:
-    """The worst of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins`, but for the run."""
+    """The worst of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` but the run."""
     tree, dt = arm.tree, 1.0 / RATE_HZ
     units = ["m" if prismatic else "rad" for prismatic in tree.prismatic]
     velocity = signals.derivative(path.joints, dt)
