@@ -41,7 +41,7 @@ from structlearn.testbeds.dynamics.page.findings import findings as dynamics_fin
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
 from structlearn.testbeds.scraping.page import findings as scraping
-from structlearn.testbeds.scraping.page.findings import People
+from structlearn.testbeds.scraping.page.findings import ScrapingPeople
 from structlearn.testbeds.servoing.page import findings as servoing_findings
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
 
@@ -123,7 +123,9 @@ def segmentation_of_people(results: Any) -> Findings:
     """Of the page on segmentation: what the sweep and a study of people like this one find."""
     find = test_scraping_page.rows(scraping.segmentation_of_one, results)
     aligned = [primitive.name for primitive in results.found_primitives]
-    scraping.segmentation_of_people(find, People(people(find.numbers()), PRIMITIVES), aligned)
+    scraping.segmentation_of_people(
+        find, ScrapingPeople(people(find.numbers()), scraping.OURS, PRIMITIVES), aligned
+    )
     return find
 
 
