@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from importlib.resources import files
 from itertools import chain, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,11 +22,14 @@ import pytest
 import test_recorded_page
 import test_scraping_page
 import test_servoing_page
+import test_tasks_obstacles
+import test_tasks_representations
 import torch
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
 from reporting_refinement import refinement_results
 from reporting_scraping import PARAMETERS, demonstration
+from structlearn.tasks.public.page import assembly, calibration_results
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
 from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
@@ -36,7 +40,8 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
-from structlearn.tasks.public.page import assembly, calibration_results
+from structlearn.tasks.obstacles.representations_section import representation_findings
+from structlearn.tasks.obstacles.scene_section import scene_findings
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
@@ -152,6 +157,7 @@ FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangl
 
 SCRAPING = "structlearn.testbeds.scraping.page"
 RECORDED = "structlearn.tasks.public.page"
+PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
 PAGES = {
     "dynamics": Page(
         "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
@@ -192,6 +198,18 @@ PAGES = {
         "calibration_claims.yaml",
         lambda get: [test_recorded_page.calibration(1.0)["comparison"]],
         calibration_results.evidence,
+    ),
+    "boxes": Page(
+        PUBLIC,
+        f"{CLAIMS}/boxes.yaml",
+        lambda get: [test_tasks_obstacles.made_up_ways()],
+        scene_findings,
+    ),
+    "avoidance": Page(
+        PUBLIC,
+        f"{CLAIMS}/avoidance.yaml",
+        lambda get: [test_tasks_representations.made_up_scores()],
+        representation_findings,
     ),
 } | {
     part.name: Page(
