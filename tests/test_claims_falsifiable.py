@@ -13,14 +13,19 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from importlib.resources import files
 from itertools import chain, product
+from pathlib import Path
 from typing import Any
 
+import motion_tables
 import numpy as np
 import pandas as pd
 import pytest
-import test_recorded_page
 import test_scraping_page
 import test_servoing_page
+import test_tasks_obstacles
+import test_tasks_representations
+import test_touch_calibration
+import test_touch_skin
 import torch
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
@@ -36,12 +41,16 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
-from structlearn.tasks.public.page import assembly, calibration_results
+from structlearn.tasks.motion.motion_results import motion_findings
+from structlearn.tasks.obstacles.representations_section import representation_findings
+from structlearn.tasks.obstacles.scene_section import scene_findings
+from structlearn.tasks.touch.calibration_section import find_calibration
+from structlearn.tasks.touch.skin_section import find_skin
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
 from structlearn.testbeds.scraping.page import findings as scraping
-from structlearn.testbeds.scraping.page.findings import People
+from structlearn.testbeds.scraping.page.findings import ScrapingPeople
 from structlearn.testbeds.servoing.page import findings as servoing_findings
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
 
@@ -123,7 +132,9 @@ def segmentation_of_people(results: Any) -> Findings:
     """Of the page on segmentation: what the sweep and a study of people like this one find."""
     find = test_scraping_page.rows(scraping.segmentation_of_one, results)
     aligned = [primitive.name for primitive in results.found_primitives]
-    scraping.segmentation_of_people(find, People(people(find.numbers()), PRIMITIVES), aligned)
+    scraping.segmentation_of_people(
+        find, ScrapingPeople(people(find.numbers()), scraping.OURS, PRIMITIVES), aligned
+    )
     return find
 
 
@@ -145,11 +156,14 @@ def deaf_to_phase(results: Any) -> Any:
     return replace(results, networks=alike)
 
 
-FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangle"}}
-"""Columns of the recorded tables that are no measurements, but follow from how Cov writes a link."""
+FOLLOWS = {
+    "tables.links": {"positive_mass", "positive_definite", "triangle"},
+    "tables.gravity": {"limit_n_m"},
+}
+"""Columns of arms' tables that are not measured, but follow from how Cov writes a link, or from the URDF."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
-RECORDED = "structlearn.tasks.public.page"
+PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
 PAGES = {
     "dynamics": Page(
         "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
@@ -186,23 +200,38 @@ PAGES = {
         test_scraping_page.refinement_evidence,
     ),
     "calibration": Page(
-        RECORDED,
+        f"{PUBLIC}.touch",
         "calibration_claims.yaml",
-        lambda get: [test_recorded_page.calibration(1.0)["comparison"]],
-        calibration_results.evidence,
+        lambda get: [{"comparison": test_touch_calibration.compared(1.0)[1].reset_index()}],
+        find_calibration,
+    ),
+    "eflesh": Page(
+        PUBLIC,
+        f"{CLAIMS}/eflesh.yaml",
+        lambda get: [test_touch_skin.made_up()],
+        find_skin,
+    ),
+    "boxes": Page(
+        PUBLIC,
+        f"{CLAIMS}/boxes.yaml",
+        lambda get: [test_tasks_obstacles.made_up_ways()],
+        scene_findings,
+    ),
+    "avoidance": Page(
+        PUBLIC,
+        f"{CLAIMS}/avoidance.yaml",
+        lambda get: [test_tasks_representations.made_up_scores()],
+        representation_findings,
     ),
 } | {
-    part.name: Page(
-        f"{RECORDED}.parts",
-        f"{part.name}_claims.yaml",
-        lambda get: [test_recorded_page.made_up()],
-        part.evidence,
-        lambda place, part=part: (
-            place.removeprefix("tables.") in part.needs or place.startswith(f"tables.{part.name}_")
-        ),
-        partial(dict, FOLLOWS),
+    name: Page(
+        PUBLIC,
+        f"{CLAIMS}/{name}.yaml",
+        lambda get, name=name: [motion_tables.made_up(name)],
+        motion_findings,
+        known=partial(dict, FOLLOWS),
     )
-    for part in assembly.PARTS
+    for name in motion_tables.JOINTS
 }
 
 
@@ -402,7 +431,7 @@ def test_every_case_of_a_claim_can_come_out_no(page, claim, unmoved, request):
 
 
 def test_no_links_of_cov_are_impossible():
-    """What `possible_bodies` of the UR10e is marked for: it is so whatever was learned."""
+    """What `possible_bodies` is marked for: it is so whatever was learned."""
     free = 3.0 * torch.from_numpy(np.random.default_rng(0).normal(size=(1000, parameter_count("cov"))))
     inertias = link_inertias("cov", free)
     moments = np.linalg.eigvalsh(inertias.inertia.numpy())
