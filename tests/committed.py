@@ -12,6 +12,7 @@ from structlearn.core.params import Parameters, merged
 from structlearn.readers.topics import TopicMap
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
+from structlearn.tasks.task_entry import KINDS, read_entries
 
 ROOT = Path(__file__).parents[1]
 PARAMETER_FILE = ROOT / "params.yaml"
@@ -31,7 +32,7 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 @cache
 def _tree() -> dict[str, Any]:
-    files = (PARAMETER_FILE, RECORDED_FILE)
+    files = (PARAMETER_FILE, RECORDED_FILE, TASK_FILE)
     return {
         key: value for file in files for key, value in yaml.load(file.read_text(), yaml.CSafeLoader).items()
     }
@@ -68,6 +69,13 @@ def committed(model: type[ParametersType], key: str, **changes: Any) -> Paramete
         values = values[part]
     known = {name: value for name, value in values.items() if name in model.model_fields}
     return model.model_validate(merged(known, changes))
+
+
+def committed_task(name: str, **changes: Any) -> Any:
+    """The parameters of a public task, with changes."""
+    entry = read_entries(ROOT / "stages/tasks")[name]
+    values = merged(deepcopy(_tree()["defaults"][entry.kind]), entry.values)
+    return KINDS[entry.kind].model_validate(merged(values, changes))
 
 
 def committed_finger(**changes: Any) -> FingerParameters:

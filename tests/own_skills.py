@@ -11,7 +11,7 @@ from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.primitives.fitting import FitParameters, learn_sequence
 from structlearn.readers import synchronise
-from structlearn.tasks.own.protocol.arm_parameters import RobotParameters
+from structlearn.tasks.movement.movement_parameters import RobotParameters
 from structlearn.tasks.pick_and_place_world import MOVES, as_recording, takes
 
 FIT = FitParameters(smoothing_hz=5.0, kernel_count=25, regression="joint", scaled_axes=(True, False, False))

@@ -17,7 +17,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.studies import Study
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
-from structlearn.testbeds.scraping.page.people_results import VARIANT
+from structlearn.testbeds.scraping.page.findings import OURS
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION
 
 PRIMITIVES = ("down", "turn", "scrape")
@@ -155,7 +155,7 @@ def people(metrics: dict[str, float], count: int = 5, spread: float = 0.01, **ch
     rng = np.random.default_rng(5)
     numbers = {key: float(value) for key, value in metrics.items()} | changes
     columns = {key: value * (1.0 + spread * rng.normal(size=count)) for key, value in numbers.items()}
-    return Study(pd.DataFrame({"variant": VARIANT, "repeat": range(count)} | columns))
+    return Study(pd.DataFrame({"variant": OURS, "repeat": range(count)} | columns))
 
 
 def board_results() -> BoardResults:

@@ -21,9 +21,11 @@ import pytest
 import test_recorded_page
 import test_scraping_page
 import test_servoing_page
+import test_touch_page
 import torch
+from committed import ROOT
 from dynamics_tables import dynamics_results
-from reporting_feedback import ADAPTED, PRIMITIVES, people
+from reporting_feedback import PRIMITIVES, people
 from reporting_refinement import refinement_results
 from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
@@ -31,20 +33,19 @@ from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
 from structlearn.reporting.claims import NO, Evidence, Found, read_claims
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
-from structlearn.tasks.public.page import assembly, calibration_results
+from structlearn.tasks.public.page import assembly
+from structlearn.tasks.touch.calibration_section import find_calibration
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
-from structlearn.testbeds.obstacles.page.evidence import evidence as obstacles_evidence
-from structlearn.testbeds.scraping.page.people_results import (
-    People,
-    feedback_evidence,
-    segmentation_evidence,
-    sweep_evidence,
-)
-from structlearn.testbeds.servoing.page.evidence import evidence as servoing_evidence
+from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
+from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
+from structlearn.testbeds.scraping.page import findings as scraping
+from structlearn.testbeds.scraping.page.findings import People
+from structlearn.testbeds.servoing.page import findings as servoing_findings
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
 
 KNOWN = re.compile(
@@ -101,7 +102,7 @@ def dynamics() -> list[Any]:
 def servoing(results: Any) -> list[Any]:
     """Published controllers that work, on all skins, and a study of people."""
     table = pd.DataFrame({"variant": AS_IT_STANDS, "repeat": range(4)})
-    keys = [*results.metrics(), "servo_success_rate_sphere"]
+    keys = list(servoing_findings.findings(results).numbers())
     numbers = pd.DataFrame({key: 0.9 + 0.1 * test_servoing_page.WOBBLE for key in keys})
     study = Study(pd.concat([table, numbers], axis=1))
     every = {one: 12 for one in test_servoing_page.variants(3)}
@@ -114,11 +115,19 @@ def servoing(results: Any) -> list[Any]:
     return [working, results]
 
 
-def of_people(results: Any) -> Mapping[str, Found]:
+def servoing_people(results: Any) -> Findings:
+    """What is found over people, on which all claims rest."""
+    find = Findings()
+    servoing_findings.over_people(find, results)
+    return find
+
+
+def segmentation_of_people(results: Any) -> Findings:
     """Of the page on segmentation: what the sweep and a study of people like this one find."""
+    find = test_scraping_page.rows(scraping.segmentation_of_one, results)
     aligned = [primitive.name for primitive in results.found_primitives]
-    studied = People.of_study(people(results.metrics()), PRIMITIVES)
-    return segmentation_evidence(studied, aligned) | sweep_evidence(results)
+    scraping.segmentation_of_people(find, People(people(find.numbers()), PRIMITIVES), aligned)
+    return find
 
 
 def arithmetic() -> dict[str, set[str]]:
@@ -128,12 +137,6 @@ def arithmetic() -> dict[str, set[str]]:
         for seeds in (range(2), range(3, 5))
     )
     return {"downsampling": {name for name in first if first[name].equals(second[name])}}
-
-
-def feedback_of_people(results: Any) -> Mapping[str, Found]:
-    """Of the page on feedback: what a study of people like this one finds."""
-    studied = People.of_study(people(results.metrics()), PRIMITIVES)
-    return feedback_evidence(studied, ADAPTED, results.board.settings_deg)
 
 
 def deaf_to_phase(results: Any) -> Any:
@@ -150,56 +153,73 @@ FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangl
 
 SCRAPING = "structlearn.testbeds.scraping.page"
 RECORDED = "structlearn.tasks.public.page"
-PAGES = {
-    "dynamics": Page(
-        "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
-    ),
-    "obstacles": Page(
-        "structlearn.testbeds.obstacles.page",
-        "claims.yaml",
-        lambda get: [get("obstacles_results")],
-        partial(obstacles_evidence, largest_nmse=0.1, largest_goal_m=0.152),
-    ),
-    "servoing": Page(
-        "structlearn.testbeds.servoing.page",
-        "claims.yaml",
-        lambda get: servoing(get("servoing_results")),
-        servoing_evidence,
-    ),
-    "segmentation": Page(
-        SCRAPING, "segmentation_claims.yaml", lambda get: [get("segmentation")], of_people, known=arithmetic
-    ),
-    "feedback": Page(
-        SCRAPING,
-        "feedback_claims.yaml",
-        lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
-        feedback_of_people,
-    ),
-    "refinement": Page(
-        SCRAPING,
-        "refinement_claims.yaml",
-        lambda get: [refinement_results()],
-        test_scraping_page.refinement_evidence,
-    ),
-    "calibration": Page(
-        RECORDED,
-        "calibration_claims.yaml",
-        lambda get: [test_recorded_page.calibration(1.0)["comparison"]],
-        calibration_results.evidence,
-    ),
-} | {
-    part.name: Page(
-        f"{RECORDED}.parts",
-        f"{part.name}_claims.yaml",
-        lambda get: [test_recorded_page.made_up()],
-        part.evidence,
-        lambda place, part=part: (
-            place.removeprefix("tables.") in part.needs or place.startswith(f"tables.{part.name}_")
+PAGES = (
+    {
+        "dynamics": Page(
+            "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
         ),
-        partial(dict, FOLLOWS),
-    )
-    for part in assembly.PARTS
-}
+        "obstacles": Page(
+            "structlearn.testbeds.obstacles.page",
+            "claims.yaml",
+            lambda get: [get("obstacles_results")],
+            partial(obstacles_findings, published=obstacles_published()),
+        ),
+        "servoing": Page(
+            "structlearn.testbeds.servoing.page",
+            "claims.yaml",
+            lambda get: servoing(get("servoing_results")),
+            servoing_people,
+        ),
+        "segmentation": Page(
+            SCRAPING,
+            "segmentation_claims.yaml",
+            lambda get: [get("segmentation")],
+            segmentation_of_people,
+            known=arithmetic,
+        ),
+        "feedback": Page(
+            SCRAPING,
+            "feedback_claims.yaml",
+            lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
+            test_scraping_page.feedback_evidence,
+        ),
+        "refinement": Page(
+            SCRAPING,
+            "refinement_claims.yaml",
+            lambda get: [refinement_results()],
+            test_scraping_page.refinement_evidence,
+        ),
+        "calibration": Page(
+            "structlearn.tasks.touch",
+            "calibration_claims.yaml",
+            lambda get: [test_touch_page.calibration(1.0)],
+            find_calibration,
+            lambda place: place == "comparison",
+        ),
+    }
+    | {
+        name: Page(
+            "structlearn.tasks",
+            str(ROOT / f"stages/tasks/claims/{name}.yaml"),
+            lambda get, made=made: [made()],
+            test_touch_page.FIND[name],
+        )
+        for name, made in test_touch_page.MADE_UP.items()
+    }
+    | {
+        part.name: Page(
+            f"{RECORDED}.parts",
+            f"{part.name}_claims.yaml",
+            lambda get: [test_recorded_page.made_up()],
+            part.evidence,
+            lambda place, part=part: (
+                place.removeprefix("tables.") in part.needs or place.startswith(f"tables.{part.name}_")
+            ),
+            partial(dict, FOLLOWS),
+        )
+        for part in assembly.PARTS
+    }
+)
 
 
 def tables(results: Any, place: str = "") -> dict[str, pd.DataFrame]:

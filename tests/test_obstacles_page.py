@@ -13,13 +13,11 @@ from obstacles_world import PEOPLE, PLACES, POPULATION, PRIMITIVE, TESTED, evalu
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.core.artefacts import write_metrics
 from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render
-from structlearn.testbeds.obstacles.page.evidence import evidence
-from structlearn.testbeds.obstacles.page.page import HEADLINES, PACKAGE, document, read_published
-from structlearn.testbeds.obstacles.page.results import ObstacleResults, metrics
-from structlearn.testbeds.obstacles.page.tables import tables
+from structlearn.testbeds.obstacles.page.findings import ObstacleResults, findings
+from structlearn.testbeds.obstacles.page.page import PACKAGE, document, read_published
+from structlearn.testbeds.obstacles.page.tables import people as hits_by_person
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
@@ -82,7 +80,11 @@ def rare(results, column, value):
 
 
 def verdicts(results):
-    return reporting_verdicts.verdicts(PACKAGE, evidence(results, largest_nmse=0.1, largest_goal_m=0.113))
+    return reporting_verdicts.verdicts(PACKAGE, findings(results, read_published()))
+
+
+def numbers(results):
+    return findings(results, read_published()).numbers()
 
 
 def with_scores(results, chosen=None, **columns):
@@ -97,14 +99,11 @@ def with_scores(results, chosen=None, **columns):
 
 def rendered(results):
     """The page without its figures being drawn."""
-    return render(document(results), reporting_verdicts.AnyFigure())
+    return render(document(results, findings(results, read_published())), reporting_verdicts.AnyFigure())
 
 
-def test_metrics_are_those_of_the_scores(results, tmp_path):
-    write_metrics(metrics(results), tmp_path / "all.json")  # raises on NaN
-    values = metrics(results)
-    assert len(HEADLINES) <= 12
-    assert set(HEADLINES) <= set(values)
+def test_findings_are_those_of_the_scores(results):
+    values = numbers(results)
     assert values["people"] == 2
     assert values["nmse_test_sphere"] == pytest.approx(0.044 * 1.115)  # the mean of the two
     assert values["nmse_test_ensemble_sphere"] == pytest.approx(0.088 * 1.115)
@@ -120,14 +119,14 @@ def test_hits_are_counted_by_person(results):
     hit = clean
     for number, share in ((1, 1.0), (2, 0.5), (3, 0.5)):
         hit = with_scores(hit, own | {"scenario": number}, hit=True)
-        values = metrics(hit)
+        values = numbers(hit)
         assert values["hits_unseen_cube_worst_person"] == number
         assert values["hits_unseen_cube_share_of_people_within_1"] == share
         assert values["hits_unseen_sphere_worst_person"] == 0
         assert verdicts(hit)["people_within"] == ("yes" if number == 1 else "no")
-    assert tables(hit, read_published())["people"].frame["cube_ours"].tolist() == [0, 3]
+    assert hits_by_person(hit)["cube_ours"].tolist() == [0, 3]
     shown = with_scores(clean, own | {"person": 1}, hit=True)
-    assert metrics(shown) == metrics(clean)  # nothing is judged on who is shown
+    assert numbers(shown) == numbers(clean)  # nothing is judged on who is shown
 
 
 def test_the_text_s_form_decides_what_the_text_says_and_ours_what_this_project_says(results):
@@ -170,7 +169,8 @@ def test_claims_on_goals_follow_the_numbers(results):
         with_scores(results, goal_distance_m=0.03, late_goal_distance_m=0.004, excursion_m=0.03, detour_m=0.1)
     )
     found = verdicts(near)
-    assert {found[name] for name in ("goal_with_limits", "excursions", "detour_pair")} == {"yes"}
+    names = ("goal_with_limits", "excursions", "detour_pair")
+    assert {found[name] for name in names} == {"yes"}
     assert found["goal_of_network"] == "undecided"  # none, but of two people
     assert verdicts(rare(near, "goal_distance_m", 0.12))["goal_of_network"] == "yes"
     own = {"model": "network", "learned_from": "setting", "rules": PUBLISHED}
@@ -183,7 +183,12 @@ def test_claims_on_goals_follow_the_numbers(results):
 
 
 def test_claims_on_fits_follow_the_numbers(results):
-    names = ("rai_fits_worse", "rai_dominant", "rai_across_settings", "error_per_shape")
+    names = (
+        "rai_fits_worse",
+        "rai_dominant",
+        "rai_across_settings",
+        "error_per_shape",
+    )
     swapped = replace(results, errors=error_table(network=0.6, rai=0.04))
     found, lost = verdicts(results), verdicts(swapped)
     assert {found[name] for name in names} == {"yes"}

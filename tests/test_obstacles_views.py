@@ -105,8 +105,7 @@ def test_models_stand_beside_the_demonstrations_that_they_learned_from(tmp_path,
         origins = values(path, f"{tab}/network/per\\ setting/coupling", "Arrows3D:origins")[0]
         np.testing.assert_allclose(origins, one.reaches[1].position[:: drawn.ARROW_EVERY], atol=1e-6)
         assert rows[f"{tab}/demonstrated\\ terms/to\\ the\\ left/1"] == 1
-    names = {f"{look.name} (simulated)" for kind, look in KINDS.items() if kind != "none"}
-    assert names <= set(view_names(path))
+    assert {look.name for kind, look in KINDS.items() if kind != "none"} <= set(view_names(path))
 
 
 def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reaches):

@@ -23,7 +23,7 @@ from structlearn.primitives.fitting import learn_sequence
 from structlearn.readers import read_recordings, synchronise, write_recordings
 from structlearn.reporting.document import words_in_view
 from structlearn.segmentation.segments import cut
-from structlearn.tasks.own.protocol.skill_check import check_skill
+from structlearn.tasks.movement.skill_check import check_skill
 from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
 from structlearn.tasks.task_entry import PARTS, read_checked, read_task
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles

@@ -20,12 +20,12 @@ from readers_bags import (
 
 from structlearn import inspect
 from structlearn.core.errors import InputError
+from structlearn.inspect import as_yaml, find_out
 from structlearn.readers import bag
 from structlearn.readers.transforms import TransformSeries
 from structlearn.simulation.arm import urdf_path
-from structlearn.tasks.own.protocol.inspection import frame_pairs
-from structlearn.tasks.own.protocol.proposal import from_home, task_name
-from structlearn.tasks.own.survey_report import as_yaml, find_out
+from structlearn.tasks.inspection.proposal import from_home, task_name
+from structlearn.tasks.inspection.source_survey import frame_pairs
 from structlearn.tasks.pick_and_place_world import TIP, URDF, takes, write_takes
 from structlearn.tasks.task_entry import FOLDER, read_task
 
@@ -152,7 +152,7 @@ def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):
     found = find_out(str(source), PANDA)
     assert found.motion.number == 3
     assert found.proposal.entry["topics"]["pose"] == {"urdf": PANDA, "tip": TIP, "topic": "/joint_states"}
-    task = as_task(as_yaml(found.proposal), tmp_path)
+    task = as_task("\n".join(as_yaml(found.proposal)), tmp_path)
     assert (task.robot.urdf, task.robot.tip) == (PANDA, TIP)
     assert task.robot.locked_joints == ("panda_finger_joint1", "panda_finger_joint2")
     captured = find_out(str(example)).sources[0]

@@ -2,45 +2,30 @@
 
 from dataclasses import replace
 from functools import lru_cache
-from importlib.resources import files as package_files
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import two_move_demonstration
 from reporting_verdicts import AnyFigure, verdicts
 from test_recorded_boxes_page import PARAMETERS as BOXES_PARAMETERS
 from test_recorded_boxes_page import made_up as past_boxes
-from test_recorded_skin import SMALL as SKIN_PARAMETERS
-from test_recorded_skin import made_up as on_skin
-from test_recorded_touch_statistics import PARAMETERS, calibrated, traces
 from test_recorded_ur10e import PARAMETERS as UR10E_PARAMETERS
 from test_recorded_ur10e import made_up as weighed
 
-from structlearn.core.params import read_parameters
-from structlearn.primitives import sequence
-from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
-from structlearn.reporting.claims import BY_CONSTRUCTION, claims_table, read_claims, verdict_in
+from structlearn.primitives.fitting import FitParameters
+from structlearn.reporting.claims import BY_CONSTRUCTION, claims_table, verdict_in
 from structlearn.reporting.document import anchor, render, words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
-from structlearn.segmentation.alignment import METHODS
 from structlearn.tasks.public import public_names
-from structlearn.tasks.public.page import assembly, calibration_figures, calibration_results, parts
-from structlearn.tasks.public.page.parts import (
-    avoidance_part,
-    higher_reaches_part,
-    reaches_part,
-    slides_part,
-    touch_part,
-)
+from structlearn.tasks.public.page import assembly, parts
+from structlearn.tasks.public.page.parts import avoidance_part
 from structlearn.tasks.public.page.recorded_results import AXES, RecordedResults
-from structlearn.tasks.public.protocol import latent_touch, slides, touch_calibration, touch_sets
 from structlearn.tasks.public.protocol.avoidance_representations import REPRESENTATIONS
-from structlearn.tasks.public.public_files import CALIBRATION, TABLES
+from structlearn.tasks.public.public_files import TABLES
 
 FIT = FitParameters.model_construct(
     smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(False,) * 3
@@ -49,7 +34,6 @@ FIT = FitParameters.model_construct(
 
 SET_PARAMETERS = {
     **BOXES_PARAMETERS,
-    "recorded_skin": SKIN_PARAMETERS,
     "recorded_ur10e": UR10E_PARAMETERS,
 }
 
@@ -61,124 +45,6 @@ def rows(columns, values):
 def spread(middle, count, width=0.01):
     """Numbers whose mean is `middle` and whose interval is narrow."""
     return middle + width * np.linspace(-1, 1, count)
-
-
-def reach_tables(good):
-    error = {"zvc": 0.03, "dtw": 0.04, "ls": 0.05}
-    error |= {"wls_text": 0.02, "wls": 0.01} if good else {"wls_text": 0.06, "wls": 0.07}
-    cuts = [
-        (str(reach), "reach", method, error[method], -error[method], noise, seed)
-        for noise in (0.0, 2.0)
-        for seed in range(2)
-        for method in METHODS
-        for reach in range(1, 4)
-    ]
-    variants = dict.fromkeys(("learned from", "learned from, forcing not scaled"), 1.0)
-    variants["left out"] = 0.5 if good else 90.0
-    fits = [
-        (mm, 2 * mm, 0.01 if good else 30.0, 0.1, str(reach), variant)
-        for variant, mm in variants.items()
-        for reach in range(1, 5)
-    ]
-    return {
-        "cut_errors": rows("demonstration primitive method start_error_s end_error_s noise_mm seed", cuts),
-        "reach_errors": rows("mean_mm max_mm end_mm nmse demonstration variant", fits),
-    }
-
-
-def coupling_tables(good):
-    coupling, end = (17.0, 0.01) if good else (70.0, 0.5)
-    distances = [
-        (f"{reach:02}", 20, 60.0 + reach, coupling + 1.1 * reach, 17.0 + reach, end + 0.001 * reach, split)
-        for split in range(2)
-        for reach in range(4)
-    ]
-    fraction = np.linspace(0, 1, 40)
-    profile = pd.DataFrame({"fraction": fraction, "phase": 1 - fraction})
-    targets = [profile.assign(axis=axis, mean=1.0, std=0.5, learned=1.0) for axis in AXES]
-    paths = [
-        pd.DataFrame({"reach": "01", "path": path, "x": fraction, "y": 0.0, "z": 0.1})
-        for path in ("recorded", "nominal", "coupling")
-    ]
-    scores = [(axis, 0.2, 0.01, 0.01, split) for split in range(2) for axis in AXES]
-    ends = [(f"{reach:02}", 1.0, 1.0 + 200.0 * (reach == 4), reach < 4) for reach in range(5)]
-    return {
-        "coupling_completeness": rows("reach start_off_mm goal_off_mm complete", ends),
-        "coupling_distances": rows(
-            "reach learned_from nominal_mm coupling_mm spread_mm end_share split", distances
-        ),
-        "coupling_profile": profile.assign(nominal_mm=60.0, coupling_mm=17.0, spread_mm=17.0),
-        "coupling_targets": pd.concat(targets),
-        "coupling_paths": pd.concat(paths),
-        "coupling_scores": rows("axis nmse target_end_share residual_end_share split", scores),
-    }
-
-
-def movement_tables(good):
-    degrees = 0.3 if good else 9.0
-    turns = [(log, log, 350.0, degrees, degrees, degrees) for log in ("01", "02", "03")]
-    turns.append(("all", "their mean", 360.0, degrees, degrees, degrees))
-    groups = dict.fromkeys(("m9_1", "m9_2", "m9_4"), "learned") | {"m9_3": "left out", "m9_12": "left out"}
-    groups |= {f"m15_{trial}": "other material" for trial in range(1, 5)}
-    level = {"learned": 5.0, "left out": 6.0, "other material": 20.0 if good else 2.0}
-    deviations = [
-        (name, group, level[group] + 0.1 * int(name.split("_")[1]), 40.0) for name, group in groups.items()
-    ]
-    time = np.arange(40) / 100
-    statistics = [
-        pd.DataFrame({"group": group, "electrode": electrode, "time_s": time, "mean": 1.0, "std": electrode})
-        for group in level
-        for electrode in range(1, 4)
-    ]
-    electrodes = [
-        (part, electrode, 100.0 if electrode < 4 else 5.0, 1.0, error)
-        for part in ("prim1", "prim2")
-        for electrode, error in enumerate(spread(0.02 if good else 0.5, 8, 0.001))
-    ]
-    shown = [
-        pd.DataFrame(
-            {"primitive": part, "electrode": electrode, "time_s": time, "recorded": 1.0, "expected": 1.0}
-        )
-        for part in ("prim1", "prim2")
-        for electrode in range(8)
-    ]
-    kinds = ("pose", "wrench")
-    away = 60.0 if good else 1.0
-    across = [
-        (learned, name, name.split("_")[0], away + 0.1 * int(name.split("_")[1]), 2.0)
-        for learned in ("m9", "m15")
-        for name in groups
-        if not name.startswith(learned)
-    ]
-    channels = [
-        (name, name.split("_")[0], strength, 8, 5.0, (0.3 if good else 3.0) + 0.01 * len(name))
-        for name in groups
-        for strength in ("strong", "weak")
-    ]
-    return {
-        "unscrewing_errors": rows("learned_from compared_with turn_deg mean_deg max_deg end_deg", turns),
-        "sequence_errors": rows(
-            "primitive mean_mm max_mm end_mm mean_deg max_deg end_deg",
-            [(part, *[degrees] * 6) for part in ("prim1", "prim2", "prim3")],
-        ),
-        "electrode_scores": rows("primitive electrode range rms nmse", electrodes),
-        "electrode_traces": pd.concat(shown),
-        "clock_errors": rows(
-            "kind samples median_gap_ms longest_gap_ms rms_error max_error",
-            [(kind, 100, 6.6, 150.0, 1e-4, 3e-3) for kind in kinds],
-        ),
-        "slide_deviations": rows("demonstration group rms largest", deviations),
-        "slide_left_one_out": rows(
-            "demonstration material rms nmse",
-            [
-                (name, name.split("_")[0], 5.0 + rms, (0.3 if good else 3.0) + 0.01 * rms)
-                for name, _, rms, _ in deviations
-            ],
-        ),
-        "slide_channels": rows("demonstration material channels electrodes rms nmse", channels),
-        "slide_across": rows("expected demonstration material rms nmse", across),
-        "slide_statistics": pd.concat(statistics),
-    }
 
 
 def avoidance_tables(good):
@@ -203,36 +69,6 @@ def avoidance_tables(good):
         "avoidance_folds": folds,
         "avoidance_scores": scores,
         "avoidance_phase": worth.assign(gain=gain, half_width=0.02),
-    }
-
-
-def touch_tables(good):
-    error = 0.01 if good else 0.8
-    reconstruction = dict.fromkeys(latent_touch.MODELS, error) | {latent_touch.COMPONENTS: 0.5}
-    touched = [
-        (*key, model, part, 0, reconstruction[model] + noise, 1.0, error + noise, 0.02)
-        for key in public_names.TOUCH_ASKED
-        for model in latent_touch.MODELS
-        for part, noise in enumerate(spread(0.0, 4, 0.001))
-    ]
-    columns = "trials samples counts against start_counts end_counts components along_mm across_mm"
-    sets = rows(
-        f"set {columns}", [(name, 4, 900, 8.0, 0.2, 21.0, 3.0, 6, 0.2, 0.2) for name in latent_touch.PARTNERS]
-    )
-    pairs = [*((name, name, 0.4) for name in ("slides", "unscrewing"))]
-    pairs += [(*pair, 0.4) for pair in latent_touch.PARTNERS.items()]
-    electrodes = np.arange(1, 20)
-    matrix = {"electrode": np.repeat(electrodes, 19), "other": np.tile(electrodes, 19), "correlation": 0.5}
-    return {
-        "touch_errors": rows(
-            "learned_from asked_about new model part seed reconstruction worst_electrode distances pressure",
-            touched,
-        ),
-        "touch_sets": sets.assign(along_std_mm=0.1, across_std_mm=0.1),
-        "touch_likeness": rows("first second correlation", pairs),
-        "touch_correlations": pd.concat(
-            pd.DataFrame({"set": name, **matrix}) for name in latent_touch.PARTNERS
-        ),
     }
 
 
@@ -272,68 +108,21 @@ def panda_tables(good):
 @lru_cache
 def made_up(good=True):
     """Results in which every claim holds, or none does."""
-    movements = [_movement(place) for place in range(1, 5)]
-    segments = segment_paths(movements, whole(movements), 5.0)
-    turned = [replace(one, orientation=_turns(len(one.time))) for one in movements[:3]]
-    turns = segment_paths(turned, whole(turned), 5.0)
-    primitives = [learn_primitive(name, [segments[0]], FIT) for name in ("prim1", "prim2", "prim3")]
-    path = sequence.unroll(primitives, movements[0].dt)
-    parts = [replace(movements[0], name=one.name) for one in primitives]
-    stored = reach_tables(good) | coupling_tables(good) | movement_tables(good) | avoidance_tables(good)
-    stored |= touch_tables(good) | panda_tables(good)
-    stored["sequence"] = sequence.sequence_table(path, [one.name for one in primitives])
-    reach, turn = learn_primitive("reach", segments, FIT), learn_primitive("turn", turns, FIT)
-    for name, its in (("boxes", past_boxes(good)), ("skin", on_skin(good)), ("ur10e", weighed(good))):
+    stored = avoidance_tables(good) | panda_tables(good)
+    for name, its in (("boxes", past_boxes(good)), ("ur10e", weighed(good))):
         stored |= {f"{name}_{table}": frame for table, frame in its.tables.items()}
-    return RecordedResults(stored, segments, [reach], turns, [turn], parts, SET_PARAMETERS)
-
-
-def _movement(place):
-    """With a bump to one side or the other, so that movements are not their mean."""
-    moved = two_move_demonstration(str(place), 1 + 0.1 * place)
-    bump = 0.02 * (-1) ** place * np.sin(np.linspace(0, np.pi, len(moved.time)))
-    return replace(moved, position=moved.position + np.outer(bump, [1.0, 0.0, 0.0]))
-
-
-def _turns(samples):
-    """Nearly a full turn about one axis, (samples, 4)."""
-    half = np.linspace(0.0, 0.97 * np.pi, samples)
-    return np.column_stack([np.cos(half), np.sin(half), np.zeros((samples, 2))])
+    return RecordedResults(stored, SET_PARAMETERS)
 
 
 def without(results, *parts):
     """The same results where there are no data of some parts."""
     missing = {table for part in parts for table in part.needs}
     tables = {name: table for name, table in results.tables.items() if name not in missing}
-    nothing = {
-        "reaches": {"reach_segments": (), "reach_primitives": ()},
-        "unscrewing": {"unscrewing_segments": (), "unscrewing_primitives": ()},
-        "scraping": {"execution": ()},
-    }
-    gone = {name: value for part in parts for name, value in nothing.get(part.name, {}).items()}
-    return replace(results, tables=tables, **gone)
+    return replace(results, tables=tables)
 
 
 def report(results, reports=Path("no such folder")):
     return assembly.recorded_report(results, reports)
-
-
-@lru_cache
-def calibration(gain):
-    """Tables of touch: recorded, and simulated `gain` times as strong."""
-    *fingers, slid = traces(gain)
-    fingers.append(replace(slid, group="slides, recorded"))
-    table, electrodes, spectra, comparison = calibrated(fingers)
-    found = [comparison, electrodes, table, spectra]
-    found += [touch_calibration.component_table(fingers), touch_calibration.trace_table(fingers, PARAMETERS)]
-    return dict(zip(CALIBRATION, found, strict=True))
-
-
-def calibration_page(gain):
-    stored = calibration(gain)
-    return calibration_results.calibration_document(
-        stored, calibration_results.tables(stored), {"calibrate": PARAMETERS}
-    )
 
 
 def test_made_up_tables_are_those_of_the_files():
@@ -346,17 +135,6 @@ def test_every_claim_can_say_yes_and_no(part, good, word):
     found = verdicts(parts.__name__, part.evidence(made_up(good)), f"{part.name}_claims.yaml")
     held = {claim: word if verdict == BY_CONSTRUCTION else verdict for claim, verdict in found.items()}
     assert set(held.values()) == {word}
-
-
-def test_pairs_are_reaches_and_not_draws():
-    """Draws of rests hardly differ, and a reach that was left out more often counts no more."""
-    found = reaches_part.evidence(made_up())
-    assert {one.n for one in found["printed_over_crossing"].values()} == {3}
-    gain = higher_reaches_part.evidence(made_up())["coupling_gain"]
-    assert gain.n == 4
-    uneven = made_up()["coupling_distances"].iloc[[0, *range(8)]]
-    more = replace(made_up(), tables=made_up().tables | {"coupling_distances": uneven})
-    assert higher_reaches_part.evidence(more)["coupling_gain"] == gain
 
 
 def test_the_best_representation_is_one_for_all_axes():
@@ -384,7 +162,7 @@ def test_the_pages_are_whole_and_short(published):
     assert all(any(f"figure-{name}" in page for page in pages.values()) for name in shown)
     assert not any('src="http' in page for page in pages.values())
     others = values_by_key(read_findings(folder / "findings.csv"))
-    assert {"nominal_path_std_mm", "reach_fit_unscaled_end_max_mm", "touch_mds_nmse_slides"} <= set(others)
+    assert "boxes_path_mm" in others
     for part in assembly.PARTS:
         assert f'id="{anchor(part.heading)}"' in pages["index"]
         assert f'id="{anchor(part.heading)}"' in pages[part.page]
@@ -414,43 +192,6 @@ def test_nothing_at_all_makes_pages_too():
     assert render(made.pages["index"], {}).count("Not recorded here.") == len(assembly.PARTS)
 
 
-@pytest.mark.parametrize("missing", ["slides", "unscrewing"])
-def test_touch_goes_on_with_one_of_its_sets(missing):
-    gone = {missing, touch_part.PARTNERS[missing]}
-    found = dict(made_up().tables)
-    for name, columns in (
-        ("touch_errors", ("learned_from", "asked_about")),
-        ("touch_sets", ("set",)),
-        ("touch_likeness", ("first", "second")),
-        ("touch_correlations", ("set",)),
-    ):
-        for column in columns:
-            found[name] = found[name][~found[name][column].isin(gone)]
-    made = report(replace(made_up(), tables=found))
-    left = next(name for name in touch_part.PARTNERS if name != missing)
-    assert f"touch_reconstruction_nmse_{left}" in made.metrics
-    assert f"touch_reconstruction_nmse_{missing}" not in made.metrics
-    page = render(made.pages["touch"], AnyFigure())
-    assert missing not in page.partition("<main>")[2].partition("<details")[0]
-    assert all(touch_part.pictures(replace(made_up(), tables=found)).values())
-
-
-def test_slides_over_one_material_are_enough():
-    tables = dict(made_up().tables)
-    for name in ("slide_deviations", "slide_left_one_out", "slide_channels"):
-        its = tables[name]
-        tables[name] = its[its["demonstration"].isin(["m9_1", "m9_2"])]
-    tables["slide_across"] = tables["slide_across"][:0]
-    tables["slide_statistics"] = tables["slide_statistics"].query("group == 'learned'")
-    made = report(replace(made_up(), tables=tables))
-    words = {one.claim.evidence: one.verdict for one in made.pages["index"].judged}
-    assert words["other_material"] == "not tested"
-    assert "slides_other_material_median_rms_counts" not in made.metrics
-    for name in ("index", "movements"):
-        render(made.pages[name], AnyFigure())
-    slides_part.pictures(replace(made_up(), tables=tables))
-
-
 def test_a_row_says_what_the_simulated_testbed_found(tmp_path):
     like = next(claim.simulated for claim in avoidance_part.PART.claims if claim.simulated)
     folder = tmp_path / like.testbed / "tables"
@@ -478,42 +219,8 @@ def test_every_counterpart_is_a_statement_of_its_testbed(root):
         assert set(like.cases) <= set(known)
 
 
-def test_calibration_says_what_agrees(tmp_path):
-    equal, stronger = calibration_page(1.0), calibration_page(3.0)
-    assert {one.verdict for one in equal.judged} == {"yes"}
-    found = {one.claim.evidence: one.verdict for one in stronger.judged}
-    assert (found["contact"], found["noise"]) == ("no", "yes")
-    assert equal.simulated
-    drawn = calibration_figures.pictures(calibration(3.0), 0.99)
-    page = render(stronger, dict.fromkeys(drawn, ()))
-    assert words_in_view(page) <= 1500
-    values = calibration_results.metrics(calibration(3.0)["comparison"])
-    assert values["compared"] == len(calibration_results.STATISTICS)
-    stronger = values["contact_strongest_simulated"] / values["contact_strongest_recorded"]
-    assert stronger == pytest.approx(3, rel=0.05)
-
-
-def test_calibration_without_a_recorded_execution_says_so():
-    page = calibration_results.calibration_document({}, {}, {"calibrate": PARAMETERS})
-    assert {one.verdict for one in page.judged} == {"not tested"}
-    assert "No scraping execution is recorded here" in render(page, {})
-
-
-def test_the_claims_bound_is_the_parameters_factor(root):
-    parameters = touch_calibration.CalibrationParameters
-    factor = read_parameters(root / "stages/recorded/params.yaml", "calibrate", parameters).factor
-    claims = read_claims(package_files(assembly.PACKAGE) / "calibration_claims.yaml")
-    assert {tuple(claim.bound) for claim in claims} == {(1 / factor, factor)}
-
-
 def test_names_are_those_of_the_protocols():
     """They stand as text in `names`, so that drawing does not import what learns."""
     assert set(public_names.REPRESENTATIONS) == {name for name, _ in REPRESENTATIONS}
     assert set(public_names.INPUTS) == {inputs for _, inputs in REPRESENTATIONS}
-    assert tuple(public_names.TOUCH_MODELS) == latent_touch.MODELS
-    assert set(public_names.SLIDE_GROUPS) == set(slides.GROUPS)
-    assert {name: touch_sets.PARTNERS[name] for name in touch_sets.RECORDED} == touch_part.PARTNERS
     assert {URDF, LEAST_SQUARES} < set(public_names.DYNAMICS_MODELS)
-    known = {latent_touch.NEW_TRIALS, latent_touch.NEW_MATERIAL, latent_touch.OWN_UNITS, latent_touch.NEW_SET}
-    assert {new for _, _, new in public_names.TOUCH_ASKED} == known
-    assert {touch_calibration.REFERENCE, touch_calibration.SIMULATED} < set(public_names.TOUCH_WORLDS)

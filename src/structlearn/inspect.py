@@ -6,21 +6,179 @@ whatever the doubts.
 """
 
 import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from structlearn.core.artefacts import publish
+from structlearn.core.errors import printable
 from structlearn.core.stage import run
-from structlearn.tasks.own.survey_report import as_yaml, find_out, report
+from structlearn.readers.joint_series import FIELDS
+from structlearn.readers.survey import TopicClocks, stamps_of
+from structlearn.tasks.inspection.fitness import Answer, fitness
+from structlearn.tasks.inspection.hand_paths import Candidate, candidates, pose_words
+from structlearn.tasks.inspection.motion_survey import BRIDGE_S, MotionRun, MotionSurvey, survey_motion
+from structlearn.tasks.inspection.proposal import Proposal, propose
+from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, look_at
+
+FORMATS = {"mcap": "MCAP", "db3": "ROS 2 bag (sqlite3)", "bag": "ROS 1 bag", "table": "table of poses"}
+
+HEADINGS = (
+    *("topic", "type", "messages", "rate", "jitter", "largest gap"),
+    *("clock", "log - header", "drift", "frame"),
+)
+RIGHT = (2, 3, 4, 5, 7, 8)
+"""Columns of numbers."""
+
+SECONDS_OF_A_YEAR = 3.2e7
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a source holds, and what follows from it.
+
+    Attributes:
+        seen: its files.
+        sources: of poses, the one that is taken for the hand's first.
+        motion: runs of motion of the hand; None where it does not move.
+        proposal: an entry of the parameter file; None where nothing could be the hand's pose.
+        answers: whether the files are fit to be learned from.
+    """
+
+    seen: SourceSeen
+    sources: Sequence[Candidate]
+    motion: MotionSurvey | None
+    proposal: Proposal | None
+    answers: Sequence[Answer]
 
 
 def main() -> None:
     """Print the report; publish the proposed entry where a file is named for it."""
     given = _arguments()
     found = find_out(given.source, given.urdf)
-    print(report(found), end="")
+    print("\n".join(printable(line).rstrip() for line in report(found)))
     if given.output is not None and found.proposal is not None:
         with publish(given.output) as path:
-            path.write_text(as_yaml(found.proposal), encoding="utf-8")
+            path.write_text("\n".join(as_yaml(found.proposal)) + "\n", encoding="utf-8")
+
+
+def find_out(source: str, urdf: str | None = None) -> Findings:
+    """Look at a source, see `look_at`."""
+    seen = look_at(source, urdf)
+    found = candidates({file.name: file.hands for file in seen.files})
+    if not found:
+        return Findings(seen, (), None, None, fitness(seen, None, None, ()))
+    hand = found[0]
+    motion = survey_motion(hand.paths) if hand.moves else None
+    proposal = propose(seen, hand, found[1:], motion)
+    return Findings(seen, found, motion, proposal, fitness(seen, hand, motion, proposal.read))
+
+
+def report(found: Findings) -> Iterator[str]:
+    """All of it in lines."""
+    seen = found.seen
+    yield from (f"{seen.source}: {len(seen.files)} recording{'s' if seen.files[1:] else ''}", "")
+    for file in seen.files:
+        yield from (*_file(file), "")
+    yield from (f"{name}: left out: {reason}" for name, reason in seen.damaged.items())
+    if found.sources:
+        yield "What may be the pose of the hand (medians over the files); the first is taken"
+        rows = [("source", "files", "extent", "way")]
+        for one in found.sources:
+            sizes = f"{one.extent:.3g} m", f"{one.travelled:.3g} m"
+            rows.append((one.words, str(len(one.paths)), *sizes))
+        yield from (*_aligned(rows, range(1, 4)), "")
+    if found.motion is not None:
+        above = f"above {found.motion.threshold:.2g} m/s, s since the first sample"
+        yield f"Runs of motion {above}; dips up to {BRIDGE_S:g} s are joined, short runs stand in brackets"
+        its = [(name, f"{len(runs)}", _times(runs)) for name, runs in found.motion.runs.items()]
+        yield from (*_aligned(its, (1,)), "")
+    yield "Fit to be learned from?"
+    answers = [(one.verdict, one.question, one.number, one.advice) for one in found.answers]
+    yield from (*_aligned(answers, ()), "")
+    if found.proposal is None:
+        yield "No entry can be proposed: nothing here could be the pose of a hand."
+    else:
+        yield from ("To paste below `movement:` in stages/tasks/own.yaml:", "", *as_yaml(found.proposal))
+
+
+def as_yaml(proposal: Proposal) -> list[str]:
+    """Lines of an entry below `movement:`, indented as there, each value with its warnings above it."""
+    lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.doubts, "", " " * 4)]
+    return [printable(line) for line in lines]  # a doubt that broke its line would become an entry
+
+
+def _entry(
+    values: Mapping[str, Any], doubts: Mapping[str, Sequence[str]], above: str, indent: str
+) -> Iterator[str]:
+    for key, value in values.items():
+        path = f"{above}{key}"
+        yield from (f"{indent}# {doubt}" for doubt in doubts.get(path, ()))
+        if isinstance(value, Mapping) and any(doubt.startswith(f"{path}.") for doubt in doubts):
+            yield f"{indent}{key}:"
+            yield from _entry(value, doubts, f"{path}.", f"{indent}  ")
+        else:
+            flow = yaml.safe_dump([value], default_flow_style=True, width=float("inf"), sort_keys=False)
+            yield f"{indent}{key}: {flow.strip()[1:-1]}"
+
+
+def _file(file: FileSeen) -> Iterator[str]:
+    logs = [seen.clocks.log for seen in file.topics.values() if seen.clocks]
+    start = min((log.first_s for log in logs), default=0.0)
+    end = max((log.last_s for log in logs), default=0.0)
+    known = start > SECONDS_OF_A_YEAR  # else the clock counts from some start of its own
+    when = datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if known else f"{start:.2f} s"
+    count = sum(log.count for log in logs)
+    yield f"{file.name}: {FORMATS[file.file.format]}, {end - start:.2f} s from {when}, {count} messages"
+    rows: list[tuple[str, ...]] = [HEADINGS]
+    for topic, seen in file.topics.items():
+        clock = _clock(seen.clocks) if seen.clocks else ("0", *[""] * 7)
+        rows.append((topic, " and ".join(seen.types), *clock))
+    yield from _aligned(rows, RIGHT)
+    for topic, seen in file.topics.items():
+        for joints in seen.joints:
+            filled = ", ".join(FIELDS[kind] for kind in joints.values) or "nothing that is filled"
+            names = ", ".join(joints.names) or "no names"
+            rate = stamps_of(joints.stamps).rate_hz
+            yield f"  joints in {topic}: {names} ({filled}; {len(joints.stamps)} samples, {rate:.4g} Hz)"
+        if seen.fault:
+            yield f"  cannot be read: {seen.fault}"
+        if seen.links:
+            rest = " (static)" if topic.endswith("_static") else " (at rest)"
+            links = [f"{link.parent} -> {link.child}{'' if link.moves else rest}" for link in seen.links]
+            yield f"  frames in {topic}: {', '.join(links)}"
+    yield from (f"  no path of {pose_words(source)}: {reason}" for source, reason in file.no_hands.items())
+
+
+def _clock(clocks: TopicClocks) -> tuple[str, ...]:
+    own, delay = clocks.own, clocks.delay
+    numbers = (f"{own.count}", f"{own.rate_hz:.4g} Hz", _ms(own.jitter_s), f"{own.largest_gap_s:.3g} s")
+    if delay is None:
+        return (*numbers, "log", "", "", ", ".join(clocks.frames))
+    spread = f"{_ms(delay.median_s)} +- {_ms(delay.spread_s)}"
+    return (*numbers, "header", spread, _ms(delay.drift_s), ", ".join(clocks.frames))
+
+
+def _ms(seconds: float) -> str:
+    return f"{round(1e3 * seconds, 3) + 0.0:.3g} ms" if abs(seconds) < 1 else f"{seconds:.3g} s"
+
+
+def _times(runs: Sequence[MotionRun]) -> str:
+    words = [f"{one.start_s:.2f}-{one.end_s:.2f}" for one in runs]
+    return ", ".join(f"({word})" if one.short else word for one, word in zip(runs, words, strict=True))
+
+
+def _aligned(rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
+    """Rows as indented lines whose columns stand below each other."""
+    columns = [[printable(cell) for cell in column] for column in zip(*rows, strict=True)]
+    for place, column in enumerate(columns):
+        width = max(map(len, column))
+        columns[place] = [cell.rjust(width) if place in right else cell.ljust(width) for cell in column]
+    return ["  " + "  ".join(cells) for cells in zip(*columns, strict=True)]
 
 
 def _arguments() -> argparse.Namespace:

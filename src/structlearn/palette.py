@@ -1,7 +1,8 @@
 """The project's colours: one palette for pictures on pages and in recordings, with names that all share.
 
-The categorical colours are those of Okabe and Ito, which people with common colour blindness can tell apart;
-yellow is left out because it vanishes on a white ground. All colours are hex strings (`#rrggbb`).
+The categorical colours are those of Okabe and Ito, which people with common colour blindness can tell apart,
+without yellow; ochre, pink and light blue are darker than theirs, so that every line has a contrast of 3:1
+on white and on the dark ground of recordings. All colours are hex strings (`#rrggbb`).
 """
 
 from typing import NamedTuple
@@ -9,14 +10,28 @@ from typing import NamedTuple
 import numpy as np
 
 BLUE = "#0072b2"
-ORANGE = "#e69f00"
+ORANGE = "#b58900"
 GREEN = "#009e73"
 VERMILION = "#d55e00"
-PURPLE = "#cc79a7"
-SKY = "#56b4e9"
+PURPLE = "#c0669a"
+SKY = "#2f9bd8"
 BLACK = "#1b1f24"
-GREY = "#8a9199"  # what is context: other demonstrations, true values, grids
-LIGHT_GREY = "#d5d9de"
+GREY = "#6f7780"  # what is context: other demonstrations, true values
+LIGHT_GREY = "#8d959d"
+WHITE = "#d5d9de"  # on the dark ground of recordings alone
+
+COLOUR_NAMES = {
+    BLUE: "blue",
+    ORANGE: "ochre",
+    GREEN: "green",
+    VERMILION: "orange",
+    PURPLE: "pink",
+    SKY: "light blue",
+    GREY: "grey",
+    LIGHT_GREY: "light grey",
+    WHITE: "white",
+}
+"""What texts call them."""
 
 
 class Look(NamedTuple):
@@ -50,6 +65,13 @@ METHOD_NAMES = {
 METHOD_COLOURS = {"zvc": GREY, "dtw": ORANGE, "ls": SKY, "wls_text": PURPLE, "wls": BLUE}
 
 # who or what moves a hand through a scene of obstacles, in the order of tables
+PHASE_PATHS = {
+    "nominal": Look("nominal primitive", BLUE),
+    "coupling": Look("with learned coupling", REPRODUCTION_COLOUR),
+    "spread": Look("mean of the training runs", BLACK),
+}
+"""Of corrected runs; tables hold distances to them as `KEY_mm`."""
+
 SCENE_WAYS = {
     "none": Look("baseline alone", BLACK),
     "human_inspired": Look("human-inspired (Rai et al.)", ORANGE),

@@ -1,4 +1,4 @@
-"""The report of the obstacle testbed: figures, tables, metrics and the page that shows them."""
+"""The report of the obstacle testbed: figures, tables, findings and the page that shows them."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.core.artefacts import read_table
@@ -9,8 +9,8 @@ from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.figures import figures
-from structlearn.testbeds.obstacles.page.page import HEADLINES, document, read_published
-from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting, metrics
+from structlearn.testbeds.obstacles.page.findings import ObstacleResults, example_setting, findings
+from structlearn.testbeds.obstacles.page.page import document, read_published
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
@@ -41,11 +41,10 @@ def main() -> None:
         population=population,
         parameters=parameters,
     )
-    page = document(results)
-    drawings = figures(results, read_published()["largest_nmse"])
-    publish_report(
-        files.REPORT, {"index": page}, drawings, page.tables, metrics(results), HEADLINES, quoted_claims()
-    )
+    published = read_published()
+    find = findings(results, published)
+    page, drawings = document(results, find), figures(results, published["largest_nmse"])
+    publish_report(files.REPORT, {"index": page}, drawings, page.tables, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

@@ -2,22 +2,15 @@
 
 from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.core.stage import run, stage_parameters
-from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.public import PARAMETER_FILE
 from structlearn.tasks.public.page.assembly import recorded_pictures, recorded_report
 from structlearn.tasks.public.page.recorded_results import read_results
 from structlearn.tasks.public.protocol.avoidance_representations import RecordedAvoidanceParameters
-from structlearn.tasks.public.protocol.corrections import CorrectionParameters
-from structlearn.tasks.public.protocol.movement import ExecutionParameters, ReachParameters
 from structlearn.tasks.public.public_files import RecordedFiles
 
 PARAMETERS = {
-    "recorded_reaches": ReachParameters,
-    "recorded_corrections": CorrectionParameters,
-    "recorded_unscrewing": FitParameters,
-    "recorded_scraping": ExecutionParameters,
     "recorded_avoidance": RecordedAvoidanceParameters,
     "recorded_boxes": ScenePeopleParameters,
     "recorded_dynamics": MotionParameters,

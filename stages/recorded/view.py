@@ -4,38 +4,10 @@ from pathlib import Path
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
-from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.public import PARAMETER_FILE, public_files
-from structlearn.tasks.public.protocol.corrections import complete
-from structlearn.tasks.public.views import movement_recordings as movements
 from structlearn.tasks.public.views.boxes_recording import write_box_reaches
-from structlearn.tasks.public.views.movement_recordings import write_unscrewing
 from structlearn.tasks.public.views.ur10e_recording import write_carried
-
-
-def show_reaches(stored: public_files.RecordedFiles, folder: Path) -> None:
-    reaches, primitive = stored.runs(public_files.REACHES), stored.primitives(public_files.REACHES)
-    movements.write_reaches(folder / "reaches.rrd", reaches, primitive)
-
-
-def show_higher_reaches(stored: public_files.RecordedFiles, folder: Path) -> None:
-    higher = complete(stored.runs(public_files.HIGHER_REACHES), stored.completeness())
-    learned = stored.primitives(public_files.REACHES), stored.coupling_networks()
-    movements.write_higher_reaches(folder / "corrected_reaches.rrd", higher, *learned)
-
-
-def show_unscrewing(stored: public_files.RecordedFiles, folder: Path) -> None:
-    fit = stage_parameters("recorded_unscrewing", FitParameters, PARAMETER_FILE)
-    logs = stored.runs(public_files.UNSCREWING)
-    turns = [turn for _, turn in segment_paths(logs, whole(logs), fit.smoothing_hz)]
-    write_unscrewing(folder / "unscrewing.rrd", turns, stored.primitives(public_files.UNSCREWING)[0])
-
-
-def show_scraping(stored: public_files.RecordedFiles, folder: Path) -> None:
-    execution, sequence = stored.runs(public_files.SCRAPING), stored.primitives(public_files.SCRAPING)
-    movements.write_execution(folder / "scraping_recorded.rrd", execution)
-    movements.write_sequence(folder / "scraping_learned.rrd", execution, sequence, stored.sequence())
 
 
 def show_boxes(stored: public_files.RecordedFiles, folder: Path) -> None:
@@ -51,10 +23,6 @@ def show_ur10e(stored: public_files.RecordedFiles, folder: Path) -> None:
 
 
 SHOWN = {
-    public_files.REACHES: show_reaches,
-    public_files.HIGHER_REACHES: show_higher_reaches,
-    public_files.UNSCREWING: show_unscrewing,
-    public_files.SCRAPING: show_scraping,
     public_files.BOXES: show_boxes,
     public_files.UR10E: show_ur10e,
 }

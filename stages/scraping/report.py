@@ -1,4 +1,4 @@
-"""The report of the scraping testbed: three pages with their figures and tables, metrics and details."""
+"""The report of the scraping testbed: three pages with their figures, tables and findings."""
 
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
@@ -11,11 +11,16 @@ from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.readers.source import ClockParameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.studies import read_study
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.page.refinement_results import STUDIES
-from structlearn.testbeds.scraping.page.scraping_report import read_results, scraping_report
+from structlearn.testbeds.scraping.page.scraping_report import (
+    all_drawings,
+    all_tables,
+    pages,
+    published,
+    read_results,
+    scraping_findings,
+)
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
@@ -46,17 +51,15 @@ PARAMETERS = {
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    results = read_results(ScrapingFiles(), parameters)
-    studies = {name: read_study(name) for name in STUDIES}
-    report = scraping_report(*results, studies, parameters)
+    results, printed = read_results(ScrapingFiles(), parameters), published()
+    find, shown = scraping_findings(results), all_tables(results, printed)
     publish_report(
         "reports/scraping",
-        report.pages,
-        report.drawings,
-        report.tables,
-        report.metrics,
-        report.headlines,
-        quoted_claims(),
+        pages(results, find, shown, printed),
+        all_drawings(results),
+        shown,
+        find,
+        recorded=quoted_claims(),
     )
 
 

@@ -1,4 +1,4 @@
-"""The report of the servoing testbed: figures, tables, metrics and the page that shows them."""
+"""The report of the servoing testbed: figures, tables, findings and the page that shows them."""
 
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
@@ -10,8 +10,9 @@ from structlearn.tactile.latent_parameters import GeodesicParameters, LatentPara
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.page.figures import drawings
+from structlearn.testbeds.servoing.page.findings import findings
 from structlearn.testbeds.servoing.page.page import document
-from structlearn.testbeds.servoing.page.results import HEADLINES, STUDIES, ServoingResults
+from structlearn.testbeds.servoing.page.results import STUDIES, ServoingResults
 from structlearn.testbeds.servoing.page.tables import tables
 from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters, ServoTrialParameters
 from structlearn.testbeds.servoing.world.scene_still import scene_still
@@ -38,15 +39,14 @@ def main() -> None:
         chosen=chosen,
         studies={name: read_study(f"servoing/{name}") for name in STUDIES},
     )
-    shown, metrics = tables(results), results.metrics()
+    find, shown = findings(results), tables(results)
     publish_report(
         files.REPORT,
-        {"index": document(results, shown)},
+        {"index": document(results, find, shown)},
         drawings(results, scene_still(results.skin, 1e-3 * chosen["toucher"].handle_radius_mm)),
         shown,
-        metrics,
-        [name for name in HEADLINES if name in metrics],
-        quoted_claims(),
+        find,
+        recorded=quoted_claims(),
     )
 
 

@@ -1,21 +1,48 @@
-"""Learn feedback from the corrections of a task (dissertation IV.6, IV.9.1)."""
+"""Learn coupling from the corrections of a task, with sensors or over phase alone (IV.6, IV.9.1)."""
 
-from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.tasks.own.protocol.own_feedback import learn_own_feedback, write_own_feedback
-from structlearn.tasks.task_entry import OwnFeedbackParameters
-from structlearn.tasks.task_files import TaskFiles, run_for_task
+from pathlib import Path
+
+from structlearn.core.artefacts import publish, write_metrics, write_table
+from structlearn.core.errors import MissingInputError
+from structlearn.feedback.coupling_model import write_networks
+from structlearn.tasks.movement import phase_corrections
+from structlearn.tasks.movement.feedback_learning import feedback_metrics, learn_feedback, write_feedback
+from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.task_files import ABSENT, TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:
-    learned = learn_own_feedback(
-        files.runs("executions"),
-        {setting: files.runs("corrections", setting) for setting in files.settings()},
-        files.primitives(),
-        files.part("segment", SegmentParameters),
-        files.part("feedback", OwnFeedbackParameters),
-    )
-    write_own_feedback(learned, files.folder / "feedback")
+    own, reason = files.entry(MovementEntry), "The task has no corrections."
+    with publish(files.folder / "feedback") as folder:
+        folder.mkdir()
+        if own.feedback is not None and own.segment is not None:
+            corrections = {setting: files.runs("corrections", setting) for setting in files.settings()}
+            data = files.runs("executions"), corrections, files.primitives()
+            learned = learn_feedback(*data, own.segment, own.feedback)
+            write_feedback(learned, folder)
+            write_metrics(feedback_metrics(learned), folder / "metrics.json")
+        if own.corrections is not None:
+            try:
+                learn_over_phase(files, own.corrections, folder)
+            except MissingInputError as missing:
+                reason = str(missing)
+        if not any(folder.iterdir()):
+            (folder / ABSENT).write_text(f"{reason}\n", encoding="utf-8")
+
+
+def learn_over_phase(
+    files: TaskFiles, parameters: phase_corrections.PhaseCorrectionParameters, folder: Path
+) -> None:
+    """Coupling of corrected runs of the task's one primitive."""
+    nominal, runs = files.primitives()[0].position, files.runs("corrected")
+    ends = phase_corrections.completeness(runs, nominal, parameters.incomplete_m)
+    complete = phase_corrections.complete(runs, ends)
+    corrected = phase_corrections.corrected_runs(complete, nominal, parameters.smoothing_hz)
+    networks, tables = phase_corrections.learn_corrections(corrected, nominal.local, parameters)
+    write_networks(networks, folder / "phase_networks.safetensors")
+    for name, table in (tables | {"completeness": ends}).items():
+        write_table(table, folder / f"{name}.parquet")
 
 
 if __name__ == "__main__":
-    run_for_task(main, "feedback", "feedback")
+    run_for_task(main, out="feedback")

@@ -1,13 +1,21 @@
 """Cut the demonstrations of a task into primitives (dissertation IV.5)."""
 
-from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.segments import cut, write_segmentation
+from structlearn.core.artefacts import publish, write_metrics, write_table
+from structlearn.segmentation.segments import write_segmentation
+from structlearn.tasks.movement.movement_learning import cut_errors_between_rests, cut_metrics, segmented
+from structlearn.tasks.movement.movement_parameters import MovementEntry
 from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:
-    parameters = files.part("segment", SegmentParameters)
-    write_segmentation(cut(files.runs("demonstrations"), parameters), files.segments)
+    own, runs = files.entry(MovementEntry), files.runs("demonstrations")
+    segmentation = segmented(runs, own.given, own.segment)
+    with publish(files.segments) as folder:
+        write_segmentation(segmentation, folder)
+        write_metrics(cut_metrics(runs, segmentation), folder / "metrics.json")
+        if own.rests is not None and own.segment is not None:
+            errors = cut_errors_between_rests(runs, own.segment, own.rests)
+            write_table(errors, folder / "cut_errors.parquet")
 
 
 if __name__ == "__main__":

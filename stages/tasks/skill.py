@@ -1,29 +1,35 @@
 """Put what was learned of a task into one file for a robot: primitives, feedback, bounds, origin."""
 
 from structlearn.core.artefacts import publish
+from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_targets import sensor_channels
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace
-from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
-from structlearn.tasks.own.protocol.own_feedback import read_own_feedback
-from structlearn.tasks.task_entry import OwnFeedbackParameters
-from structlearn.tasks.task_files import SKILL, TaskFiles, run_for_task
+from structlearn.feedback.skill_file import provenance, write_skill
+from structlearn.tasks.movement.feedback_learning import read_feedback
+from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.task_files import SKILL, TaskFiles, leave_out, run_for_task
 
 
 def main(files: TaskFiles) -> None:
-    parameters, learned = files.part("skill", SkillParameters), read_own_feedback(files.folder / "feedback")
+    own, learned = files.entry(MovementEntry), read_feedback(files.folder / "feedback")
     paths = [one.position for one in files.runs("demonstrations")]
-    workspace = demonstrated_workspace(paths, parameters.workspace_margin_m)
-    skill = ReactiveSkill(files.primitives(), workspace=workspace)
-    if learned is not None:
-        chosen = files.part("feedback", OwnFeedbackParameters)
-        targets = {axis: [by[axis].target for by in learned.datasets.values()] for axis in chosen.axes}
+    workspace = demonstrated_workspace(paths, own.skill.workspace_margin_m)
+    files.skill.unlink(missing_ok=True)
+    try:
+        skill = ReactiveSkill(files.primitives(), workspace=workspace)
+    except InputError as error:  # a primitive that no controller can step, e.g. a turn beyond half a circle
+        with publish(files.folder / "skill") as folder:
+            leave_out(folder, str(error))
+        return
+    if learned is not None and own.feedback is not None:
+        targets = {axis: [by[axis].target for by in learned.datasets.values()] for axis in own.feedback.axes}
         skill = ReactiveSkill(
             skill.primitives,
             learned.expected,
             learned.networks,
-            demonstrated_limits(targets, parameters),
+            demonstrated_limits(targets, own.skill),
             workspace,
-            sensor_channels(chosen.sensors, learned.expected),
+            sensor_channels(own.feedback.sensors, learned.expected),
         )
     with publish(files.folder / "skill") as folder:
         folder.mkdir()

@@ -13,11 +13,13 @@ from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
 from structlearn.readers.clock import synchronise
 from structlearn.readers.source import ClockParameters
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import level_name
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.page.execution_results import ExecutionResults
+from structlearn.testbeds.scraping.page.findings import segmentation_of_one
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
@@ -35,7 +37,9 @@ def main() -> None:
     """Run the cell as far as it is cheap, and write its numbers."""
     segmentation = _segmentation()
     primitives = [primitive.name for primitive in segmentation.primitives]
-    found = segmentation.metrics() | _costs(ReactiveSkill(segmentation.primitives), primitives)
+    rows = Findings()
+    segmentation_of_one(rows, segmentation)
+    found = rows.numbers() | _costs(ReactiveSkill(segmentation.primitives), primitives)
     write_metrics(
         {key: value for key, value in found.items() if not key.startswith(NOT_OF_ONE)}, "numbers.json"
     )

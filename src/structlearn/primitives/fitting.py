@@ -112,14 +112,18 @@ def learn_sequence(
 
 
 def cross_validation(
-    demonstrations: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], parameters: FitParameters
+    demonstrations: Sequence[Demonstration],
+    cuts: Mapping[str, pd.DataFrame],
+    parameters: FitParameters,
+    fold: int = 1,
 ) -> pd.DataFrame:
     """Reproduction errors of demonstrations that were learned from and of ones that were left out.
 
     `cuts`: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
-    `parameters`: see there; both regressions are tried. Returns rows of `reproduction_errors` with
-    `primitive`, `demonstration`, `regression` and `left_out`: False where the primitive was learned from all
-    demonstrations, True where from all but this one.
+    `parameters`: see there; both regressions are tried. `fold`: neighbouring demonstrations that are left out
+    together, at most half of them. Returns rows of `reproduction_errors` with `primitive`, `demonstration`,
+    `regression` and `left_out`: False where the primitive was learned from all demonstrations, True where
+    from all but those of this fold.
     """
     tables = []
     for name, its in cuts.items():
@@ -129,7 +133,7 @@ def cross_validation(
             choice = parameters.model_copy(update={"regression": regression})
             errors = {False: reproduction_errors(learn_primitive(name, segments, choice), segments)}
             if len(segments) > 1:
-                errors[True] = _leave_one_out(name, segments, choice)
+                errors[True] = _left_out(name, segments, choice, min(fold, len(segments) // 2))
             tables += [
                 table.assign(primitive=name, demonstration=names, regression=regression, left_out=left_out)
                 for left_out, table in errors.items()
@@ -137,12 +141,13 @@ def cross_validation(
     return pd.concat(tables, ignore_index=True)
 
 
-def _leave_one_out(name: str, segments: Sequence[Segment], parameters: FitParameters) -> pd.DataFrame:
-    """Errors of every segment against a primitive learned from all the others."""
+def _left_out(name: str, segments: Sequence[Segment], parameters: FitParameters, size: int) -> pd.DataFrame:
+    """Errors of segments against primitives learned from all but their fold."""
     errors = []
-    for place, segment in enumerate(segments):
-        others = [*segments[:place], *segments[place + 1 :]]
-        errors.append(reproduction_errors(learn_primitive(name, others, parameters), [segment]))
+    for first in range(0, len(segments), size):
+        fold = slice(first, first + size)
+        others = [*segments[:first], *segments[fold.stop :]]
+        errors.append(reproduction_errors(learn_primitive(name, others, parameters), segments[fold]))
     return pd.concat(errors)
 
 

@@ -4,8 +4,10 @@ Data files of the repository gsutanto/dmp, in its layout. Values are kept as rec
 hold each tactile value for about three rows, since the sensor is slower than the robot.
 """
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +31,24 @@ ROBOT_RATE_HZ = 300.0
 
 ELECTRODES = 19
 """Electrodes of one BioTac finger."""
+
+
+def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
+    """One part of the repository's data, in natural order; numbers as names are padded to equal length.
+
+    `entry.part`: `scraping` or `scraping/TRIAL`, `quat_dmp_unscrewing`, or a folder of reaches in
+    `cart_coord_dmp`, which may be a pattern. Raises as the readers of these.
+    """
+    kind, _, name = str(entry.part).partition("/")
+    if kind == "scraping":
+        found = read_scraping_execution(folder, name or None)
+    elif kind == "quat_dmp_unscrewing":
+        found = read_unscrewing(folder, left_out)
+    else:
+        found = read_reaches(folder, str(entry.part).removeprefix("cart_coord_dmp/"), left_out)
+    digits = max((len(one.name) for one in found if one.name.isdecimal()), default=0)
+    named = {one.name.zfill(digits) if one.name.isdecimal() else one.name: one for one in found}
+    return [replace(named[name], name=name) for name in sorted(named, key=natural_order)]
 
 
 def read_reaches(

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from structlearn.core.params import Parameters
+from structlearn.core.params import Name, Parameters
 from structlearn.readers.stamps import StampPolicy
 
 
@@ -20,6 +20,7 @@ class SourceParameters(Parameters):
 
     Attributes:
         kind: of data, under which entries stand.
+        title: of its page and above its claims; null: its name.
         source: file or folder; begins with `~` in the home folder, with `$DATA` in that of public sets.
         reader: module of `structlearn.readers`, or `bags`.
         part: of the source, as the reader names its parts.
@@ -28,6 +29,7 @@ class SourceParameters(Parameters):
 
     kind: ClassVar[str]
 
+    title: Name | None
     source: str = Field(min_length=1)
     reader: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
     part: str | int | None

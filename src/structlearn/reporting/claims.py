@@ -225,7 +225,7 @@ class Claim(BaseModel):
     test: str | dict[str, str]  # one of `TESTS`, or one by case
     bound: Any = 0.0  # of the test, or one by case; 0 where it is left out
     published: str = ""  # what the dissertation prints
-    format: str = ".2f"  # of the numbers, or `share` for percentages, or `count` for `3 of 63`
+    format: str = ".2f"  # of the numbers, `percent` of ratios, `share` of rates, `count` for `3 of 63`
     unit: str = ""  # written behind them
     note: str = ""  # what else a reader must know, e.g. what the number is of
     by_construction: str = ""  # why no measurement could refute it; it is shown as such and is no yes
@@ -312,8 +312,13 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
     return Judged(claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]), studies)
 
 
+def in_sentence(found: Evidence, number_format: str, unit: str = "") -> str:
+    """As `in_words`; of a share without n and pooled interval, since the sentence says over whom it is."""
+    return in_words(replace(found, people=None), number_format, unit)
+
+
 def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
-    """`0.36 [0.30, 0.42] rad`, `3 of 63`, `0.0 % [0.0, 31.2] over 8 people, [0.0, 1.2] pooled`.
+    """`0.36 [0.30, 0.42] rad`, `26 % [22, 30]`, `0.0 % [0.0, 31.2] over 8 people, [0.0, 1.2] pooled`.
 
     A rate is never rounded to 0 or 100 % where it is neither.
     """
@@ -321,6 +326,10 @@ def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
         return f"{NOT_TESTED}: {found.reason}" if found.reason else NOT_TESTED
     if number_format == "count":
         return f"{found.count} of {found.n}"
+    if number_format == "percent":
+        text = f"{rounded(100 * found.value, '.0f')} %"
+        ends = interval(100 * found.low, 100 * found.high, ".0f")
+        return text if found.low == found.high else f"{text} {ends}"
     if number_format == "share":
         assert found.count is not None  # a share is counted
         text = f"{percent(found.count, found.n, 1)} {interval(100 * found.low, 100 * found.high)}"

@@ -24,7 +24,7 @@ from markupsafe import Markup
 
 from structlearn.core.params import Parameters
 from structlearn.reporting import prose
-from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, in_words, verdict_counts
+from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, in_sentence, verdict_counts
 from structlearn.reporting.source_commit import source_commit
 
 MISSING = "\N{EN DASH}"
@@ -206,7 +206,7 @@ def environment(package: str) -> Environment:
     )
     made.filters |= {
         "f": lambda value, number_format: prose.rounded(value + 0, number_format),  # + 0: nothing undefined
-        "words": in_words,
+        "words": in_sentence,
         "listing": prose.listing,
         "counted": prose.counted,
         "capitalised": prose.capitalised,

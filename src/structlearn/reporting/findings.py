@@ -83,15 +83,16 @@ class Findings(Mapping[str, Found]):
     ) -> Found:
         """Add a row by a constructor of evidence, from what it takes or a mapping of that by case.
 
-        Intervals of several cases are widened so that all of them together cover with 95 %. A case without
-        samples is not tested, as it is `missing`, and widens nothing. `row`: see `add`.
+        Intervals of several cases are widened so that all of them together cover with 95 %. What has
+        no samples, or None for them, is not tested, for the reason `missing`, and widens nothing. `row`: see
+        `add`.
         """
-        if not isinstance(given[0], Mapping):
-            return self.add(name, make(*given), **row)
-        cases = {str(case): one if isinstance(one, tuple) else (one,) for case, one in given[0].items()}
-        there = {case: one for case, one in cases.items() if np.ndim(one[0]) == 0 or len(one[0])}
-        many = {} if make in (claims.exact, claims.counted) else {"comparisons": len(there)}
         lacking = unknown(missing) if missing else UNKNOWN
+        if not isinstance(given[0], Mapping):
+            return self.add(name, make(*given) if _there(given) else lacking, **row)
+        cases = {str(case): one if isinstance(one, tuple) else (one,) for case, one in given[0].items()}
+        there = {case: one for case, one in cases.items() if _there(one)}
+        many = {} if make in (claims.exact, claims.counted) else {"comparisons": len(there)}
         found = {case: make(*one, **many) if case in there else lacking for case, one in cases.items()}
         return self.add(name, found, **row)
 
@@ -142,6 +143,10 @@ class Findings(Mapping[str, Found]):
             elif not isinstance(value, str):
                 find.exact(name, value, headline=name in headlines)
         return find
+
+
+def _there(samples: tuple[Any, ...]) -> bool:
+    return all(one is not None and (np.ndim(one) == 0 or len(one) > 0) for one in samples)
 
 
 def values_by_key(table: pd.DataFrame) -> Metrics:

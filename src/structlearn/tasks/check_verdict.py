@@ -3,7 +3,7 @@
 import sys
 
 from structlearn.core.errors import InputError
-from structlearn.tasks.own.protocol.check_results import NO, SkillCheck, read_check
+from structlearn.tasks.movement.check_results import NO, SkillCheck, read_check
 from structlearn.tasks.task_files import TaskFiles
 
 

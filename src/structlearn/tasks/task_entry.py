@@ -14,27 +14,19 @@ A part that an entry does not name (`PARTS`) is null, whatever its defaults are.
 import hashlib
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import yaml
-from pydantic import Field, model_validator
 
 from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
 from structlearn.core.stage import run
-from structlearn.feedback.coupling_model import NetworkParameters, TrainingParameters
-from structlearn.feedback.coupling_targets import CorrectionParameters
-from structlearn.feedback.skill_file import SkillParameters
-from structlearn.primitives.fitting import FitParameters
-from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.readers.settings import Setting
 from structlearn.readers.source import ClockParameters, SourceParameters
-from structlearn.readers.topics import JointPose, SceneTopicMap, TopicMap
-from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.readers.topics import SceneTopicMap
 from structlearn.tasks.motion.motion_parameters import MotionParameters
-from structlearn.tasks.own.protocol.arm_parameters import RobotParameters
+from structlearn.tasks.movement.movement_parameters import MovementEntry
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -42,56 +34,8 @@ FOLDER = Path("stages/tasks")
 DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
 PIPELINE = FOLDER / "dvc.yaml"
 
-PARTS = ("feedback", "robot")
+PARTS = ("segment", "rests", "feedback", "corrections", "robot")
 """Keys that a task has only if its entry names them."""
-
-
-class OwnFeedbackParameters(CorrectionParameters, NetworkParameters):
-    """Executions and corrections, and the feedback learned from them. Fields: `stages/tasks/params.yaml`."""
-
-    executions: str = Field(min_length=1)
-    corrections: str = Field(min_length=1)
-    settings: tuple[Setting, ...] = Field(min_length=1)
-    expected_hz: float = Field(gt=0)
-    training: TrainingParameters
-    parts: int = Field(ge=2)
-
-
-class MovementEntry(SourceParameters):
-    """Demonstrations of a movement. Fields: `stages/tasks/params.yaml`, `defaults.movement`."""
-
-    kind = "movement"
-
-    topics: TopicMap | None
-    clock: ClockParameters | None
-    segment: SegmentParameters
-    fit: FitParameters
-    generalise: GeneraliseParameters
-    skill: SkillParameters
-    feedback: OwnFeedbackParameters | None
-    robot: RobotParameters | None
-
-    @model_validator(mode="after")
-    def _parts_fit_together(self) -> Self:
-        if self.feedback is not None:
-            known = [primitive.name for primitive in self.segment.primitives]
-            for name in self.feedback.primitives:
-                if name not in known:
-                    raise ValueError(f"feedback: there is no primitive '{name}' among {', '.join(known)}")
-            for sensor in self.feedback.sensors:
-                if self.topics is not None and not getattr(self.topics, sensor):
-                    raise ValueError(f"feedback.sensors: {sensor} is felt by no topic; name it in topics")
-        return self
-
-    def sources(self) -> dict[str, tuple[str, ...]]:
-        """All files and folders that are read, as they are written, by what they are for."""
-        computed = (self.topics.pose.urdf,) if self.topics and isinstance(self.topics.pose, JointPose) else ()
-        found: dict[str, tuple[str, ...]] = {"demonstrations": (self.source, *computed), "robot": ()}
-        if self.feedback is not None:
-            found |= {"executions": (self.feedback.executions,), "corrections": (self.feedback.corrections,)}
-        if self.robot is not None:
-            found |= {"robot": (self.robot.urdf,)}
-        return found
 
 
 class MotionEntry(SourceParameters, MotionParameters):

@@ -30,7 +30,8 @@ from structlearn.readers.runs import write_runs, write_streams
 from structlearn.readers.settings import setting_folders
 from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.touch_log import write_touch_logs
-from structlearn.tasks.task_entry import MotionEntry, MovementEntry, ObstacleEntry
+from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.task_entry import MotionEntry, ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -106,7 +107,7 @@ def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
 
 
 def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
-    """`demonstrations`, `executions`, `corrections/SETTING` (runs) and `came_in`."""
+    """`demonstrations`, `executions`, `corrections/SETTING`, `corrected` (runs) and `came_in`."""
     recordings = {"demonstrations": read_source(task, task.source, left_out)}
     if task.feedback is not None:
         recordings["executions"] = read_source(task, task.feedback.executions, left_out)
@@ -114,6 +115,12 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
             local_path(task.feedback.corrections), task.feedback.settings
         ).items():
             recordings[f"corrections/{label}"] = reader(task)(path, task, left_out)
+    if task.corrections is not None:
+        other = task.model_copy(update={"part": task.corrections.part})
+        try:
+            recordings["corrected"] = read_source(other, task.corrections.source, left_out)
+        except MissingInputError as missing:  # of a public set, whose other movements go on
+            print(missing)
     for name, its in recordings.items():
         write_runs(_on_clock(task, its, task.clock, left_out), folder / f"{name}.parquet")
     write_table(came_in(recordings), folder / "came_in.parquet")

@@ -11,14 +11,15 @@ from structlearn.reporting.claims import Judged, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import HEADLINES, publish_report
-from structlearn.tasks.own.page import (
-    came_in_section,
+from structlearn.tasks.movement import (
     check_section,
+    corrections_section,
     cuts_section,
-    feedback_section,
+    primitives_section,
+)
+from structlearn.tasks.own.page import (
     motion_section,
     obstacles_section,
-    primitives_section,
 )
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import FOLDER, OF_PUBLIC, OWN, PIPELINE, read_checked
@@ -27,20 +28,23 @@ from structlearn.tasks.touch import touch_section
 
 PACKAGE = "structlearn.tasks"
 
-SECTIONS: dict[str, tuple[tuple[str, Callable[[TaskFiles], Section]], ...]] = {
+SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "movement": (
-        ("", came_in_section.section),
-        ("", cuts_section.section),
-        ("", primitives_section.section),
-        ("feedback", feedback_section.section),
-        ("", check_section.skill_section),
-        ("robot", check_section.section),
+        cuts_section.came_in_section,
+        cuts_section.cuts_section,
+        primitives_section.primitives_section,
+        primitives_section.turns_section,
+        primitives_section.execution_section,
+        corrections_section.phase_section,
+        corrections_section.feedback_section,
+        check_section.skill_section,
+        check_section.check_section,
     ),
-    "motion": (("", motion_section.section),),
-    "touch": (("", touch_section.section),),
-    "obstacles": (("", obstacles_section.section),),
+    "motion": (motion_section.section,),
+    "touch": (touch_section.section,),
+    "obstacles": (obstacles_section.section,),
 }
-"""By kind: key of the task's parameters, null where it has none, and what makes the section; in order."""
+"""By kind: what makes each section, None where the task has no such part; in order."""
 
 STAGES = {
     "recordings": ("recorded", "import_movement"),
@@ -61,7 +65,8 @@ def publish_page(files: TaskFiles) -> None:
     """Publish the page of a task with its figures, tables, claims and key figures."""
     kind, task, absent = files.kind, read_checked(files.parameters), files.absent
     parts = () if absent else SECTIONS[kind]
-    sections = [_in_package(make(files), make.__module__) for key, make in parts if not key or files.has(key)]
+    made = [(make(files), make.__module__) for make in parts]
+    sections = [_in_package(section, module) for section, module in made if section is not None]
     shown = {section.name: section for section in sections}
     tables = {name: table for section in sections for name, table in section.tables.items()}
     pictures = {name: drawing for section in sections for name, drawing in section.pictures.items()}
@@ -74,13 +79,10 @@ def publish_page(files: TaskFiles) -> None:
     facts |= find.numbers() | {
         "find": find,
         "task": files.name,
-        "title": files.name,
+        "title": task.title or files.name,
         "stage": STAGES[kind][1] if kind in STAGES else "segment",
         "file": (FOLDER / (OF_PUBLIC if public else OWN)).as_posix(),
         "public": public,
-        "up": ("../../recorded/index.html", "Recorded data")
-        if public
-        else ("../../index.html", "All testbeds"),
         "absent": absent,
         "left_out": files.left_out().to_dict("records"),
         "sections": sections,
@@ -100,6 +102,8 @@ def publish_page(files: TaskFiles) -> None:
         | {name: source for section in sections for name, source in section.sources.items()},
         parameters={f"{kind}.{files.name}": task},
         recordings="rerun",
+        root="../..",
+        command="make recorded DATA=FOLDER" if public else f"make own TASK={files.name}",
         simulated=kind == "movement"
         and not absent
         and any(one.simulated for one in files.runs("demonstrations")),

@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core.frames import local_frame
-from structlearn.palette import AXIS_COLOURS, GREY, LIGHT_GREY, SKY, VERMILION, primitive_colour
+from structlearn.palette import AXIS_COLOURS, GREY, SKY, VERMILION, WHITE, primitive_colour
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
 from structlearn.primitives.twist_swing import TwistSwingPrimitive
@@ -156,7 +156,7 @@ def _send_frame(stream: rr.RecordingStream, primitive: PosePrimitive, length: fl
     stream.log(path, rr.TransformAxes3D(2.0 * length), static=True)
     goal = rr.Points3D(
         [point.goal],
-        colors=rgba([LIGHT_GREY]),
+        colors=rgba([WHITE]),
         radii=-5.0,
         labels=f"goal of {primitive.name}",
         show_labels=False,  # goals may lie close together; the label shows when the point is pointed at
@@ -203,7 +203,7 @@ def _send_rates(stream: rr.RecordingStream, name: str, path: _Path, colour: str)
     for plotted, values in path.rates.items():
         send_series(stream, entity(plotted, name), path.indexes(), values[:, None], [name], [colour])
         marks, at = entity(plotted, name, "switches"), path.switches
-        send_marks(stream, marks, path.indexes(at), values[at], "switches", LIGHT_GREY)
+        send_marks(stream, marks, path.indexes(at), values[at], "switches", WHITE)
 
 
 def _send_forcing(stream: rr.RecordingStream, path: _Path, primitives: Sequence[PosePrimitive]) -> None:
@@ -252,5 +252,4 @@ def _blueprint(
     return layout(
         rrb.Horizontal(left, rrb.Grid(*plots, grid_columns=2), column_shares=[2, 3]),
         steps_per_s=PHASE_STEPS / 3,
-        at_end=bool(around),
     )

@@ -5,21 +5,9 @@ from collections.abc import Mapping, Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.palette import BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
+from structlearn.palette import COLOUR_NAMES
 from structlearn.readers.demonstration import Demonstration
 from structlearn.viewer.rrd import entity
-
-COLOUR_NAMES = {
-    BLUE: "blue",
-    ORANGE: "orange",
-    GREEN: "green",
-    VERMILION: "red",
-    PURPLE: "pink",
-    SKY: "light blue",
-    GREY: "grey",
-    LIGHT_GREY: "white",
-}
-"""What a reader calls the palette's colours on the viewer's dark ground."""
 
 
 def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import quaternion
-from structlearn.palette import LIGHT_GREY, primitive_colour
+from structlearn.palette import WHITE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.segments import Segmentation
 from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
@@ -83,9 +83,9 @@ def _parts(demonstration: Demonstration, segmentation: Segmentation | None, colo
     parts, reached = [], 0
     for index, ends_s in enumerate(_cuts(demonstration, segmentation)):
         start, end = np.clip(np.round(ends_s / demonstration.dt).astype(int), 0, last)
-        parts += [(reached, start, LIGHT_GREY), (start, end, primitive_colour(index))]
+        parts += [(reached, start, WHITE), (start, end, primitive_colour(index))]
         reached = end
-    return [part for part in [*parts, (reached, last, LIGHT_GREY)] if part[1] > part[0]]
+    return [part for part in [*parts, (reached, last, WHITE)] if part[1] > part[0]]
 
 
 def _cuts(demonstration: Demonstration, segmentation: Segmentation) -> np.ndarray:
@@ -122,7 +122,7 @@ def _send_positions(stream: rr.RecordingStream, demonstration: Demonstration, pa
         if len(first) > 1:
             cuts = first[1:]
             path, times_of_cuts = entity("cuts", axis, demonstration.name), demonstration.time[cuts]
-            send_marks(stream, path, [time_column(times_of_cuts)], position[cuts], "cuts", LIGHT_GREY)
+            send_marks(stream, path, [time_column(times_of_cuts)], position[cuts], "cuts", WHITE)
 
 
 def _send_signals(stream: rr.RecordingStream, demonstration: Demonstration, length: float) -> None:
@@ -131,7 +131,7 @@ def _send_signals(stream: rr.RecordingStream, demonstration: Demonstration, leng
     times = [time_column(demonstration.time[kept])]
     orientation = None if demonstration.orientation is None else demonstration.orientation[kept]
     position = demonstration.position[kept]
-    send_moving_frame(stream, entity("hands", name), times, position, orientation, LIGHT_GREY, length)
+    send_moving_frame(stream, entity("hands", name), times, position, orientation, WHITE, length)
 
     moved = 1e3 * (position - position[0])
     send_series(stream, entity("moved", name), times, moved, AXES)
@@ -202,7 +202,9 @@ def _blueprint(
     if only_positions:
         return layout(overview)
     details = [_detail(demonstration, segmentation, around) for demonstration in demonstrations[:DETAILED]]
-    return layout(rrb.Tabs(overview, *details, active_tab=0), at_end=bool(around))
+    felt = any(demonstration.tactile is not None for demonstration in demonstrations)
+    first = 1 if felt and not around else 0  # all paths together say nothing of what fingers felt
+    return layout(rrb.Tabs(overview, *details, active_tab=first))
 
 
 def _detail(

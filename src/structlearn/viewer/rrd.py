@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from rerun.error_utils import set_strict_mode, strict_mode
 
 from structlearn.core import quaternion
-from structlearn.palette import AXIS_COLOURS, ORANGE, SKY, primitive_colour
+from structlearn.palette import AXIS_COLOURS, SKY, VERMILION, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 
 TIME = "time"
@@ -29,6 +29,8 @@ ROOM = 1.15  # factor on the distance from which all points are just seen: frame
 
 ELEVATION = np.radians(25.0)
 """Of the camera above the horizontal: paths on a board are seen from above, heights remain visible."""
+
+FLOOR_SQUARE_M = 0.1
 
 GROUND = (13, 13, 13)
 """Colour behind drawings and plots, rgb: the palette's light colours are for a dark ground, also in browsers
@@ -94,8 +96,8 @@ def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
 
 
 def deviation_colours(deviation: np.ndarray, scale: float) -> np.ndarray:
-    """Colours 0xRRGGBBAA of deviations, (...) -> (...): blue below the expected reading, orange above."""
-    return blended(0.5 + 0.5 * deviation / scale, (SKY, RESTING, ORANGE))
+    """Colours 0xRRGGBBAA of deviations (...): light blue below the expected reading, orange above."""
+    return blended(0.5 + 0.5 * deviation / scale, (SKY, RESTING, VERMILION))
 
 
 def origin_label(demonstrations: Sequence[Demonstration]) -> str:
@@ -166,7 +168,7 @@ def send_moving_frame(
     colour: str,
     axis_length: float,
 ) -> None:
-    """Log a pose over time as a point, and as axes where an orientation is known.
+    """Log a pose over time as a point, and as axes where an orientation is known and they have a length.
 
     `indexes`: the time lines, each with T times; `position` (T, 3) m; `orientation` (T, 4) unit quaternions,
     or None; `axis_length`: m.
@@ -174,9 +176,27 @@ def send_moving_frame(
     pose: dict[str, Any] = {"translation": position}
     if orientation is not None:
         pose["quaternion"] = quaternion.to_xyzw(orientation)
+    if orientation is not None and axis_length > 0.0:
         stream.log(path, rr.TransformAxes3D(axis_length), static=True)
     stream.log(path, rr.Points3D([[0.0, 0.0, 0.0]], colors=rgba([colour]), radii=-3.0), static=True)
     stream.send_columns(path, indexes, rr.Transform3D.columns(**pose))
+
+
+def send_floor_axes(stream: rr.RecordingStream, path: str, points: np.ndarray) -> float:
+    """Log x, y and z as arrows of a square's length at the corner of a floor below points (N, 3) in m.
+
+    Returns the height of the floor, for `scene_view`.
+    """
+    corner = points.min(axis=0)
+    arrows = rr.Arrows3D(
+        origins=[corner] * 3,
+        vectors=FLOOR_SQUARE_M * np.eye(3),
+        colors=rgba(AXIS_COLOURS),
+        labels=["x", "y", "z"],
+        show_labels=True,
+    )
+    stream.log(path, arrows, static=True)
+    return float(corner[2])
 
 
 def solid_boxes(
@@ -214,11 +234,13 @@ def axis_length(points: np.ndarray) -> float:
     return max(AXIS_SHARE * radius, SHORTEST_AXES)
 
 
-def scene_view(name: str, contents: Sequence[str], points: np.ndarray) -> rrb.Spatial3DView:
+def scene_view(
+    name: str, contents: Sequence[str], points: np.ndarray, floor_m: float | None = None
+) -> rrb.Spatial3DView:
     """3-D view that shows all of the points.
 
     The camera stands off the horizontal direction in which they extend least, a little above them. `points`
-    (N, 3) m.
+    (N, 3) m; `floor_m`: see `eye_view`.
     """
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     horizontal = points[:, :2] - points[:, :2].mean(axis=0)
@@ -229,18 +251,31 @@ def scene_view(name: str, contents: Sequence[str], points: np.ndarray) -> rrb.Sp
     across = np.abs((points - centre) @ np.column_stack([right, np.cross(backward, right)]))  # (N, 2)
     needed = np.max(across / [NARROWEST, 1.0], axis=1) / np.tan(HALF_FIELD_OF_VIEW)
     distance = max(float(np.max(needed + (points - centre) @ backward)), NEAREST)
-    return eye_view(name, contents, centre, ROOM * distance * backward)
+    return eye_view(name, contents, centre, ROOM * distance * backward, floor_m)
 
 
 def eye_view(
-    name: str, contents: Sequence[str], target: np.ndarray, from_target: np.ndarray
+    name: str,
+    contents: Sequence[str],
+    target: np.ndarray,
+    from_target: np.ndarray,
+    floor_m: float | None = None,
 ) -> rrb.Spatial3DView:
-    """3-D view onto a target (3,) from a place (3,) relative to it, both in m; the camera turns about it."""
+    """3-D view onto a target (3,) from a place (3,) relative to it, both in m; the camera turns about it.
+
+    `floor_m`: height of a floor whose squares are `FLOOR_SQUARE_M` wide; None: there is none.
+    """
+    floor = floor_m is not None and rrb.LineGrid3D(
+        visible=True,
+        spacing=FLOOR_SQUARE_M,
+        plane=rr.components.Plane3D.XY.with_distance(floor_m),
+        color=rgba([RESTING])[0],
+    )
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital, position=target + from_target, look_target=target, eye_up=[0.0, 0.0, 1.0]
     )
     return rrb.Spatial3DView(
-        name=name, origin="/", contents=list(contents), background=GROUND, eye_controls=eye, line_grid=False
+        name=name, origin="/", contents=list(contents), background=GROUND, eye_controls=eye, line_grid=floor
     )
 
 
@@ -273,12 +308,11 @@ def layout(
     content: rrb.Container | rrb.View,
     timeline: str = TIME,
     steps_per_s: float | None = None,
-    at_end: bool = False,
 ) -> rrb.Blueprint:
     """Blueprint that leaves the window to the views; the panels at the sides are folded away.
 
-    `timeline`: on which the viewer starts, paused at its first time; `steps_per_s`: how fast time lines of
-    whole numbers are played; `at_end`: start at its last time instead.
+    `timeline`: which is played over and over from the start, so that the first look sees motion;
+    `steps_per_s`: how fast time lines of whole numbers are played.
     """
     return rrb.Blueprint(
         content,
@@ -287,7 +321,8 @@ def layout(
         rrb.TimePanel(
             state="collapsed",
             timeline=timeline,
-            play_state="following" if at_end else "paused",
+            play_state="playing",
+            loop_mode="all",
             fps=steps_per_s,
         ),
     )

@@ -7,9 +7,6 @@ import pandas as pd
 
 from structlearn.core.artefacts import filled, read_csv, read_table
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.feedback.coupling_model import CouplingModel, read_networks
-from structlearn.primitives.primitive_files import read_primitives
-from structlearn.primitives.sequence import PosePrimitive
 from structlearn.readers import Recording
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import DriveLog, read_log_table
@@ -18,22 +15,7 @@ from structlearn.readers.runs import read_runs, read_streams
 RAW = "raw/recorded"
 LEFT_OUT = "data/raw/recorded/left_out.csv"
 
-REACHES, HIGHER_REACHES, UNSCREWING, SCRAPING, SLIDES = (
-    "reaches",
-    "corrected_reaches",
-    "unscrewing",
-    "scraping",
-    "slides",
-)
-"""Sets of movements."""
-
-LEARNED = {
-    REACHES: "primitive",
-    HIGHER_REACHES: "networks",
-    UNSCREWING: "primitive",
-    SCRAPING: "primitives",
-}
-"""File of what was learned from a set."""
+SLIDES = "slides"
 
 BOXES, UR10E = "boxes", "ur10e"
 
@@ -47,19 +29,6 @@ SETS = {
 """Tables of sets that have a folder and a stage of their own."""
 
 TABLES = {
-    "reach_errors": "reaches/reproduction",
-    "cut_errors": "reaches/cut_errors",
-    "coupling_completeness": "corrected_reaches/completeness",
-    "coupling_distances": "corrected_reaches/distances",
-    "coupling_profile": "corrected_reaches/profile",
-    "coupling_scores": "corrected_reaches/scores",
-    "coupling_targets": "corrected_reaches/targets",
-    "coupling_paths": "corrected_reaches/paths",
-    "unscrewing_errors": "unscrewing/errors",
-    "sequence": "scraping/sequence",
-    "sequence_errors": "scraping/errors",
-    "electrode_scores": "scraping/electrode_scores",
-    "electrode_traces": "scraping/electrode_traces",
     "avoidance_scores": "avoidance/scores",
     "avoidance_folds": "avoidance/folds",
     "avoidance_phase": "avoidance/phase_worth",
@@ -110,14 +79,8 @@ class RecordedFiles:
         """Those of `TABLES` for which there were data."""
         return {name: self._table(path) for name, path in TABLES.items() if self._has(f"{path}.parquet")}
 
-    def learned(self, name: str) -> bool:
-        """Whether there were enough data of a set to learn from it."""
-        return self._has(f"{name}/{LEARNED[name]}.safetensors")
-
     def shown(self, name: str) -> bool:
         """Whether there is something of a set to look at."""
-        if name in LEARNED:
-            return self.learned(name)
         return any(self._has(f"{name}/{table}.parquet") for table in SETS[name])
 
     def of_set(self, name: str) -> dict[str, pd.DataFrame]:
@@ -134,22 +97,6 @@ class RecordedFiles:
     def ur10e_urdf(self) -> Path:
         """The URDF that was identified."""
         return self.data / "recorded/ur10e/identified.urdf"
-
-    def sequence(self) -> pd.DataFrame:
-        """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""
-        return self._table(TABLES["sequence"])
-
-    def completeness(self) -> pd.DataFrame:
-        """Which higher reaches are complete."""
-        return self._table(TABLES["coupling_completeness"])
-
-    def primitives(self, name: str) -> list[PosePrimitive]:
-        """Primitives in their order that were learned from a set."""
-        return read_primitives(self.data / f"recorded/{name}/{LEARNED[name]}.safetensors")
-
-    def coupling_networks(self) -> dict[str, CouplingModel]:
-        """Per local axis, learned from higher reaches."""
-        return read_networks(self.data / f"recorded/{HIGHER_REACHES}/{LEARNED[HIGHER_REACHES]}.safetensors")
 
     def _has(self, path: str) -> bool:
         """Whether a stage that ran wrote a file; where it had no data its folder is empty."""

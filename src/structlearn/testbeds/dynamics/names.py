@@ -6,7 +6,7 @@ page's white ground and on the viewer's dark one.
 
 from typing import Any
 
-from structlearn.palette import BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
+from structlearn.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, WHITE
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
 from structlearn.rigid_body.training_grid import OURS, TEXT
 
@@ -22,7 +22,7 @@ SHOWN_FORM = OURS
 
 LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised per joint"}
 
-REFERENCE = LIGHT_GREY
+REFERENCE = WHITE
 """Of what a model is held against, drawn wide: a wanted path, a measured torque, a carried mass."""
 
 PAYLOAD = VERMILION

@@ -20,11 +20,7 @@ from structlearn.reporting.figure_style import Drawing
 from structlearn.tasks.public.page.parts import (
     avoidance_part,
     boxes_part,
-    higher_reaches_part,
     panda_part,
-    reaches_part,
-    scraping_part,
-    unscrewing_part,
     ur10e_part,
 )
 from structlearn.tasks.public.page.parts.part import Part
@@ -35,10 +31,6 @@ PACKAGE = __package__
 STAGE = "stages/recorded/dvc.yaml:report"
 
 PARTS = (
-    reaches_part.PART,
-    higher_reaches_part.PART,
-    unscrewing_part.PART,
-    scraping_part.PART,
     avoidance_part.PART,
     boxes_part.PART,
     panda_part.PART,
@@ -47,7 +39,6 @@ PARTS = (
 """In the order of the index."""
 
 PAGES = {
-    "movements": "Recorded reaches, unscrewing and scraping",
     "avoidance": "Recorded obstacle avoidance",
     "boxes": "People past boxes: one obstacle's features, and a look ahead",
     "panda": "Inverse dynamics of a recorded Franka Panda",
@@ -56,9 +47,6 @@ PAGES = {
 """Titles of the pages behind the index."""
 
 HEADLINES = (
-    "reach_cut_error_ms_2mm",
-    "reach_left_ten_out_mean_mm",
-    "coupling_path_mean_mm",
     "obstacle_nmse_x",
     "boxes_hits",
     "boxes_path_mm",

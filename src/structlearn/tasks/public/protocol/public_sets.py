@@ -1,7 +1,6 @@
 """Public recordings come in: one reader per layout, registered by name, and the form that later stages read.
 
-Movements become runs on one clock (`runs.parquet`); slides, unscrewing and scraping keep their streams too
-(`streams.parquet`), since touch is measured at the sensor's own rate and slides have six clocks.
+Movements become runs on one clock (`runs.parquet`); slides keep their streams (`streams.parquet`).
 """
 
 import os
@@ -18,7 +17,7 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, to_table
 from structlearn.core.artefacts import publish, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import Parameters
-from structlearn.readers import clmc, panda, slide, synchronise, ur10e
+from structlearn.readers import panda, slide, synchronise, ur10e
 from structlearn.readers.bag_files import natural_order
 from structlearn.readers.joint_log import write_log_table
 from structlearn.readers.reaches_past_boxes import read_reaches_past_boxes
@@ -93,13 +92,6 @@ def _write_ur10e(found: tuple[Sequence[Any], Path], target: Path, left_out: Left
 
 
 READERS = {
-    "clmc_reaches": _movements(lambda folder, part, left_out: clmc.read_reaches(folder, part, left_out)),
-    "clmc_unscrewing": _movements(
-        lambda folder, _, out: clmc.read_unscrewing(folder, out), forms=(RUNS, STREAMS)
-    ),
-    "clmc_scraping": _movements(
-        lambda folder, part, _: clmc.read_scraping_execution(folder, part), forms=(RUNS, STREAMS)
-    ),
     "clmc_avoidance": Reader(
         lambda folder, _, out: (read_avoidance_samples(folder), avoidance_provenance(folder)),
         _write_avoidance,

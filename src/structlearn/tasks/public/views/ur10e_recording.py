@@ -55,6 +55,8 @@ def write_carried(
         stream.log(BODY, rr.CoordinateFrame(link_frame(ARM, LAST_LINK)), static=True)
         ball = rr.Points3D(centre[None], colors=rgba([VERMILION]), radii=RADIUS_M)
         stream.log(BODY, ball, static=True)
+        held = rr.LineStrips3D([[np.zeros(3), centre]], colors=rgba([VERMILION]), radii=0.2 * RADIUS_M)
+        stream.log(f"{BODY}/held", held, static=True)
         followed = learned.assign(time_s=learned["since_s"])
         really = np.full(len(time), load.known_kg)
         send_followed(stream, followed, time, really, (REFERENCE, FOUND, EMPTY))
@@ -65,12 +67,12 @@ def _blueprint(reach: float) -> rrb.Blueprint:
     around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # upright too
     view = arm_view("UR10e with its load", [arm_contents(ARM), f"/{BODY}"], around)
     right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
-    return layout(rrb.Horizontal(view, right, column_shares=[3, 3]), at_end=True)
+    return layout(rrb.Horizontal(view, right, column_shares=[3, 3]))
 
 
 def _notes(load: LoadParameters) -> str:
     colours = {
-        "the load, at the centre that least squares find": VERMILION,
+        "the load, at the centre that least squares find, joined to the flange": VERMILION,
         f"its published mass, {load.known_kg:g} kg (wide)": REFERENCE,
         "what is learned online of the last link (Cov), and its error": FOUND,
         "error of the empty arm's model": EMPTY,

@@ -191,7 +191,7 @@ def write_payload(path: str | Path, urdf: str | Path, shown: ShownPayload, title
 def _payload_blueprint(shown: ShownPayload, title: str) -> rrb.Blueprint:
     view = arm_view(title, [arm_contents(ARM), f"/{BODY}"], shown.body)
     right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
-    return layout(rrb.Horizontal(view, right, column_shares=[3, 3]), at_end=True)
+    return layout(rrb.Horizontal(view, right, column_shares=[3, 3]))
 
 
 def _payload_notes(shown: ShownPayload, title: str) -> str:

@@ -27,7 +27,13 @@ from structlearn.testbeds.obstacles.names import (
     SOURCES,
     model_name,
 )
-from structlearn.testbeds.obstacles.page.results import FEW_HITS, OURS, TEXT, ObstacleResults, example_setting
+from structlearn.testbeds.obstacles.page.findings import (
+    FEW_HITS,
+    OURS,
+    TEXT,
+    ObstacleResults,
+    example_setting,
+)
 from structlearn.testbeds.obstacles.page.tables import FITS
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import MOVING, NO_MODEL, TRAINED, UNSEEN
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, of_model
@@ -312,7 +318,7 @@ def hits_panel(results: ObstacleResults) -> Figure:
 
 @styled
 def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
-    """Closest distance on the grid of spheres, a dot for each unroll, hits in red and counted."""
+    """Closest distance on the grid of spheres, a dot for each unroll, hits in orange and counted."""
     pairs = results.contenders
     figure = canvas(1.0 + 0.26 * len(pairs), PANEL_WIDTH)
     panel = figure.subplots()

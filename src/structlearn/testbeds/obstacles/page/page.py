@@ -5,38 +5,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from structlearn.avoidance.learned_models import (
-    ALL,
-    ENSEMBLE,
-    HUMAN_INSPIRED,
-    NETWORK,
-    PHASE_MODULATED,
-    SETTING,
-)
+from structlearn.avoidance.learned_models import ENSEMBLE, HUMAN_INSPIRED, NETWORK
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, environment
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import provenance, read_study
 from structlearn.testbeds.obstacles import files
-from structlearn.testbeds.obstacles.page.evidence import evidence
-from structlearn.testbeds.obstacles.page.results import FEW_HITS, ObstacleResults, example_setting, metrics
+from structlearn.testbeds.obstacles.page.findings import (
+    EVERY,
+    FEW_HITS,
+    ObstacleResults,
+    example_setting,
+)
 from structlearn.testbeds.obstacles.page.tables import tables
-from structlearn.testbeds.obstacles.protocol.avoidance_protocols import GOAL_CHANGE, TRAINED, UNSEEN
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import UNSEEN
 from structlearn.testbeds.obstacles.world.reaching_person import DETOURS_M
 from structlearn.testbeds.obstacles.world.scenarios import END_CLEARANCE_M
 
 PACKAGE = "structlearn.testbeds.obstacles.page"
 FOLDER = Path(__file__).parent
-
-HEADLINES = (
-    *("people", "hits_per_setting", "hits_unseen_baseline", "detour_pair_all_mean_m"),
-    *(f"hits_unseen_{source}_worst_person" for source in (*SHAPES, ALL)),
-    *(f"hits_unseen_{source}_share_of_people_within_1" for source in (*SHAPES, ALL)),
-)
-"""Metrics that `dvc metrics show` lists."""
 
 STUDIES = ("members", "displaced", "clearance")  # that the page quotes
 
@@ -54,21 +44,23 @@ def read_published() -> dict[str, Any]:
     return read_values(FOLDER / "published.yaml")
 
 
-def document(results: ObstacleResults) -> Document:
+def document(results: ObstacleResults, find: Findings) -> Document:
     """The page; figures are those of `figures.figures`."""
     published = read_published()
     shown = tables(results, published)
-    named = facts(results, published, {name: table.frame for name, table in shown.items()})
-    claims = read_claims(FOLDER / "claims.yaml")
-    largest_goal_m = published["per_setting"][NETWORK]["goal_max"]
-    found = evidence(results, published["largest_nmse"], largest_goal_m)
+    limited = shown["limits"].frame
+    named = facts(results, published) | find.numbers()
+    named |= {
+        "worst_goal": limited.loc[limited["goal_text"].idxmax()],
+        "late_network": limited.loc[limited["model"].str.startswith(NETWORK), "late_goal_text"].max(),
+    }
     return Document(
         template="obstacles.html.jinja",
         package=PACKAGE,
         stage="obstacles_report",
         facts=named,
         tables=shown,
-        judged=judge(claims, found, environment(PACKAGE), named),
+        judged=judge(read_claims(FOLDER / "claims.yaml"), find, environment(PACKAGE), named),
         sources=SOURCES,
         parameters=results.parameters,
         recordings="../rerun/obstacles",
@@ -76,18 +68,12 @@ def document(results: ObstacleResults) -> Document:
     )
 
 
-def facts(
-    results: ObstacleResults, published: Mapping[str, Any], frames: Mapping[str, pd.DataFrame]
-) -> dict[str, Any]:
-    """What sentences name: the metrics, parameters, tables, and numbers that follow from them."""
-    held_out = results.fits[results.fits["person"].isin(results.people) & (results.fits["part"] == "test")]
-    held_out = held_out[(held_out["learned_from"] == SETTING) & (held_out["model"] == NETWORK)]
+def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Any]:
+    """What sentences name beside the findings: parameters, counts of the scene, and words."""
     spheres = results.situations[UNSEEN].obstacles[0]
     length = float(np.linalg.norm(results.baseline.goal - results.baseline.start))
-    limited = frames["limits"]
-    return metrics(results) | {
+    return {
         "published": published,
-        "results": results,
         "shapes": SHAPES,
         "few_hits": FEW_HITS,
         "shown": results.population.shown,
@@ -97,25 +83,14 @@ def facts(
         "longest_detour_m": DETOURS_M[-1],
         "end_clearance_m": END_CLEARANCE_M,
         **{key.removeprefix("obstacle_"): its for key, its in results.parameters.items()},
-        "dominant_error": held_out["nmse_dominant"].mean(),
-        "other_error": held_out.loc[held_out["dominant"] == "", "nmse_across"].mean(),
-        "x_error": held_out["nmse_x"].mean(),
-        "per_setting": results.rows(TRAINED, NETWORK, SETTING),
-        "demonstrated": results.demonstrated,
+        "reaches": lambda protocol: len(results.rows(protocol)),
         "unseen_spheres": len(results.situations[UNSEEN].numbers),
         "outside": int(((spheres.centre[:, 0] < 0.0) | (spheres.centre[:, 0] > length)).sum()),
         "radius_mm": 1e3 * float(spheres.radius[0]),
-        "limits": limited,
-        "worst_goal": limited.loc[limited["goal_text"].idxmax()],
-        "late_network": limited.loc[limited["model"].str.startswith(NETWORK), "late_goal_text"].max(),
-        "excursion": results.limited.groupby("model")["excursion_m"].max(),
-        "modulated": results.shown_error(PHASE_MODULATED),
-        "not_modulated": results.shown_error(NETWORK),
         "most_hits": lambda protocol: max(
-            results.hits(protocol, kind, source) for kind in (NETWORK, ENSEMBLE) for source in (*SHAPES, ALL)
+            results.hits(protocol, kind, source) for kind in (NETWORK, ENSEMBLE) for source in EVERY
         ),
-        "rai_hits": lambda protocol: [results.hits(protocol, HUMAN_INSPIRED, shape) for shape in SHAPES],
-        "short_mm": 1e3 * results.rows(GOAL_CHANGE)["goal_distance_m"].max(),
+        "rai_hits": lambda protocol: max(results.hits(protocol, HUMAN_INSPIRED, shape) for shape in SHAPES),
         "studies": {name: worst_hits(f"obstacles/{name}") for name in STUDIES},
     }
 

@@ -9,7 +9,7 @@ from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, 
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.reporting.document import Table
 from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
-from structlearn.testbeds.obstacles.page.results import OURS, TEXT, ObstacleResults
+from structlearn.testbeds.obstacles.page.findings import OURS, TEXT, ObstacleResults
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     LIMITED,
     MOVING,
@@ -58,11 +58,7 @@ Row = dict[str, Any]
 
 
 def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Table]:
-    """All tables by name, with those that the page links to as CSV only; `published` is the YAML."""
-    keys = ["protocol", "speed_m_s", "rules", "model", "learned_from", "obstacle"]
-    scores = results.found.scores
-    groups = scores[scores["person"].isin(results.people)].groupby(keys, sort=False)
-    everything = [dict(zip(keys, key, strict=True)) | summary(rows) for key, rows in groups]
+    """Tables by name; `published` is the YAML."""
     frames = {
         "people": people(results),
         "per_setting": per_setting(results, published["per_setting"]),
@@ -72,18 +68,12 @@ def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, 
         "limits": limits(results),
         "all_shapes": all_shapes(results),
         "hits": hits(results),
-        "fit_per_scenario": results.fits,
-        "summary": pd.DataFrame(everything),
     }
     return {name: Table(frame, FORMATS, HEADINGS, _strong(frame)) for name, frame in frames.items()}
 
 
 def people(results: ObstacleResults) -> pd.DataFrame:
-    """How many unseen spheres everyone's models hit.
-
-    Returns per `person`: `none` without avoidance, then `<source>_text` and `<source>_ours` for each shape
-    and all, of single networks with the text's rules and of ensembles with limits at the goal.
-    """
+    """Unseen spheres hit by person: without avoidance, by single networks as published, and by ensembles."""
     columns = {"person": results.people, "none": results.hits_by_person(UNSEEN, (NO_MODEL, LIMITED), "")[0]}
     for source in (*SHAPES, ALL):
         columns[f"{source}_text"] = results.hits_by_person(UNSEEN, TEXT, source)[0]
@@ -137,11 +127,7 @@ def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame
 
 
 def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
-    """Figure IV.10 in numbers, of models that learned one scenario.
-
-    Returns per `over` (which axes) and `model`: number of `scenarios`; `train_mean`, `test_mean` NMSE; how
-    many scenarios have at most `low`, `train_low` and `test_low`.
-    """
+    """Figure IV.10 in numbers: NMSE of models that learned one scenario, and how many have at most `low`."""
     rows = []
     for column, over in FITS.items():
         parts = {part: results.setting_fits(column, part) for part in ("train", "test")}
@@ -153,13 +139,7 @@ def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
 
 
 def limits(results: ObstacleResults) -> pd.DataFrame:
-    """Both kinds of post-processing side by side, on trained and unseen obstacles.
-
-    Returns per `obstacles`, `model`: number of `unrolls`; `hits`, largest goal distances `goal` at the
-    prescribed time and `late_goal` (m), each with `_text` for the rules of the text and `_limited`;
-    `excursion`: the largest goal distance between these times (m), with limits; `restrained`: share of the
-    samples at which the limits changed the coupling term.
-    """
+    """Published rules beside limits at the goal: hits, largest goal distances (m), and samples restrained."""
     families = {"per setting": (SETTING,), "per shape": SHAPES, "all shapes": (ALL,)}
     groups = [
         (protocol, kind, words) for protocol in (TRAINED, UNSEEN) for kind in KINDS for words in families
@@ -181,11 +161,7 @@ def limits(results: ObstacleResults) -> pd.DataFrame:
 
 
 def all_shapes(results: ObstacleResults) -> pd.DataFrame:
-    """A model of all shapes beside those of one shape, on the settings of each `obstacle`.
-
-    Returns per `obstacle` and `model`: `nmse_x`, `nmse_y`, `nmse_z` held out, means over people, `hits` of
-    all of them, `obstacle_min`, `goal_max`.
-    """
+    """A model of all shapes beside those of one shape, on the settings of each obstacle."""
     groups = [(shape, kind, source) for shape in SHAPES for kind in KINDS for source in (shape, ALL)]
     rows = []
     for shape, kind, source in groups:
@@ -199,12 +175,7 @@ def all_shapes(results: ObstacleResults) -> pd.DataFrame:
 
 
 def hits(results: ObstacleResults) -> pd.DataFrame:
-    """Hits with limits at the goal, per model and situation on the grid of spheres.
-
-    Returns per `model`: `unseen`, `moving_<speed>` per speed, `pair`, `goal_change`, and `closest`: the
-    smallest obstacle distance of all of them; `detour_unseen`, `detour_moving`, `detour_pair`: mean of the
-    largest distances from the reach without avoidance, m.
-    """
+    """Hits with limits at the goal by model and situation on the grid of spheres; detours are means, in m."""
     rows = []
     for kind, source in results.contenders:
         row: Row = {"model": model_name(kind, source)}

@@ -25,7 +25,18 @@ from structlearn.testbeds.obstacles.views.avoidance_scene import (
 )
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
 from structlearn.viewer.notes import legend, notes_view, send_notes
-from structlearn.viewer.rrd import entity, layout, origin_label, plot, recording, rgba, scene_view, send_curve
+from structlearn.viewer.rrd import (
+    FLOOR_SQUARE_M,
+    entity,
+    layout,
+    origin_label,
+    plot,
+    recording,
+    rgba,
+    scene_view,
+    send_curve,
+    send_floor_axes,
+)
 
 SIDES = {1: "left of", 2: "above"}
 """Of the straight line from start to goal, where the hand is, by axis of the local frame."""
@@ -58,20 +69,17 @@ def write_avoidance_demonstrations(
     with recording(path, title) as stream:
         send_notes(stream, _notes(title, origin, shown, unhindered, places))
         everything = _send_settings(stream, unhindered, baseline, places)
-        settings = scene_view(
-            f"reach without avoidance and all {len(places)} settings{origin}",
-            ["/places", "/unhindered/**"],
-            everything,
-        )
+        floor = send_floor_axes(stream, "/axes", everything)
+        settings = scene_view("all settings", ["/places", "/unhindered/**", "/axes"], everything, floor)
         scenes, details = [], []
         for one in shown:
             name, points = one.scenario.name, send_scenario(stream, one)
-            parts = ("obstacle", "demonstrated", BARE.name, "hands")
+            floor = send_floor_axes(stream, entity(name, "axes"), points)
+            parts = ("obstacle", "demonstrated", BARE.name, "hands", "axes")
             contents = [f"{entity(name, part)}/**" for part in parts]
-            heading = f"{name}: {len(one.demonstrations)} demonstrations{origin}"
-            scenes.append(scene_view(heading, contents, points))
+            scenes.append(scene_view(name, contents, points, floor))
             curves = rrb.Vertical(*_send_signals(stream, one, baseline))
-            detail = scene_view(heading, contents, points)
+            detail = scene_view(name, contents, points, floor)
             details.append(rrb.Horizontal(detail, curves, column_shares=[4, 3], name=name))
         tabs = [
             rrb.Horizontal(view, notes_view(), column_shares=[4, 1], name=words)
@@ -117,7 +125,7 @@ def _send_signals(
         curves |= {side: local[:, axis] for axis, side in SIDES.items()}
         for part, values in curves.items():
             send_curve(stream, entity(name, part, label), time, values, label, colour)
-    words = {"distance": "distance to the obstacle's surface (mm)"}
+    words = {"distance": "distance to the surface (mm)"}
     words |= {side: f"hand {side} the straight line (mm)" for side in SIDES.values()}
     return [plot(heading, [f"{entity(name, part)}/**"], False) for part, heading in words.items()]
 
@@ -133,10 +141,12 @@ def _notes(
     colours[f"{BARE.name}: a movement primitive learned from reaches without obstacle"] = BARE.colour
     return (
         f"# {title}\n\nReaches past obstacles{origin}: {len(places)} settings, each with several shapes. "
-        f"{len(shown)} scenarios are chosen here. {len(unhindered)} reaches without obstacle are in the tab "
-        "*all settings*, with the number of every setting. The reach without avoidance hits an obstacle (it "
-        f"enters the virtual radius, as in the tables) in {sum(hit for _, hit in places)} settings. Dots on "
-        "an obstacle are the cloud that models see; a point is the hand.\n\n"
+        f"{len(shown)} scenarios are chosen here, with {len(shown[0].demonstrations)} demonstrations each. "
+        f"A square of the floor is {FLOOR_SQUARE_M:g} m wide. {len(unhindered)} reaches without obstacle are "
+        "in the tab *all settings*, with the number of every setting. In "
+        f"{sum(hit for _, hit in places)} settings the reach without avoidance hits an obstacle: it enters "
+        "the virtual radius, as in the tables. Dots on an obstacle are the cloud that models see; a point is "
+        "the hand.\n\n"
         f"{legend(colours)}\n\nPlay the time line to see the hands move.\n"
     )
 
@@ -154,11 +164,12 @@ def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], ti
             name, points = one.scenario.name, send_scenario(stream, one)
             _send_targets(stream, one)
             send_notes(stream, _trained_notes(title, origin, one), name)
+            floor = send_floor_axes(stream, entity(name, "axes"), points)
             kinds = [kind for kind in KINDS if kind != NO_MODEL and of_model(one.reaches, kind)]
             columns = []
             for kind in kinds:
                 _send_model(stream, one, kind)
-                columns.append(_column(one, kind, points, f"{KINDS[kind].name}{origin}"))
+                columns.append(_column(one, kind, points, floor))
             shares = [5] * len(columns) + [4]
             tabs.append(rrb.Horizontal(*columns, notes_view(name), column_shares=shares, name=name))
         stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
@@ -189,18 +200,18 @@ def _send_model(stream: rr.RecordingStream, one: ShownScenario, kind: str) -> No
             send_curve(stream, curve, reach.time, reach.coupling[:, axis], label, colour)
 
 
-def _column(one: ShownScenario, kind: str, points: np.ndarray, heading: str) -> rrb.Vertical:
+def _column(one: ShownScenario, kind: str, points: np.ndarray, floor: float) -> rrb.Vertical:
     """Scene and plots of a kind of model."""
     name = one.scenario.name
-    parts = ("obstacle", "demonstrated", BARE.name, kind)
-    scene = scene_view(heading, [f"{entity(name, part)}/**" for part in parts], points)
-    distance = plot("distance to the obstacle's surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
+    parts = ("obstacle", "demonstrated", BARE.name, "axes", kind)
+    scene = scene_view(KINDS[kind].name, [f"{entity(name, part)}/**" for part in parts], points, floor)
+    distance = plot("distance to the surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
     limit = ROOM * float(np.abs(one.targets[["target_y", "target_z"]].to_numpy()).max())
     terms = []
     for direction in DIRECTIONS.values():
         curves = (("demonstrated terms", direction), ("terms", kind, direction))
         contents = [f"{entity(name, *curve)}/**" for curve in curves]
-        term = plot(f"coupling {direction} (m; grey: demonstrated)", contents, legend=False)
+        term = plot(f"coupling {direction} (m)", contents, legend=False)
         term.properties["ScalarAxis"] = rrb.ScalarAxis(range=(-limit, limit))
         terms.append(term)
     return rrb.Vertical(scene, distance, *terms, row_shares=[5, 2, 2, 2])
@@ -220,7 +231,8 @@ def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:
         f"# {title}\n\nThe {one.scenario.shape} in setting {one.scenario.setting:02d}, and what models do "
         f"that learned from it{origin}: from this setting alone, from all {one.scenario.shape}s, or from all "
         f"shapes. The reaches are unrolled, without a robot.\n\n{colours}\n\nArrows are the coupling term "
-        f"along the path; none is drawn longer than {LONGEST_ARROW_M:g} m."
+        f"along the path; none is drawn longer than {LONGEST_ARROW_M:g} m. Dark grey in plots: demonstrated "
+        f"coupling terms. A square of the floor is {FLOOR_SQUARE_M:g} m wide."
         "\n\n| closest | goal off | model |\n|---|---|---|\n"
         + "\n".join([*rows, f"| {people:.0f} | | {DEMONSTRATIONS.name} |"])
         + "\n\nClosest: mm from the obstacle's surface, negative inside. Goal off: mm at the due time.\n"

@@ -32,6 +32,7 @@ from structlearn.testbeds.obstacles.views.avoidance_scene import (
 )
 from structlearn.viewer.notes import legend, notes_path, notes_view, send_notes
 from structlearn.viewer.rrd import (
+    FLOOR_SQUARE_M,
     entity,
     layout,
     plot,
@@ -39,6 +40,7 @@ from structlearn.viewer.rrd import (
     rgba,
     scene_view,
     send_curve,
+    send_floor_axes,
     send_series,
     time_column,
 )
@@ -84,7 +86,9 @@ def write_unseen_avoidance(
         texts = [_table(*pair) for pair in zip(situation.numbers, groups, strict=True)]
         columns = rr.TextDocument.columns(text=texts, media_type=[rr.MediaType.MARKDOWN] * len(texts))
         stream.send_columns(notes_path(SPHERE), steps, columns)
-        stream.send_blueprint(_blueprint(ensembles, centres))
+        everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
+        floor = send_floor_axes(stream, "/axes", everything)
+        stream.send_blueprint(_blueprint(ensembles, centres, everything, floor))
 
 
 def ensembles_of(groups: Sequence[Group]) -> dict[str, list[Reach]]:
@@ -142,24 +146,18 @@ def _table(number: int, group: Group) -> str:
     return f"## Sphere {number}\n\n| path | closest (radii) | |\n|---|---|---|\n" + "\n".join(rows)
 
 
-def _blueprint(ensembles: dict[str, list[Reach]], centres: np.ndarray) -> rrb.Blueprint:
+def _blueprint(
+    ensembles: dict[str, list[Reach]], centres: np.ndarray, everything: np.ndarray, floor: float
+) -> rrb.Blueprint:
     points = np.concatenate([centres, *(its[0].position for its in ensembles.values())])
-    one = scene_view(
-        f"one sphere and all ensembles (simulated); step on the time line '{SPHERE}'",
-        ["/one/**", entity(BARE.name), "/centres"],
-        points,
-    )
-    closest = plot("closest approach to each sphere (radii from its surface; below 0: hit)", ["/closest/**"])
+    around = [entity(BARE.name), "/centres", "/axes"]
+    one = scene_view("one sphere, all ensembles", ["/one/**", *around], points, floor)
+    closest = plot("closest approach (radii; below 0: hit)", ["/closest/**"])
     beside = rrb.Vertical(closest, notes_view(SPHERE, name="this sphere"), row_shares=[1, 1])
     stepped = rrb.Horizontal(one, beside, column_shares=[4, 3], name="one by one")
-    everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
     scenes = [
-        scene_view(
-            f"{model_name(ENSEMBLE, source)}: {len(its)} paths (simulated)",
-            [entity("all", source), entity(BARE.name), "/centres"],
-            everything,
-        )
-        for source, its in ensembles.items()
+        scene_view(model_name(ENSEMBLE, source), [entity("all", source), *around], everything, floor)
+        for source in ensembles
     ]
     together = rrb.Horizontal(
         rrb.Grid(*scenes, grid_columns=2), notes_view(), column_shares=[4, 1], name="all paths"
@@ -169,9 +167,10 @@ def _blueprint(ensembles: dict[str, list[Reach]], centres: np.ndarray) -> rrb.Bl
 
 def _notes(title: str, groups: Sequence[Group]) -> str:
     return (
-        f"# {title}\n\n{len(groups)} spheres close round the reach, which nobody has shown. One is there at "
-        "a time; the balls are the centres of all. Everything is simulated: ensembles of networks that "
-        "learned from a simulated person are unrolled, without a robot.\n\n"
+        f"# {title}\n\n{len(groups)} spheres lie close around the reach; none was demonstrated. One is there "
+        f"at a time: step along the time line *{SPHERE}*. Balls are the centres of all. Everything is "
+        "simulated: ensembles of networks, trained on a simulated person, are unrolled without a robot. "
+        f"A square of the floor is {FLOOR_SQUARE_M:g} m wide.\n\n"
         f"{ensemble_legend(groups)}\n\n{hits_table(groups)}"
     )
 
@@ -256,9 +255,10 @@ def _send_scene(
         distance = 1e3 * surface_distances(reach.position, centres, radii).min(axis=0)
         send_curve(stream, entity(*parts, "distance", label), reach.time, distance, label, colour)
     points = np.concatenate([*(reach.position for reach in drawn), *centres])
-    contents = [f"{scene}/{part}/**" for part in ("spheres", "reaches", "ahead", "goal")]
-    distances = plot("distance to the nearest surface (mm)", [f"{scene}/distance/**"], legend=False)
-    view = scene_view(f"{heading} (simulated)", contents, points)
+    floor = send_floor_axes(stream, f"{scene}/axes", points)
+    contents = [f"{scene}/{part}/**" for part in ("spheres", "reaches", "ahead", "goal", "axes")]
+    distances = plot("distance to the surface (mm)", [f"{scene}/distance/**"], legend=False)
+    view = scene_view(heading, contents, points, floor)
     return rrb.Vertical(view, distances, row_shares=[3, 2])
 
 
@@ -274,10 +274,12 @@ def _send_goal(
 
 
 def _changing_notes(title: str, protocol: str, groups: Sequence[Group]) -> str:
+    hit = sum(without_avoidance(group).hit for group in groups)
     return (
-        f"# {title}\n\n{EXPLAINED[protocol]} Play the time line. Everything is simulated: ensembles that "
-        "learned from a simulated person with one sphere, cube or cylinder at rest are unrolled, without a "
-        "robot. Arrows are the coupling term; pale lines are the paths to come.\n\n"
-        f"{ensemble_legend(groups)}\n\nShown are {len(shown_reaches(groups))} of {len(groups)} reaches; "
-        f"without avoidance each of them hits.\n\n{hits_table(groups)}"
+        f"# {title}\n\n{EXPLAINED[protocol]} Play the time line. Everything is simulated: ensembles "
+        "trained on a simulated person with one sphere, cube or cylinder at rest are unrolled without a "
+        "robot. Arrows are the coupling term; pale lines are the paths to come. A square of the floor is "
+        f"{FLOOR_SQUARE_M:g} m wide.\n\n{ensemble_legend(groups)}\n\nShown are {len(shown_reaches(groups))} "
+        f"reaches, evenly spread over the {hit} of {len(groups)} that hit without avoidance. Hits of all "
+        f"reaches:\n\n{hits_table(groups)}"
     )

@@ -19,12 +19,12 @@ SHOWN_ROWS = slice(90, 530)  # of the picture: above and below is nothing but ta
 
 OBSTACLE, HAND, DEMONSTRATED, BARE, TABLE = (
     (0.84, 0.37, 0.0, 1.0),
-    (0.13, 0.36, 0.62, 1.0),
-    (0.35, 0.62, 0.82, 1.0),
-    (0.25, 0.26, 0.28, 1.0),
+    (0.30, 0.33, 0.36, 1.0),
+    (0.44, 0.47, 0.50, 1.0),
+    (0.11, 0.12, 0.14, 1.0),
     (0.93, 0.92, 0.90, 1.0),
 )
-"""Colours: red, green, blue, opacity."""
+"""Red, green, blue, opacity; people and their paths are grey, as in all figures."""
 
 
 @dataclass(frozen=True)

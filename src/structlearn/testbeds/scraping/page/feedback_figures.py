@@ -30,7 +30,7 @@ from structlearn.testbeds.scraping.page.feedback_results import (
     FeedbackResults,
     unroll_traces,
 )
-from structlearn.testbeds.scraping.page.people_results import People
+from structlearn.testbeds.scraping.page.findings import People
 from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL
 
 STRUCTURES = ("pmnn_100", "pmnn_0", "ffnn_phase", "ffnn")
@@ -104,7 +104,7 @@ def targets_figure(results: FeedbackResults) -> list[Figure]:
 
 
 @styled
-def models_figure(results: FeedbackResults, people: People | None) -> list[Figure]:
+def models_figure(results: FeedbackResults, people: People) -> list[Figure]:
     """Figure IV.16, top and middle: generalisation NMSE of the representations, mean and std over folds.
 
     At the step best for the demonstration left out, as in the dissertation; a diamond is at the step that
@@ -123,8 +123,8 @@ def models_figure(results: FeedbackResults, people: People | None) -> list[Figur
                 axes.errorbar(mean, place, xerr=std, color=BLACK, linewidth=1.0, capsize=4.0)
                 validated = errors.loc[(name, one, "validation"), "generalization_mean"]
                 axes.plot(validated, place, "D", color=BLACK, markerfacecolor="white", markersize=5)
-                if people is not None:
-                    _dots(axes, values := people.nmse(one, name), np.full(len(values), place - 0.22))
+                if (values := people.nmse(one, name)) is not None:
+                    _dots(axes, values, np.full(len(values), place - 0.22))
             names = [REPRESENTATIONS[one].name.replace(", then ", ",\nthen ") for one in reversed(shown)]
             axes.set_yticks(range(len(names)), names)
             axes.grid(axis="y", visible=False)
@@ -279,10 +279,9 @@ def cost_figure(
             axes.bar(x, rows["mean"], 0.92 * width, color=RUNS[model].colour, label=RUNS[model].name)
             look: dict[str, Any] = {"color": BLACK, "linestyle": "none", "linewidth": 0.9, "capsize": 2.0}
             axes.errorbar(x, rows["mean"], np.nan_to_num(rows["std"]), **look)
-            if people is not None:
-                for at, setting in zip(x, rows["setting_deg"], strict=True):
-                    costs_of_people = people.cost(model, primitive, setting)
-                    _dots(axes, np.full(len(costs_of_people), at), costs_of_people)
+            for at, setting in zip(x, rows["setting_deg"], strict=True):
+                if people and (values := people.cost(model, primitive, setting)) is not None:
+                    _dots(axes, np.full(len(values), at), values)
         ticks = [f"{setting:g}\n{note(setting)}" for setting in executed.settings_deg]
         axes.set_xticks(range(len(ticks)), ticks, fontsize=7.5)
         axes.grid(axis="x", visible=False)

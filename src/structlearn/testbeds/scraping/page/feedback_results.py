@@ -1,6 +1,6 @@
 """Feedback models (IV.6, IV.9.3): what the stages wrote, and the numbers that follow."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core import signals
-from structlearn.core.artefacts import Metrics
 from structlearn.core.metrics import mean_interval, verdict
 from structlearn.feedback.coupling_dataset import PARTS, CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
@@ -17,7 +16,6 @@ from structlearn.feedback.feedback_models import LEVEL, POINTWISE, REPRESENTATIO
 from structlearn.primitives import vector
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.prose import level_name
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.tactile.electrodes import ELECTRODES_MM
 from structlearn.testbeds.scraping.page.execution_results import ExecutionResults, welch
@@ -129,23 +127,6 @@ class BoardResults(ExecutionResults):
                     rows.append(row | {"verdict": str(verdict(lower - half_width, lower + half_width))})
         return pd.DataFrame(rows)
 
-    def metrics(self, number: Callable[[str], int]) -> Metrics:
-        """Costs and their ratios by setting, force, torque and coupling terms; `number` is a primitive's."""
-        values: Metrics = {}
-        for model in self.models:
-            if model != NOMINAL:
-                for setting, ratio in self.ratio(model)["ratio"].items():
-                    key = f"cost_ratio_{MODEL_KEYS[model]}_over_nominal_{level_name(setting)}"
-                    values[key] = float(ratio)
-        for row in self.costs.itertuples():
-            key = f"cost_{MODEL_KEYS[row.model]}_prim{number(row.primitive)}_{level_name(row.setting_deg)}"
-            values[key] = float(row.mean)
-        values["force_largest_error_percent"] = self.force_error_percent
-        for name, (torque, coupling) in self.smallest_steps.items():
-            values[f"roll_torque_smallest_step_prim{number(name)}"] = torque
-            values[f"coupling_smallest_step_prim{number(name)}"] = coupling
-        return values
-
 
 @dataclass(frozen=True)
 class FeedbackResults:
@@ -254,33 +235,6 @@ class FeedbackResults:
         common = dominant.astype(int) @ dominant.T.astype(int)
         any_two = common[np.triu_indices(len(common), 1)]
         return dominant, float(np.diag(common, 1).mean()), float(any_two.mean())
-
-    def metrics(self) -> Metrics:
-        """Key figures.
-
-        `<model>_prim<number>_generalization_nmse` is the mean over folds at the step that validation chose,
-        with the suffix `_best_step` at the best step for the demonstration that was left out, as in the
-        dissertation. `cost_ratio_<model>_over_nominal_<degrees>` is the accumulated cost of both primitives
-        with feedback relative to without, `feedback` being the pointwise model of the text and `level` ours;
-        `cost_<model>_prim<number>_<degrees>` is in rad, the mean over executions.
-        `force_largest_error_percent` is of the mean force of any execution;
-        `roll_torque_smallest_step_*` is of executions without feedback, `coupling_smallest_step_*` of the
-        pointwise model, from tilt to tilt. `shared_nodes_*` is how many of the ten dominant nodes any two
-        phase kernels share, `shared_nodes_over_phase_*` see `sharing_over_phase`.
-        """
-
-        def number(name: str) -> int:
-            return list(self.primitives).index(name) + 1
-
-        values: Metrics = {}
-        for row in self.model_errors.itertuples():
-            key = f"{REPRESENTATION_KEYS[row.representation]}_prim{number(row.primitive)}"
-            values[f"{key}_generalization_nmse{STEP_KEYS[row.stopping]}"] = float(row.generalization_mean)
-        for name in self.networks:
-            if dominant := self.dominant(name):
-                values[f"shared_nodes_prim{number(name)}"] = dominant[2]
-                values[f"shared_nodes_over_phase_prim{number(name)}"] = sharing_over_phase(dominant[0])
-        return values | self.board.metrics(number)
 
 
 def sharing_over_phase(dominant: np.ndarray) -> float:

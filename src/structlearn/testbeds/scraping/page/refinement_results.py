@@ -1,30 +1,22 @@
-"""Refinement by trial (IV.7, IV.9.4): what stages and studies wrote, and the numbers that follow.
-
-Of each person of the study `scraping/people` the whole branch was run anew, demonstrations, sensor, models
-and refinement, once with the parameters as they are (`ours`) and once as in the text (`text`). The numbers
-are those of `details.json` by the same keys. So a refinement is one number, judged over people.
-"""
+"""Refinement by trial (IV.7, IV.9.4): what stages and studies wrote, and what follows from it."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
-from structlearn.core.artefacts import Metrics
 from structlearn.core.metrics import BETTER, UNDECIDED, WORSE, mean_interval, verdict
 from structlearn.policy_search.refinement import FEEDBACK
-from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import Evidence, Found, by_case, geometric_mean, mean
+from structlearn.reporting.claims import Evidence
 from structlearn.reporting.document import Table
-from structlearn.reporting.prose import level_name
 from structlearn.reporting.studies import Study
-from structlearn.testbeds.scraping.page.execution_results import ALL, ExecutionResults, welch
+from structlearn.testbeds.scraping.page.execution_results import ExecutionResults, welch
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 
 PUBLISHED_ITERATIONS = 2
 """After which both primitives had converged (IV.9.4.1); also in `published.yaml`, for sentences."""
@@ -217,55 +209,6 @@ class RefinementResults(ExecutionResults):
         before, after = ({run.name: run for run in self.examples[model]} for model in (BEFORE, AFTER))
         return before[name], after[name]
 
-    def metrics(self, number: Callable[[str], int]) -> Metrics:
-        """Key figures; what was not executed is left out.
-
-        `rl_cost_before_prim<number>` and `rl_cost_after_prim<number>` are the mean accumulated cost in rad at
-        the tilt refined on, `rl_cost_ratio_prim<number>` is the latter over the former, and
-        `rl_cost_ratio_at_<tilt>` at any tilt, summed over the primitives;
-        `seen_cost_ratio_after_over_before_max` is the largest of these over the settings learned from.
-        `rl_over_nominal_max_prim<number>` is the largest ratio to the cost without feedback over all tilts,
-        before and after; `rl_over_nominal_0` that after, of all primitives, on the level board.
-        `rl_between_<model>_prim<number>` is by how many rad a tilt never seen costs more than the cheaper and
-        less than the dearer of its neighbours, whichever is less. `rl_later_gain_prim<number>`: see
-        `later_gain`; `rl_kept_iteration_prim<number>`: see `kept`. `rl_rollouts` are all,
-        `rl_failed_rollouts` those that failed. `search_cost_<method>_prim<number>` is the mean cost of what
-        the searches ended with.
-        """
-        values: dict[str, float] = {}
-        for name in self.refined if self.evaluated else ():
-            before, after = (
-                float(self.run_costs(model, self.example_deg, name).mean()) for model in (BEFORE, AFTER)
-            )
-            values |= {f"rl_cost_before_prim{number(name)}": before}
-            values |= {f"rl_cost_after_prim{number(name)}": after}
-            values |= {f"rl_cost_ratio_prim{number(name)}": after / before}
-        ratios = self.ratio(AFTER, BEFORE, ALL)["ratio"]
-        values |= {f"rl_cost_ratio_at_{level_name(tilt)}": float(ratios[tilt]) for tilt in self.tilted_deg}
-        if self.seen_deg:
-            values["seen_cost_ratio_after_over_before_max"] = float(ratios[self.seen_deg].max())
-        for name in self.primitives if self.tilted_deg else ():
-            worst = [
-                self.ratio(one, NOMINAL, name)["ratio"][self.tilted_deg].max() for one in (BEFORE, AFTER)
-            ]
-            values[f"rl_over_nominal_max_prim{number(name)}"] = float(max(worst))
-        if 0.0 in self.settings_deg:
-            values["rl_over_nominal_0"] = float(self.ratio(AFTER).loc[0.0, "ratio"])
-        for row in self.between.itertuples():
-            low, high = sorted((row.mean_below, row.mean_above))
-            key = f"rl_between_{row.model}_prim{number(row.primitive)}"
-            values[key] = min(values.get(key, np.inf), row.mean - low, high - row.mean)
-        for name in self.refined:
-            values[f"rl_kept_iteration_prim{number(name)}"] = self.kept[name]
-            values[f"rl_later_gain_prim{number(name)}"] = self.later_gain(name)
-        values["rl_rollouts"] = len(self.history)
-        values["rl_failed_rollouts"] = int(self.faults["rollouts"].sum())
-        for method in (PI2, CMA_ES) if len(self.search) else ():
-            for name in self.searched_primitives:
-                cost = self.searched["mean"].get((name, method), np.nan)
-                values[f"search_cost_{method}_prim{number(name)}"] = float(cost)
-        return {name: value for name, value in values.items() if np.isfinite(value)}
-
     def _rows(self, primitive: str) -> pd.DataFrame:
         return self.history[self.history["primitive"] == primitive]
 
@@ -285,92 +228,11 @@ def _worst(verdicts: list[str]) -> str:
     return next((word for word in (WORSE, UNDECIDED) if word in verdicts), BETTER)
 
 
-PEOPLE, ADDED, EXPLORATION = "scraping/people", "scraping/added_executions", "scraping/exploration"
-STUDIES = (PEOPLE, ADDED, EXPLORATION)  # That the page rests on
-FORMS = ("text", "ours")  # Variants of the study over people
-
-Studies = Mapping[str, Study | None]
+ADDED, EXPLORATION = "scraping/added_executions", "scraping/exploration"
+"""Studies of parameters that the page shows."""
 
 
-def refinement_evidence(
-    results: RefinementResults, studies: Studies, number: Callable[[str], int]
-) -> dict[str, Found]:
-    """Of the page on refinement by trial; nothing where no people were studied.
-
-    `results`: of the person shown, which say what was executed; their numbers decide nothing. `studies`: by
-    name.
-    """
-    found: dict[str, Found] = {}
-    for form, people in _by_form(studies, number(results.refined[0])).items():
-        found |= _of_form(form, people, results, number)
-    return found
-
-
-def _by_form(studies: Studies, number: int) -> dict[str, Study]:
-    """The study over people, once per form of which it says what became of a primitive."""
-    people = studies.get(PEOPLE)
-    if people is None or f"rl_cost_ratio_prim{number}" not in people.table:
-        return {}
-    return {form: people for form in FORMS if (people.table["variant"] == form).any()}
-
-
-def _of_form(
-    form: str, people: Study, results: RefinementResults, number: Callable[[str], int]
-) -> dict[str, Found]:
-    def of(key: str, name: str = "") -> np.ndarray:
-        key = f"{key}_prim{number(name)}" if name else key
-        return people.values(form, key) if key in people.table else np.array([np.nan])
-
-    refined, executed = results.refined, results.primitives
-    found: dict[str, Found] = {
-        "lower": by_case(geometric_mean, {name: (of("rl_cost_ratio", name),) for name in refined}),
-        "converged": by_case(mean, {name: (of("rl_later_gain", name),) for name in refined}),
-        "seen": by_case(
-            geometric_mean,
-            {f"{tilt:g}°": (of(f"rl_cost_ratio_at_{level_name(tilt)}"),) for tilt in results.seen_deg},
-        ),
-        "between": by_case(
-            mean,
-            {
-                f"{name}, {model}": (of(f"rl_between_{model}", name),)
-                for name in executed
-                for model in ((BEFORE, AFTER) if form == "text" else (AFTER,))  # before, both are the same
-            },
-        ),
-        "level_board": geometric_mean(of("rl_over_nominal_0")),
-        "search": by_case(
-            geometric_mean,
-            {name: (of("search_cost_pi2", name) / of("search_cost_cma_es", name),) for name in refined},
-        ),
-    }
-    if form == "text":  # before refinement both are the same, and cost more than after
-        found["nominal_is_worst"] = by_case(
-            geometric_mean, {name: (of("rl_over_nominal_max", name),) for name in executed}
-        )
-    return {f"{name}_{form}": one for name, one in found.items()}
-
-
-def population_metrics(studies: Studies, numbers: Sequence[int]) -> Metrics:
-    """`rl_cost_ratio_prim<number>_mean` and `_worst` over people, `seen_cost_ratio_mean`.
-
-    Means are geometric; `seen_cost_ratio_mean` is that of `seen_cost_ratio_after_over_before_max`. Numbers of
-    the published form end with `_text`. Nothing where no people were studied.
-
-    `studies`: by name.
-    """
-    values: Metrics = {}
-    for form, people in _by_form(studies, numbers[0]).items():
-        ending = "" if form == "ours" else f"_{form}"
-        for number in numbers:
-            ratios = people.values(form, f"rl_cost_ratio_prim{number}")
-            values[f"rl_cost_ratio_prim{number}_mean{ending}"] = geometric_mean(ratios).value
-            values[f"rl_cost_ratio_prim{number}_worst{ending}"] = float(ratios.max())
-        seen = people.values(form, "seen_cost_ratio_after_over_before_max")
-        values[f"seen_cost_ratio_mean{ending}"] = geometric_mean(seen).value
-    return values
-
-
-def study_tables(studies: Studies, numbers: Mapping[str, int]) -> dict[str, Table]:
+def study_tables(studies: Mapping[str, Study | None], numbers: Mapping[str, int]) -> dict[str, Table]:
     """A row per variant of the two studies of parameters, mean and interval over the exploration's seeds.
 
     `studies`: by name; tables of those that were not run are left out. `numbers`: of the refined primitives,

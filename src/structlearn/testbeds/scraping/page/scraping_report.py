@@ -1,32 +1,36 @@
-"""The scraping report: its pages with figures, tables and metrics."""
+"""The scraping report: its pages with figures and tables."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from structlearn.core.artefacts import Metrics
 from structlearn.core.params import read_values
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.reporting import movement_figures, segmentation_figures
-from structlearn.reporting.claims import UNKNOWN, Found, judge, quoted, read_claims
+from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
-from structlearn.reporting.studies import Study, rests_on
+from structlearn.reporting.studies import Study, read_study, rests_on
 from structlearn.segmentation.segments import commanded_cuts, read_segmentation
 from structlearn.testbeds.scraping import files, names
 from structlearn.testbeds.scraping.page import (
     demonstration_figures,
     feedback_figures,
-    people_results,
     refinement_figures,
-    refinement_results,
     tables,
 )
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
-from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
+from structlearn.testbeds.scraping.page.findings import STUDY, People, findings
+from structlearn.testbeds.scraping.page.refinement_results import (
+    ADDED,
+    EXPLORATION,
+    RefinementResults,
+    study_tables,
+)
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.scene_still import scraping_still
@@ -36,6 +40,9 @@ PACKAGE = "structlearn.testbeds.scraping.page"
 STAGE = "scraping_report"
 PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refinement": "Refinement by trial"}
 """Title by file name."""
+
+STUDIES = (STUDY, ADDED, EXPLORATION)
+"""That the pages rest on."""
 
 PARAMETERS = {
     "index": ("clock", "simulate", "segment", "segment_sweep", "fit_primitives", "generalise"),
@@ -65,118 +72,98 @@ SOURCES = {
 }
 """Files that figures and tables come from, with the stages that make them."""
 
-HEADLINES = (
-    *("demonstrations", "simulated", "cut_error_ms_wls", "left_one_out_down_mean_mm"),
-    *("pmnn_prim2_generalization_nmse_best_step", "pmnn_prim3_generalization_nmse_best_step"),
-    *("cost_ratio_feedback_over_nominal_0", "cost_ratio_feedback_over_nominal_10"),
-    *("rl_cost_before_prim2", "rl_cost_after_prim2", "rl_cost_before_prim3", "rl_cost_after_prim3"),
-)
 
+@dataclass(frozen=True)
+class ScrapingResults:
+    """What the report rests on."""
 
-@dataclass
-class ScrapingReport:
-    """What `publishing.publish_report` takes."""
-
-    pages: dict[str, Document] = field(default_factory=dict)
-    drawings: Drawings = field(default_factory=dict)
-    tables: dict[str, Table] = field(default_factory=dict)
-    metrics: Metrics = field(default_factory=dict)
+    segmentation: SegmentationResults
+    feedback: FeedbackResults
+    refinement: RefinementResults
+    studies: Mapping[str, Study | None]  # all of `STUDIES` by name; None where not run with these parameters
+    parameters: Mapping[str, Any]  # all of `PARAMETERS` by key
 
     @property
-    def headlines(self) -> list[str]:
-        """Those of `HEADLINES` that are known."""
-        return [name for name in HEADLINES if name in self.metrics]
+    def people(self) -> People:
+        """Of the study that claims rest on."""
+        return People(self.studies.get(STUDY), self.feedback.primitives)
 
 
-def published() -> Mapping[str, object]:
+def scraping_findings(results: ScrapingResults) -> Findings:
+    """All of the three pages."""
+    person = results.parameters["scraping_people"].shown
+    parts = results.segmentation, results.feedback, results.refinement
+    return findings(*parts, results.studies.get(STUDY), person)
+
+
+def pages(
+    results: ScrapingResults, find: Findings, shown: Mapping[str, Table], printed: Mapping[str, Any]
+) -> dict[str, Document]:
+    """The pages by file name; `printed`: what the dissertation prints, of `published`."""
+    people_study, count = results.studies.get(STUDY), results.people.count
+    facts = {
+        "pages": PAGES,
+        "published": printed,
+        "params": results.parameters,
+        "person": results.parameters["scraping_people"].shown,
+        "results": results.segmentation,
+        "feedback": results.feedback,
+        "refinement": results.refinement,
+        "primitives": results.feedback.primitives,
+        "names": names,
+        "found": find,
+        "people": count,
+        "kernel_count": KERNEL_COUNT,
+        "over": f"Over {count} people"
+        if count
+        else "Over people, who were not studied with these parameters,",
+        "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
+    }
+    made = {}
+    for page in PAGES:
+        name = "segmentation" if page == "index" else page
+        claims = read_claims(Path(__file__).with_name(f"{name}_claims.yaml"))
+        its = facts | {"page": page}
+        made[page] = Document(
+            template=f"{name}.html.jinja",
+            package=PACKAGE,
+            stage=STAGE,
+            facts=its,
+            tables=shown,
+            judged=judge(claims, find, environment(PACKAGE), its),
+            sources=SOURCES,
+            parameters={key: results.parameters[key] for key in PARAMETERS[page]},
+            recordings="../rerun/scraping",
+            simulated=True,
+            basis=rests_on(STUDY, people_study),
+        )
+    return made
+
+
+def published() -> Mapping[str, Any]:
     """What the dissertation prints for this testbed."""
     return read_values(Path(__file__).with_name("published.yaml"))
 
 
-def scraping_report(
-    segmentation: SegmentationResults,
-    feedback: FeedbackResults,
-    refinement: RefinementResults,
-    studies: Mapping[str, Study | None],
-    parameters: Mapping[str, Any],
-) -> ScrapingReport:
-    """The report.
-
-    `studies`: all of `refinement_results.STUDIES` by name; None where not run with these parameters.
-    `parameters`: all of `PARAMETERS` by key.
-    """
-    report, printed = ScrapingReport(), published()
-    primitives = [primitive.name for primitive in segmentation.primitives]
-    people_study = studies.get(people_results.STUDY)
-    studied = people_results.People.of_study(people_study, primitives) if people_study is not None else None
-    shown_one = people_results.People.of_one(report.metrics, primitives)
-    basis = rests_on(people_results.STUDY, people_study)
-    shared = {
-        "pages": PAGES,
-        "published": printed,
-        "params": parameters,
-        "results": segmentation,
-        "feedback": feedback,
-        "refinement": refinement,
-        "primitives": primitives,
-        "names": names,
-        "people": studied,
-        "kernel_count": KERNEL_COUNT,
-        "over_people": "n people, each with a sensor of their own, on whom nothing was tuned.",
-        "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
-    }
-
-    def add(page: str, found: Mapping[str, Found], shown: Mapping[str, Found] | None = None) -> None:
-        claims = read_claims(Path(__file__).with_name(f"{page.replace('index', 'segmentation')}_claims.yaml"))
-        claims = people_results.beside(claims, shown or {}, parameters["scraping_people"].shown)
-        whole: dict[str, Found] = {claim.evidence: UNKNOWN for claim in claims}
-        whole |= found
-        facts = shared | {"page": page, "evidence": whole}
-        report.pages[page] = Document(
-            template=f"{page.replace('index', 'segmentation')}.html.jinja",
-            package=PACKAGE,
-            stage=STAGE,
-            facts=facts,
-            tables=report.tables,
-            judged=judge(claims, whole, environment(PACKAGE), facts),
-            sources=SOURCES,
-            parameters={key: parameters[key] for key in PARAMETERS[page]},
-            recordings="../rerun/scraping",
-            simulated=True,
-            basis=basis,
-        )
-
-    report.drawings |= segmentation_drawings(segmentation)
-    report.tables |= tables.segmentation_tables(segmentation)
-    report.metrics |= segmentation.metrics()
-    aligned = [primitive.name for primitive in segmentation.found_primitives]
-    found = people_results.known(people_results.segmentation_evidence, studied, aligned)
-    of_one = people_results.known(people_results.segmentation_evidence, shown_one, aligned)
-    found = quoted(found, people_results.STUDY)
-    add("index", found | people_results.sweep_evidence(segmentation), of_one)
-
-    report.drawings |= feedback_drawings(feedback, studied)
-    report.tables |= tables.feedback_tables(feedback, printed)
-    report.metrics |= feedback.metrics()
-    report.metrics |= people_results.known(people_results.summary, studied)
-    settings = feedback.board.settings_deg
-    found, of_one = (
-        people_results.known(people_results.feedback_evidence, one, feedback.adapted, settings)
-        for one in (studied, shown_one)
+def all_tables(results: ScrapingResults, printed: Mapping[str, Any]) -> dict[str, Table]:
+    """Those of the three pages."""
+    primitives, refinement = results.feedback.primitives, results.refinement
+    refined = {name: list(primitives).index(name) + 1 for name in refinement.refined}
+    return (
+        tables.segmentation_tables(results.segmentation)
+        | tables.feedback_tables(results.feedback, printed)
+        | tables.refinement_tables(refinement, primitives, printed)
+        | study_tables(results.studies, refined)
     )
-    beside = {name: one for name, one in of_one.items() if not name.endswith(people_results.VALIDATED)}
-    add("feedback", quoted(found, people_results.STUDY), beside)
 
-    report.drawings |= refinement_drawings(refinement, primitives)
-    report.tables |= tables.refinement_tables(refinement, primitives, printed)
-    numbers = {name: primitives.index(name) + 1 for name in primitives}
-    refined = {name: numbers[name] for name in refinement.refined}
-    report.tables |= refinement_results.study_tables(studies, refined)
-    report.metrics |= refinement.metrics(numbers.__getitem__)
-    report.metrics |= refinement_results.population_metrics(studies, list(refined.values()))
-    found = refinement_results.refinement_evidence(refinement, studies, numbers.__getitem__)
-    add("refinement", quoted(found, refinement_results.PEOPLE))
-    return report
+
+def all_drawings(results: ScrapingResults) -> Drawings:
+    """Those of the three pages, as far as the data go."""
+    return (
+        segmentation_drawings(results.segmentation)
+        | feedback_drawings(results.feedback, results.people)
+        | refinement_drawings(results.refinement, list(results.feedback.primitives))
+    )
 
 
 def segmentation_drawings(results: SegmentationResults) -> Drawings:
@@ -207,7 +194,7 @@ def segmentation_drawings(results: SegmentationResults) -> Drawings:
     return made
 
 
-def feedback_drawings(results: FeedbackResults, studied: people_results.People | None) -> Drawings:
+def feedback_drawings(results: FeedbackResults, studied: People) -> Drawings:
     """Figures of the page on feedback models; two of them show the people studied."""
     board, known = results.board, (*results.seen_deg, 0.0)
     made: Drawings = {
@@ -241,10 +228,8 @@ def refinement_drawings(results: RefinementResults, primitives: list[str]) -> Dr
     return made
 
 
-def read_results(
-    found: files.ScrapingFiles, parameters: Mapping[str, Any]
-) -> tuple[SegmentationResults, FeedbackResults, RefinementResults]:
-    """Outputs of the stages."""
+def read_results(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> ScrapingResults:
+    """Outputs of the stages and of studies."""
     primitives = found.primitives()
     segmentation = SegmentationResults(
         demonstrations=found.runs("nominal"),
@@ -260,7 +245,13 @@ def read_results(
         fit_parameters=parameters["fit_primitives"],
     )
     own = [primitive.name for primitive in primitives]
-    return segmentation, read_feedback(found, own, parameters), read_refinement(found, parameters)
+    return ScrapingResults(
+        segmentation,
+        read_feedback(found, own, parameters),
+        read_refinement(found, parameters),
+        {name: read_study(name) for name in STUDIES},
+        parameters,
+    )
 
 
 def read_feedback(

@@ -6,11 +6,9 @@ from functools import cached_property
 
 import pandas as pd
 
-from structlearn.core.artefacts import Metrics
 from structlearn.primitives.fitting import FitParameters, Segment, reproduction_summary, segment_paths
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.prose import level_name
 from structlearn.segmentation.alignment import RESULT
 from structlearn.segmentation.cut_errors import (
     alignment_comparison,
@@ -19,13 +17,9 @@ from structlearn.segmentation.cut_errors import (
     errors_by_seed,
     mean_cut_errors_ms,
     paired_comparison,
-    wins_at_every_noise_level,
 )
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import Segmentation
-
-FIT_METRICS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "end_deg")
-LEFT_OUT_METRICS = ("mean_mm", "mean_deg")
 
 
 @dataclass(frozen=True)
@@ -149,40 +143,3 @@ class SegmentationResults:
         """Rows of `fit` by the chosen regression: of demonstrations left out, or of those learned from."""
         chosen = self.fit["regression"] == self.fit_parameters.regression
         return self.fit[chosen & (self.fit["left_out"] == left_out)]
-
-    def metrics(self) -> Metrics:
-        """Flat.
-
-        `fit_<primitive>_*` are of primitives learned from all demonstrations by the chosen regression: the
-        mean over demonstrations of the mean error, the largest of the largest and of the end errors.
-        `left_one_out_<primitive>_*` are means over demonstrations that were not learned from.
-        `downsampling_*` are means over people of `downsampling_worst`.
-        """
-        values: Metrics = {
-            "demonstrations": len(self.was_cut),
-            "demonstrations_left_out": len(self.segmentation.left_out),
-            "simulated": True,
-        }
-        if self.errors_of_cuts is not None:
-            for row in self.errors_of_cuts.itertuples():
-                values[f"cut_error_ms_{row.method}"] = row.mean_ms
-        for row in self.sweep.itertuples():
-            values[f"sweep_cut_error_ms_{row.method}_{level_name(row.noise_mm)}mm"] = row.mean_ms
-        wins = wins_at_every_noise_level(self.sweep)
-        values["wls_wins_at_every_noise_level"] = wins
-        if self.alignment is not None:
-            for row in self.alignment.itertuples():
-                values[f"spread_mm_{row.method}_{row.primitive}"] = row.spread_mm
-                values[f"alignment_gain_mm_{row.method}_{row.primitive}"] = row.gain_mm
-        if len(self.downsampling_worst):
-            worst = self.downsampling_worst.mean()
-            values["downsampling_work_g2"] = float(worst["work"])
-            values["downsampling_shift_samples"] = float(worst["shift_samples"])
-            values["downsampling_shift_samples_text"] = float(worst["shift_samples_text"])
-        parts = ((False, "fit", FIT_METRICS), (True, "left_one_out", LEFT_OUT_METRICS))
-        for left_out, prefix, names in parts:
-            for row in self.fitted(left_out).to_dict("records"):
-                values |= {f"{prefix}_{row['primitive']}_{name}": row[name] for name in names if name in row}
-        for key, jump in zip(("nominal", "generalised"), self.acceleration_jumps.values(), strict=False):
-            values[f"acceleration_jump_{key}"] = jump
-        return values

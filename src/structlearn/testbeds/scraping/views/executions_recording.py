@@ -10,6 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import primitive_colour
+from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.testbeds.scraping.names import RUNS
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 from structlearn.testbeds.scraping.views.scraping_scene import (
@@ -36,14 +37,15 @@ from structlearn.viewer.rrd import (
     time_column,
 )
 
-FEEDBACK_NOTE = """### Scraping with feedback
+FEEDBACK_NOTE = f"""### Scraping with feedback
 
 The same three movements on a board that was tilted after they were learned: as they were learned, corrected
 by a person who holds the tool flat on the board, and by the feedback model that was trained on such
 corrections (dissertation IV.9.3). A tab per tilt, largest first; the first run of each kind.
 
 The coupling term is what the model adds to the movement's rotation; of the corrected run it is
-the target that the model was trained on.
+the target that the model was trained on. The primitive's spring divides it by {ALPHA * BETA:.0f}: in the end,
+{ALPHA * BETA * np.radians(10.0):.0f} rad turn the hand by 10 degrees.
 """
 
 REFINEMENT_NOTE = """### Refinement by trial
@@ -60,8 +62,10 @@ One run with feedback: the arm, what its hand does on the board, what its finger
 makes of it (dissertation IV.9.3).
 """
 
-FINGERS = """**Fingers**: every electrode's reading against what runs without feedback on the level board
-felt; orange is above, blue below, grey as expected."""
+FINGERS = """**In 3-D**: the line is the path of the tool's edge.
+
+**Fingers**: every electrode's reading against what runs without feedback on the level board
+felt; orange is above, light blue below, grey as expected."""
 
 URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 """Of the arm with its meshes, among the data that PyBullet brings."""
@@ -83,7 +87,7 @@ def write_executions(
     """
     with recording(path, title) as stream:
         tabs = _send_settings(stream, settings, FEEDBACK_NOTE)
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0), at_end=True))
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
 def write_refinement(
@@ -106,7 +110,7 @@ def write_refinement(
     with recording(path, title) as stream:
         tabs = _send_settings(stream, settings, REFINEMENT_NOTE)
         tabs += [send_search(stream, search, origin) for search in searches(history, samples)]
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=1.0, at_end=True))
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=1.0))
 
 
 def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
@@ -131,17 +135,17 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
         # the arm from the side that the tool does not turn to
         target, offset = np.array([0.57 * CONTACT_M[0], 0.0, 0.4]), 1.3 * np.array([0.45, -0.85, 0.3])
         heading = f"{title}{origin_label([one.run])}"
-        middle = rrb.Vertical(
+        details = rrb.Horizontal(
             close_view(f"board at {one.board_deg:g} degrees", ["/run/**"]),
-            send_electrode_map(stream, "electrodes", one, scale),
-            notes_view(),
-            row_shares=[6, 3, 4],
+            rrb.Vertical(
+                send_electrode_map(stream, "electrodes", one, scale), notes_view(), row_shares=[2, 3]
+            ),
         )
         moving = plot("joints since the start (degrees)", ["/joints"], legend=False)
         right = rrb.Vertical(*send_signals(stream, "signals", [one]), moving)
         whole = eye_view(heading, [arm_contents("arm"), "/run/**"], target, offset)
         stream.send_blueprint(
-            layout(rrb.Horizontal(whole, middle, right, column_shares=[6, 4, 4]), at_end=True)
+            layout(rrb.Horizontal(rrb.Vertical(whole, details), right, column_shares=[4, 3]))
         )
 
 
@@ -152,12 +156,12 @@ def _notes(text: str, executions: Sequence[Execution]) -> str:
     return f"{text}\n**{origin}**\n\n{colours}\n\n{FINGERS}"
 
 
-def _send_lane(stream: rr.RecordingStream, parent: str, one: Execution) -> rrb.StateTimelineView:
-    """Log which primitive runs, and return the view of it."""
+def _send_lane(stream: rr.RecordingStream, one: Execution) -> rrb.StateTimelineView:
+    """Log which primitive runs, at the same times in every setting, and return the view of it."""
     segments = one.run.signal("true_segments")
     times = time_column(np.append(segments[:, 0], segments[-1, 1]))
-    send_primitive_lane(stream, entity(parent, "primitive"), [times], [*one.primitives, ""])
-    return lanes([entity(parent, "primitive")])
+    send_primitive_lane(stream, "primitive", [times], [*one.primitives, ""])
+    return lanes(["primitive"])
 
 
 def _send_settings(
@@ -188,11 +192,6 @@ def _send_setting(
             contents = [f"{entity(tab, 'runs', one)}/**" for one in shown]
             scenes.append(close_view(f"{heading}{origin_label([group[0].run])}", contents))
     maps = [send_electrode_map(stream, entity(tab, "electrodes", one.look.name), one, scale) for one in group]
-    plots = [*send_signals(stream, tab, group), _send_lane(stream, tab, group[0])]
-    left = rrb.Vertical(
-        rrb.Horizontal(*scenes),
-        rrb.Horizontal(*maps),
-        rrb.Grid(*plots, grid_columns=3),
-        row_shares=[10, 5, 9],
-    )
-    return rrb.Horizontal(left, notes_view(), column_shares=[5, 1], name=tab)
+    left = rrb.Vertical(rrb.Horizontal(*scenes), rrb.Horizontal(*maps), notes_view(), row_shares=[10, 5, 7])
+    plots = rrb.Vertical(*send_signals(stream, tab, group), _send_lane(stream, group[0]))
+    return rrb.Horizontal(left, plots, column_shares=[3, 2], name=tab)

@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import signals
-from structlearn.palette import GREY, LIGHT_GREY, ORANGE, SKY
+from structlearn.palette import GREY, ORANGE, SKY, WHITE
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.alignment import RESULT
@@ -72,7 +72,7 @@ NOTE = """### Where the demonstrations correspond
 
 Above, the reference; below, another demonstration: its position along the movement's axis, with some time
 before and after. Lines join the samples that time warping puts together, the brighter the more their pair
-counts; orange are the eight that count most. Pairs at rest do not count (dissertation IV.5).
+counts; ochre are the eight that count most. Pairs at rest do not count (dissertation IV.5).
 
 Bars are the cuts: above a curve by its own velocity alone, below it as they are used. A step of the time
 line `demonstration` is another demonstration.
@@ -186,7 +186,7 @@ def _send_curve(
     """
     path = entity(primitive, "reference" if is_reference else "guess")
     thinned = curve.time[:: thinning(float(curve.time[1] - curve.time[0]))]
-    line = rr.LineStrips2D([curve.points(thinned)], colors=rgba([LIGHT_GREY]), radii=-1.5)
+    line = rr.LineStrips2D([curve.points(thinned)], colors=rgba([WHITE]), radii=-1.5)
     stream.log(f"{path}/curve", line, static=is_reference)
 
     outside = -3 * BAR if is_reference else HEIGHT + 2 * BAR  # of the space between the curves

@@ -12,7 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import quaternion
-from structlearn.palette import GREY, LIGHT_GREY
+from structlearn.palette import GREY, WHITE
 from structlearn.simulation.fingers import HOME_MM, PAD_DISTANCE_MM
 from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.views.shown_execution import RATE_HZ, Execution
@@ -36,7 +36,7 @@ BOARD_M = np.array([0.07, 0.14, 0.006])  # Size of the board's part that is draw
 GRIP_M, BLADE_M = np.array([0.02, 0.012, 0.02]), 0.0015
 """Size of the tool between the finger tips, and thickness of its blade."""
 
-AXES_M, EYE_M = 0.02, 0.16  # Length of the axes of the hand's frame, and from the camera to what it looks at
+EYE_M = 0.16  # From the camera to what it looks at
 BOARD, SKIN, SHADOW_OPACITY = "#39424e", "#6b7480", 0.3
 """Colours of the board and of the hand, and opacity of what is drawn pale in the scene of another run."""
 
@@ -57,13 +57,13 @@ def send_scene(
     times, colour = [time_column(one.run.time[one.kept])], one.look.colour
     position, orientation = one.run.position[one.kept], one.run.signal("orientation")[one.kept]
     opacity = SHADOW_OPACITY if shadow else 1.0
-    send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, AXES_M)
+    send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, 0.0)
     send_hand(stream, f"{path}/hand", colour if shadow else SKIN, opacity)
     pose = rr.Transform3D.columns(
         translation=one.grasp[one.kept], quaternion=quaternion.to_xyzw(one.tool_orientation[one.kept])
     )
     stream.send_columns(f"{path}/tool", times, pose)
-    send_tool(stream, f"{path}/tool", colour, colour if shadow else LIGHT_GREY, opacity)
+    send_tool(stream, f"{path}/tool", colour, colour if shadow else WHITE, opacity)
     if not shadow:
         send_board(stream, f"{path}/board", one.board_deg)
         strip = rr.LineStrips3D([position], colors=rgba([colour]), radii=-1.0)
@@ -102,7 +102,7 @@ def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: 
 
 
 def send_tool(
-    stream: rr.RecordingStream, path: str, colour: str, grip: str = LIGHT_GREY, opacity: float = 1.0
+    stream: rr.RecordingStream, path: str, colour: str, grip: str = WHITE, opacity: float = 1.0
 ) -> None:
     """Log what the fingers hold of the tool, its blade and its edge below the entity of the grasp's frame."""
     reached = 0.5 * GRIP_M[2]

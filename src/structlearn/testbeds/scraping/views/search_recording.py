@@ -11,7 +11,7 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.palette import LIGHT_GREY, VERMILION
+from structlearn.palette import VERMILION, WHITE
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.testbeds.scraping.names import ROLLOUTS
 from structlearn.viewer.diagram import Diagram, diagram_view, rounded_range, send_axes, texts
@@ -20,7 +20,7 @@ from structlearn.viewer.rrd import TIME, blended, entity, rgba, thinning
 ITERATION, ITERATION_S = "iteration", 1.0
 """Time line on which each step is another iteration, and a step's length on the time line of seconds."""
 
-CHEAP, COSTLY = LIGHT_GREY, "#4a4f57"
+CHEAP, COSTLY = WHITE, "#4a4f57"
 """Ends of the colours of drawn policies, by accumulated cost."""
 
 COSTLY_QUANTILE = 0.9

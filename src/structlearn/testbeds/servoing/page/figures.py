@@ -18,7 +18,7 @@ from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, can
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.latent_parameters import NO_INVERSE, STRUCTURES
 from structlearn.testbeds.servoing import names
-from structlearn.testbeds.servoing.page.evidence import rate
+from structlearn.testbeds.servoing.page.findings import rate
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores, contact_bias
 from structlearn.testbeds.servoing.protocol.servo_scores import KEYS, rows_of, success_by_tolerance
@@ -228,7 +228,7 @@ def _success(results: ServoingResults, form: str) -> Figure:
 
 
 def _ways(results: ServoingResults, variant: Variant) -> Figure:
-    """Ways of true contacts over the flat skin, from start (dot) to target (cross, red if it is missed)."""
+    """Ways of true contacts over the flat skin, from start (dot) to target (cross, orange if missed)."""
     figure, axes = _panel(
         names.FORM_NAMES[variant.form].capitalize(), "along the finger (mm)", "across (mm)", 3.3
     )

@@ -13,7 +13,7 @@ from structlearn.testbeds.servoing.names import (
     SKIN_NAMES,
     TEXT,
 )
-from structlearn.testbeds.servoing.page.evidence import rate
+from structlearn.testbeds.servoing.page.findings import rate
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.model_scores import skin_table
 from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores

@@ -27,8 +27,8 @@ PATH = "#ffffff"
 """Colour of paths among coloured samples."""
 
 PLOTS = {
-    "along": "along the finger (mm): blue map, red skin",
-    "across": "across the finger (mm): blue map, red skin",
+    "along": "along the finger (mm): blue map, orange skin",
+    "across": "across the finger (mm): blue map, orange skin",
     "latent": "third latent number",
     "pressure": "pressure (counts)",
 }
@@ -103,7 +103,7 @@ def _tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
 
 def _notes(origin: str, one: ShownTouch, scale: float) -> str:
     colours = {"orange electrodes": f"counts fell, full colour at {scale:.0f} counts: pressed"}
-    colours |= {"blue electrodes": "counts rose: the fluid bulges", "red point": "estimated contact"}
+    colours |= {"light blue electrodes": "counts rose: the fluid bulges", "orange point": "estimated contact"}
     if len(one.truth):
         colours |= {"green point": "true contact"}
     return (

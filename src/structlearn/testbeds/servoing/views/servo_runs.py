@@ -154,10 +154,10 @@ def _tab(name: str, runs: Mapping[str, ServoRun], skin: Skin, handle: Handle) ->
 
 def _notes(runs: Mapping[str, ServoRun]) -> str:
     colours = {
-        "orange, blue electrodes": "counts fell: pressed; counts rose",
+        "orange, light blue electrodes": "counts fell: pressed; counts rose",
         "green": "true contact and, as a ring of 1 mm, its target",
         "light blue": "latent state, laid onto the skin, and its target",
-        "orange, blue curves": " and ".join(runs),
+        "ochre, blue curves": " and ".join(runs),
     }
     rows = ["| controller | reached | off | pressure |", "|---|---|---|---|"]
     for label, run in runs.items():

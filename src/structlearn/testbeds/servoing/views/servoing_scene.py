@@ -117,7 +117,7 @@ def send_touch(
     """Log a moving finger and its flat picture, both with electrodes in colour and points of contact.
 
     `path`: above `finger` and `skin`, which have `electrodes` and the contacts by their names below; `scale`:
-    counts with the full colour: orange where pressed, blue where the fluid bulges.
+    counts with the full colour: orange where pressed, light blue where the fluid bulges.
     """
     finger, flat_skin = f"{path}/finger", f"{path}/skin"
     dt = float(np.median(np.diff(motion.time)))

@@ -1,0 +1,1 @@
+"""What recordings hold, whether they are fit to be learned from, and an entry for them."""

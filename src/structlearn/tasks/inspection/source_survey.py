@@ -1,0 +1,230 @@
+"""What the files of a source hold, as far as it matters for learning from them.
+
+Files are opened one after another; what cannot be read is remembered by its reason, and the others go on.
+Camera images are looked at topic by topic, since those of one file may be larger than the memory.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from structlearn.core.errors import InputError
+from structlearn.readers.bag import RawMessages
+from structlearn.readers.bag_files import RecordingFile, open_bag, recording_files
+from structlearn.readers.bag_recording import read_recording
+from structlearn.readers.cdr import short_name
+from structlearn.readers.joint_series import JointSeries, chosen, joint_series
+from structlearn.readers.messages import READERS
+from structlearn.readers.recording import Stream
+from structlearn.readers.stamps import StampPolicy
+from structlearn.readers.survey import Stamps, TopicClocks, stamps_of, topic_clocks
+from structlearn.readers.topics import JointPose, TopicMap, TransformPose
+from structlearn.readers.transforms import TransformSeries, transform_series
+from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
+from structlearn.tasks.inspection.hand_paths import HandPath, PoseSource, hand_path
+from structlearn.tasks.task_files import local_path
+
+BEHIND_STAMP = 12
+"""Bytes of a message's encapsulation and of its header's stamp; of an array without one, of its layout."""
+
+MANY = 10
+"""Messages from which on it is odd that all are alike."""
+
+AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
+"""Disorder is counted elsewhere and refused by nobody here."""
+
+LARGE = ("Image", "CompressedImage", "PointCloud2", "PointCloud", "CompressedVideo", "CompressedPointCloud2")
+"""Types whose topics are looked at one by one."""
+
+
+@dataclass(frozen=True)
+class TopicSeen:
+    """A topic of a file.
+
+    Attributes:
+        types: of its messages, `package/Type`.
+        clocks: its stamps; None where there are no messages, or none that are ROS 2 messages.
+        joints: of a topic of joint states, those that share a clock together.
+        links: of a topic of transforms.
+        series: stamps of the joints of whoever publishes the most; else those of the topic, on which several
+            may publish and each be in order.
+        fault: why joint states or transforms cannot be read; empty where they can.
+        frozen: whether all messages say the same, but for their stamps.
+    """
+
+    types: tuple[str, ...]
+    clocks: TopicClocks | None
+    joints: tuple[JointSeries, ...] = ()
+    links: tuple[TransformSeries, ...] = ()
+    series: tuple[Stamps, ...] = ()
+    fault: str = ""
+    frozen: bool = False
+
+
+@dataclass(frozen=True)
+class FileSeen:
+    """A file that could be opened: topics by name, the path of each source of poses, or why it has none."""
+
+    file: RecordingFile
+    topics: Mapping[str, TopicSeen]
+    hands: Mapping[PoseSource, HandPath]
+    no_hands: Mapping[PoseSource, str]
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.file.name
+
+
+@dataclass(frozen=True)
+class SourceSeen:
+    """All files of a source in natural order; of those that could not be opened the reason."""
+
+    source: str
+    urdf: str | None
+    files: tuple[FileSeen, ...]
+    damaged: Mapping[str, str]
+
+
+def look_at(source: str, urdf: str | None = None) -> SourceSeen:
+    """Open every file of a source; `urdf`: of the robot, to compute poses from joints.
+
+    Raises:
+        InputError: the source is missing or empty, none of its files can be opened, or the URDF is no robot.
+    """
+    if urdf:
+        moving_joints(local_path(urdf))  # a wrong file is told of before any bag is opened
+    files, damaged = [], {}
+    for file in recording_files(source):
+        try:
+            files.append(look_into(file, urdf))
+        except InputError as error:
+            damaged[file.name] = str(error)
+    if not files:
+        first, *others = damaged.values()
+        raise InputError(f"{first}{f'; nor can the {len(others)} others be read' if others else ''}")
+    return SourceSeen(source, urdf, tuple(files), damaged)
+
+
+def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
+    """Open one file, or raise an InputError."""
+    present = open_bag(file, ()).topics
+    large = [topic for topic, types in present.items() if any(name.endswith(LARGE) for name in types)]
+    topics: dict[str, TopicSeen] = {}
+    for group in [[topic for topic in present if topic not in large], *([topic] for topic in large)]:
+        messages = open_bag(file, group).messages if group else {}
+        for topic in group:
+            where = f"{file.path}: topic '{topic}'"
+            topics[topic] = _topic_seen(where, topic, present[topic], messages.get(topic))
+    topics = {topic: topics[topic] for topic in sorted(topics)}
+    hands, no_hands = {}, {}
+    for source in pose_sources(topics, urdf):
+        try:
+            hands[source] = hand_path(_poses(file, source))
+        except InputError as error:
+            no_hands[source] = str(error)
+    return FileSeen(file, topics, hands, no_hands)
+
+
+def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
+    """Positions of the most joints that share a clock, with their topic."""
+    arms = [(topic, joints) for topic, seen in topics.items() for joints in seen.joints]
+    arms = [(topic, joints) for topic, joints in arms if "joint_positions" in joints.values]
+    return max(arms, key=lambda arm: len(arm[1].names), default=None)
+
+
+def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessages | None) -> TopicSeen:
+    names = tuple(short_name(name) for name in types)
+    if messages is None:
+        return TopicSeen(names, None)
+    clocks = topic_clocks(messages)
+    joints: Sequence[JointSeries] = ()
+    links: Sequence[TransformSeries] = ()
+    series, fault = [clocks.own], ""
+    try:
+        if set(names) <= READERS["joint_states"].keys():
+            joints, mended = joint_series(where, topic, messages, AS_THEY_COME)
+            if joints and mended is None:
+                series = [stamps_of(one.stamps) for one in chosen(where, joints, None)[0]]
+        elif set(names) <= READERS["transforms"].keys():
+            found = transform_series(where, messages, AS_THEY_COME)
+            links = [found[edge] for edge in sorted(found)]
+    except InputError as error:
+        fault = str(error)
+    first, *others = messages.data
+    frozen = len(others) >= MANY and all(one[BEHIND_STAMP:] == first[BEHIND_STAMP:] for one in others)
+    return TopicSeen(names, clocks, tuple(joints), tuple(links), tuple(series), fault, frozen)
+
+
+def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[PoseSource]:
+    """Whatever may be the hand's pose: topics of poses, then moving frames, then the tip of the robot."""
+    found: list[PoseSource] = [
+        topic for topic, seen in topics.items() if len(seen.types) == 1 and seen.types[0] in READERS["pose"]
+    ]
+    for topic, seen in topics.items():
+        if seen.links and not topic.endswith("_static"):
+            static = topics[f"{topic}_static"].links if f"{topic}_static" in topics else ()
+            pairs = frame_pairs(seen.links, static)
+            found += [TransformPose(parent=parent, child=child, topic=topic) for parent, child in pairs]
+    if urdf and (arm := arm_of(topics)):
+        topic, joints = arm
+        ends = tips(local_path(urdf), joints.names)[:1]
+        found += [JointPose(urdf=urdf, tip=tip, topic=topic) for tip in ends]
+    return found
+
+
+def frame_pairs(
+    moving: Sequence[TransformSeries], static: Sequence[TransformSeries]
+) -> list[tuple[str, str]]:
+    """Frames at the ends of the tree whose pose in the base changes, each with that base.
+
+    The base is the last frame on the way from the root to which only static links lead: a joint that rests in
+    one recording may move in the next. What a frame that is called like a hand carries is no end.
+    """
+    parents = {link.child: link.parent for link in (*static, *moving)}
+    children = {link.child for link in moving}
+    moves = {link.child for link in moving if link.moves}
+    pairs, above = set(), set()
+    for end in parents.keys() - set(parents.values()):
+        way = [end]
+        while way[-1] in parents and parents[way[-1]] not in way:  # a circle of frames has no root
+            way.append(parents[way[-1]])
+        hand = next((place for place, frame in enumerate(way) if HANDS.search(frame)), 0)
+        if moves.intersection(way[hand:]):
+            base = max(place for place, frame in enumerate(way) if frame in children) + 1
+            pairs.add((way[base], way[hand]))
+            above |= set(way[hand + 1 :])
+    ends = [pair for pair in pairs if pair[1] not in above]
+    return sorted(ends, key=lambda pair: (not HANDS.search(pair[1]), pair[1]))
+
+
+def clocks_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[str, str, TopicClocks]]:
+    """Clocks of those of the topics that have messages, each with its file and topic."""
+    return [
+        (file.name, topic, clocks)
+        for file in files
+        for topic in topics
+        if topic in file.topics and (clocks := file.topics[topic].clocks)
+    ]
+
+
+def series_of(
+    files: Sequence[FileSeen], topics: Sequence[str], pose: PoseSource
+) -> list[tuple[str, str, Stamps]]:
+    """Stamps of every series on the topics, with its file and topic; of transforms those of the pose."""
+    found = []
+    for file in files:
+        of_pose = (file.hands[pose].stamps,) if pose in file.hands else ()
+        for topic in topics:
+            if topic in file.topics:
+                its = file.topics[topic].series
+                if isinstance(pose, TransformPose) and topic == pose.topic:
+                    its = of_pose or its
+                found += [(file.name, topic, stamps) for stamps in its]
+    return found
+
+
+def _poses(file: RecordingFile, source: PoseSource) -> Stream:
+    topics = TopicMap(
+        pose=source, twist=None, joint_states=(), joints=None, wrench=None, tactile=(), tool_to_board=None
+    )
+    return next(one for one in read_recording(file, topics, AS_THEY_COME).streams if one.kind == "pose")

@@ -1,0 +1,155 @@
+"""On the robot: whether the task's robot can do what the skill may ask of it, and with which margins."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from structlearn.core.errors import InputError
+from structlearn.feedback.coupling import unit
+from structlearn.feedback.skill_file import SkillParameters, read_skill
+from structlearn.palette import CATEGORICAL_COLOURS, GREY, LIGHT_GREY
+from structlearn.primitives.sequence import default_start
+from structlearn.primitives.transformation import ALPHA, BETA
+from structlearn.reporting.document import Table
+from structlearn.reporting.figure_style import WIDTH, canvas, styled
+from structlearn.reporting.findings import Findings
+from structlearn.tasks.movement.check_results import KINDS, THIN, SkillCheck, overall, read_check
+from structlearn.tasks.movement.feedback_learning import in_view
+from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.section import Section
+from structlearn.tasks.task_files import ABSENT, TaskFiles
+
+HEADINGS = {
+    "where": "joint or links",
+    "unit": "",
+    "margin": "margin (%)",
+    "time_s": "at (s)",
+    "run": "run",
+}
+FORMATS = {"value": ".3g", "bound": ".3g", "margin": ".0f", "time_s": ".2f"}
+
+
+def check_section(files: TaskFiles) -> Section | None:
+    """Of a task with a robot."""
+    robot = files.entry(MovementEntry).robot
+    if robot is None or not files.skill.exists():
+        return None
+    check = read_check(files.folder / "check")
+    return Section(
+        "check",
+        "On the robot",
+        "check.html.jinja",
+        lead="check_lead.html.jinja",
+        facts=check.metrics()
+        | {
+            "robot": robot,
+            "rest": check.rest,
+            "notes": check.notes,
+            "failing": list(check.failing["quantity"].unique()),
+            "kinds": [kind for kind in KINDS if kind in set(check.margins["kind"])],
+            "searched": robot.rest_configuration is None,
+        },
+        find=Findings.of_metrics(check.metrics(), ("check_failing_runs", "check_least_margin")),
+        tables={
+            "check": by_quantity(check),
+            "check_worst": worst(check),
+            "check_runs": by_run(check),
+        },
+        pictures={"check_margins": margins_figure(check.margins)},
+    )
+
+
+@styled
+def margins_figure(margins: pd.DataFrame) -> Figure:
+    """Every run's margin of every quantity, by kind of run."""
+    figure = canvas(2.9, WIDTH)
+    panel = figure.subplots()
+    quantities = list(margins["quantity"].unique())
+    places = {name: place for place, name in enumerate(reversed(quantities))}
+    panel.axvspan(0.0, 100.0 * THIN, color=LIGHT_GREY, linewidth=0.0)
+    panel.axvline(0.0, color=GREY)
+    kinds = [kind for kind in KINDS if kind in set(margins["kind"])]
+    for kind, colour, shift in zip(
+        kinds, CATEGORICAL_COLOURS, np.linspace(0.27, -0.27, len(KINDS)), strict=False
+    ):
+        its = margins[margins["kind"] == kind]
+        shown = 100.0 * np.clip(its["margin"], -1.0, 1.0)
+        panel.scatter(shown, its["quantity"].map(places) + shift, 12, colour, linewidths=0.0, label=kind)
+    panel.set(yticks=list(places.values()), yticklabels=list(places), xlabel="margin (%)")
+    panel.legend(ncols=len(kinds), loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    return figure
+
+
+def by_quantity(check: SkillCheck) -> Table:
+    """The least margin of each quantity by kind of run, and a verdict over all."""
+    least = check.margins.pivot_table(
+        "margin", "quantity", "kind", "min", sort=False, observed=True, dropna=False
+    )
+    kinds = [kind for kind in KINDS if kind in least]
+    verdicts = check.margins.groupby("quantity", sort=False)["verdict"].agg(overall)
+    frame = (100.0 * least[kinds]).reset_index()
+    frame.insert(1, "verdict", frame["quantity"].map(verdicts))
+    return Table(frame, dict.fromkeys(kinds, ".0f"), {kind: f"{kind} (%)" for kind in kinds})
+
+
+def worst(check: SkillCheck) -> Table:
+    """Where and when each kind of run is nearest to the bound of each quantity."""
+    columns = ["quantity", "kind", "run", "where", "value", "bound", "unit", "time_s", "margin", "verdict"]
+    return _percent(check.worst("quantity", "kind")[columns])
+
+
+def by_run(check: SkillCheck) -> Table:
+    """What each run is nearest to."""
+    verdicts = check.margins.groupby("run", sort=False)["verdict"].agg(overall)
+    frame = check.worst("run")[["kind", "run", "quantity", "where", "margin"]]
+    return _percent(frame.assign(verdict=frame["run"].map(verdicts)))
+
+
+def _percent(frame: pd.DataFrame) -> Table:
+    return Table(frame.assign(margin=100.0 * frame["margin"]), FORMATS, HEADINGS)
+
+
+def skill_section(files: TaskFiles) -> Section:
+    """Of a task with demonstrations."""
+    if not files.skill.exists():
+        reason = (files.folder / "skill" / ABSENT).read_text(encoding="utf-8").strip()
+        return Section("skill", "The skill", "skill.html.jinja", facts={"absent": reason})
+    skill, parameters = read_skill(files.skill), files.part("skill", SkillParameters)
+    workspace = skill.workspace
+    if workspace is None:
+        raise InputError(f"{files.skill}: has no workspace")
+    box = pd.DataFrame(
+        {
+            "axis": list("xyz"),
+            "low_m": workspace.low,
+            "high_m": workspace.high,
+            "start_m": default_start(skill.primitives).position,
+        }
+    )
+    bounds = []
+    for axis in skill.axes:
+        largest, (factor, word) = skill.limits.largest_coupling[axis], in_view(axis)
+        bounds.append((axis, largest, unit(axis), factor * largest / (ALPHA * BETA), word))
+    headings = {"low_m": "from (m)", "high_m": "to (m)", "start_m": "mean start (m)"}
+    return Section(
+        "skill",
+        "The skill",
+        "skill.html.jinja",
+        facts={
+            "absent": "",
+            "path": str(files.skill),
+            "duration_s": sum(primitive.duration for primitive in skill.primitives),
+            "margin_m": parameters.workspace_margin_m,
+            "sensors": skill.sensors,
+            "fade_s": skill.limits.fade_s,
+            "axes": skill.axes,
+        },
+        tables={
+            "skill_workspace": Table(box, dict.fromkeys(headings, ".3f"), headings),
+            "skill_bounds": Table(
+                pd.DataFrame(bounds, columns=["axis", "largest", "unit", "held", "held_unit"]),
+                {"largest": ".3g", "held": ".3g"},
+                {"largest": "largest coupling term", "held": "displacement if held", "held_unit": ""},
+            ),
+        },
+    )

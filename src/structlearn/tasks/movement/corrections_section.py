@@ -1,0 +1,239 @@
+"""Corrections: what people corrected, and how well a model predicts it where it has not learned."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from structlearn.core import signals
+from structlearn.core.metrics import mean_interval
+from structlearn.feedback.coupling import Axis, unit
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.palette import (
+    AXIS_COLOURS,
+    BLACK,
+    CATEGORICAL_COLOURS,
+    DEMONSTRATION_COLOUR,
+    LIGHT_GREY,
+    PHASE_PATHS,
+    Look,
+)
+from structlearn.primitives.fitting import Segment, segment_paths
+from structlearn.primitives.position import in_local_frame
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.reporting.document import Table
+from structlearn.reporting.figure_style import styled
+from structlearn.reporting.findings import Findings
+from structlearn.reporting.panels import SAMPLES, legend, panel
+from structlearn.reporting.prose import capitalised, listing
+from structlearn.tasks.movement.feedback_learning import feedback_metrics, in_view, read_feedback
+from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.public.page.recorded_tables import shown
+from structlearn.tasks.section import Section
+from structlearn.tasks.task_files import TaskFiles
+
+TARGET_SAMPLES = 200
+DRAWN = 6
+"""Settings that are drawn."""
+
+POOR = 1.0
+"""NMSE from which on a model is no better than the mean."""
+
+CHECKED = ("reproduction", "smoothing", "others")
+"""How columns of checks begin."""
+
+AXES = ["x", "y", "z"]
+
+
+def feedback_section(files: TaskFiles) -> Section | None:
+    """Feedback from sensors, learned from corrections in several settings."""
+    own = files.entry(MovementEntry)
+    learned, parameters = read_feedback(files.folder / "feedback"), own.feedback
+    if learned is None or parameters is None:
+        return None
+    scores, checks = learned.scores, learned.checks
+    nmse = scores[scores["learned"]].groupby(["primitive", "axis"], sort=False)["nmse"].mean()
+    numbers = feedback_metrics(learned)
+    measures = [name for name in checks.columns if name.split("_")[0] in CHECKED]
+    by_setting = checks.groupby(["primitive", "setting"], sort=False)[measures].max().reset_index()
+    return Section(
+        "feedback",
+        "Feedback from corrections",
+        "feedback.html.jinja",
+        facts={
+            "parameters": parameters,
+            "executions": len(files.runs("executions")),
+            "corrections": int(checks.groupby("primitive").size().max()),
+            "by": "setting" if len(parameters.settings) > 1 else "part of the demonstrations",
+            "worst": nmse.max(),
+            "worst_key": nmse.idxmax(),
+            "poor": [f"{name} {axis}" for (name, axis), value in nmse.items() if value >= POOR],
+        },
+        find=Findings.of_metrics(numbers, tuple(numbers)[:2]),
+        tables={
+            "feedback_scores": response_table(scores),
+            "feedback_checks": Table(by_setting, dict.fromkeys(measures, ".3g")),
+        },
+        pictures={
+            "feedback_targets": [
+                targets_panel(f"{capitalised(name)}, {axis}", axis, dataset)
+                for name, by_axis in learned.datasets.items()
+                for axis, dataset in by_axis.items()
+            ]
+        },
+    )
+
+
+def response_table(scores: pd.DataFrame) -> Table:
+    """Scores with displacements in mm and degrees."""
+    factors = scores["axis"].map(lambda axis: in_view(axis)[0])
+    units = scores["axis"].map(lambda axis: in_view(axis)[1])
+    frame = scores.assign(**{name: factors * scores[name] for name in ("asked", "got", "off")}, unit=units)
+    headings = {"left_out": "left out", "nmse": "NMSE", "learned": "of what is learned from"}
+    headings |= {"off": "rms difference", "unit": ""}
+    return Table(frame, {"nmse": ".2f", "asked": ".2f", "got": ".2f", "off": ".2f"}, headings)
+
+
+@styled
+def targets_panel(title: str, axis: Axis, dataset: CouplingDataset) -> Figure:
+    """Coupling targets of one primitive on one axis, mean and std by setting."""
+    figure, axes = panel(title, 2.9, xlabel="time / duration", ylabel=f"coupling target ({unit(axis)})")
+    time = np.linspace(0.0, 1.0, TARGET_SAMPLES)
+    settings = list(dict.fromkeys(dataset.setting))[:DRAWN]
+    for colour, setting in zip(CATEGORICAL_COLOURS, settings, strict=False):
+        its = dataset.where(dataset.setting == setting)
+        runs = [its.target[its.demonstration == one] for one in dict.fromkeys(its.demonstration)]
+        curves = np.array([signals.time_normalised(run[:, None], TARGET_SAMPLES)[:, 0] for run in runs])
+        average, spread = curves.mean(axis=0), curves.std(axis=0)
+        axes.plot(time, average, color=colour, label=str(setting))
+        axes.fill_between(time, average - spread, average + spread, color=colour, alpha=0.15, linewidth=0)
+    return legend(figure)
+
+
+def phase_section(files: TaskFiles) -> Section | None:
+    """Coupling over phase alone, learned from corrected runs of the task's primitive."""
+    if not (files.folder / "feedback/completeness.parquet").exists():
+        return None
+    own, (primitive,) = files.entry(MovementEntry), files.primitives()
+    cuts = files.segmentation().result(primitive.name)
+    segments = segment_paths(files.runs("demonstrations"), cuts, own.fit.smoothing_hz)
+    names = ("completeness", "distances", "profile", "targets", "scores", "paths")
+    ends, distances, profile, targets, scores, paths = (files.table(f"feedback/{name}") for name in names)
+    runs = distances.groupby("run").mean(numeric_only=True)  # of each its mean over the splits
+    by_split = distances.groupby("split")[["nominal_mm", "coupling_mm", "spread_mm"]].mean()
+    by_axis = scores.groupby("axis")
+    values = {
+        "coupling_path_end_share": distances["end_share"].mean(),
+        "corrected_reaches_learned_from": int(distances["learned_from"].iloc[0]),
+        "corrected_reaches_left_out": int((distances["split"] == 0).sum()),
+    }
+    for column, name in (
+        ("nominal_mm", "nominal_path"),
+        ("coupling_mm", "coupling_path"),
+        ("spread_mm", "corrected_spread"),
+    ):
+        infix = "" if name == "corrected_spread" else "_mean"
+        values |= {f"{name}{infix}_mm": by_split[column].mean(), f"{name}_std_mm": by_split[column].std()}
+    for name, first, second in (
+        ("coupling_gain", "nominal_mm", "coupling_mm"),
+        ("coupling_above_spread", "coupling_mm", "spread_mm"),
+    ):
+        middle, half = mean_interval((runs[first] - runs[second]).to_numpy())
+        values |= {f"{name}_mm": middle, f"{name}_half_width_mm": half}
+    values |= {f"coupling_{axis}_nmse": its["nmse"].mean() for axis, its in by_axis}
+    find = Findings.of_metrics(values, ("nominal_path_mean_mm", "coupling_path_mean_mm"))
+    find = find.among("runs left out, each by its mean over the splits")
+    find.difference("coupling_gain", runs["nominal_mm"], runs["coupling_mm"], unit="mm")
+    find.difference("coupling_above_mean", runs["coupling_mm"], runs["spread_mm"], unit="mm")
+    find.mean("coupling_end", 100 * runs["end_share"], unit="%")
+    return Section(
+        "corrections",
+        "Corrections over phase alone",
+        "corrections.html.jinja",
+        lead="corrections_lead.html.jinja",
+        facts=values
+        | {
+            "incomplete": int((~ends["complete"]).sum()),
+            "runs": len(ends),
+            "splits": distances["split"].nunique(),
+            "poor_axes": listing(by_axis["nmse"].mean().loc[lambda error: error >= POOR].index, "no axis"),
+            "target_end_percent": 100 * by_axis["target_end_share"].mean().max(),
+        },
+        tables={
+            "coupling_paths": shown(_path_distances(distances)),
+            "coupling_axes": shown(_axes(targets, scores), largest_m=".1f", spread_m=".1f"),
+        },
+        pictures={
+            "corrected": corrected_panel(paths, primitive, segments),
+            "coupling": [profile_panel(profile), target_panel(targets, "z")],
+            "coupling_more": [target_panel(targets, "x"), target_panel(targets, "y")],
+        },
+        find=find,
+    )
+
+
+def _path_distances(distances: pd.DataFrame) -> pd.DataFrame:
+    """Distance of left-out runs from every path: mean and std over the splits, and the largest."""
+    rows = []
+    for key in ("nominal", "coupling", "spread"):
+        means = distances.groupby("split")[f"{key}_mm"].mean()
+        rows.append((PHASE_PATHS[key].name, means.mean(), means.std(), distances[f"{key}_mm"].max()))
+    return pd.DataFrame(rows, columns=["distance_from", "mean_mm", "std_mm", "furthest_mm"])
+
+
+def _axes(targets: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
+    """Per local axis: largest mean target, its root mean square spread, and the network on left-out ones."""
+    asked, scored = targets.groupby("axis"), scores.groupby("axis")
+    frame = pd.DataFrame(
+        {
+            "largest_m": asked["mean"].agg(lambda values: values.abs().max()),
+            "spread_m": asked["std"].agg(lambda values: np.sqrt((values**2).mean())),
+            "nmse": scored["nmse"].mean(),
+            "nmse_std": scored["nmse"].std(),
+            "target_at_the_end_share": scored["target_end_share"].mean(),
+            "error_at_the_end_share": scored["residual_end_share"].mean(),
+        }
+    )
+    return frame.loc[AXES].reset_index()
+
+
+@styled
+def corrected_panel(paths: pd.DataFrame, primitive: PosePrimitive, segments: list[Segment]) -> Figure:
+    """Runs from the side; corrected ones left out, and the primitive without and with coupling."""
+    figure, axes = panel("Runs, and corrected ones", 3.5, xlabel="forward (mm)", ylabel="up (mm)")
+    for number, (position, _) in enumerate(segments):
+        local = in_local_frame(position, primitive.position.frame).position
+        path = 1e3 * signals.time_normalised(local, SAMPLES)
+        label = None if number else "recorded runs"
+        axes.plot(path[:, 0], path[:, 2], color=LIGHT_GREY, linewidth=0.7, label=label)
+    looks = PHASE_PATHS | {"recorded": Look("corrected runs, left out", DEMONSTRATION_COLOUR)}
+    for kind, its in paths.groupby("path", sort=False):
+        for number, (_, path) in enumerate(its.groupby("run", sort=False)):
+            points = 1e3 * signals.time_normalised(path[["x", "z"]].to_numpy(), SAMPLES)
+            label = None if number else looks[kind].name
+            axes.plot(*points.T, color=looks[kind].colour, linewidth=1.1, label=label)
+    return legend(figure)
+
+
+@styled
+def profile_panel(profile: pd.DataFrame) -> Figure:
+    """Mean distance from the left-out corrected runs over time."""
+    figure, axes = panel("From the runs left out", xlabel="time / duration", ylabel="distance (mm)")
+    profile = profile.iloc[::5]
+    for kind, line in (("nominal", "-"), ("coupling", "-"), ("spread", "--")):
+        look = PHASE_PATHS[kind]
+        axes.plot(profile["fraction"], profile[f"{kind}_mm"], line, color=look.colour, label=look.name)
+    axes.set_ylim(bottom=0)
+    return legend(figure)
+
+
+@styled
+def target_panel(targets: pd.DataFrame, axis: str) -> Figure:
+    """Coupling targets of the corrected runs along one local axis over phase, and what was learned."""
+    title = f"Coupling along local {axis}{' (up)' if axis == 'z' else ''}"
+    figure, axes = panel(title, xlabel="phase p", ylabel="coupling term (m)", xlim=(1.0, 0.0))
+    colour, rows = AXIS_COLOURS[AXES.index(axis)], targets[targets["axis"] == axis].iloc[::5]
+    low, high = rows["mean"] - rows["std"], rows["mean"] + rows["std"]
+    axes.fill_between(rows["phase"], low, high, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(rows["phase"], rows["mean"], color=colour, label="target: mean, std")
+    axes.plot(rows["phase"], rows["learned"], "--", color=BLACK, linewidth=1.1, label="learned")
+    return legend(figure)

@@ -1,0 +1,184 @@
+"""Recordings of a task and their cuts: rates, gaps, primitives in time, what is left out or doubtful."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from structlearn.palette import BLACK, METHOD_NAMES
+from structlearn.readers.demonstration import Demonstration
+from structlearn.reporting.claims import Evidence, difference
+from structlearn.reporting.document import Table
+from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
+from structlearn.reporting.findings import Findings
+from structlearn.reporting.movement_figures import draw_cuts, shade_primitives, speed
+from structlearn.reporting.prose import level_name, listing
+from structlearn.reporting.segmentation_figures import noise_figure
+from structlearn.segmentation.alignment import METHODS, RESULT
+from structlearn.segmentation.cut_errors import errors_by_level, errors_by_seed, paired_comparison
+from structlearn.segmentation.segments import Segmentation
+from structlearn.tasks.movement.movement_learning import cut_metrics
+from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.public.page.recorded_tables import shown
+from structlearn.tasks.section import Section
+from structlearn.tasks.task_files import TaskFiles
+
+DRAWN = 12
+"""Demonstrations whose speed is drawn; of more, the doubtful ones first."""
+
+CASES = {
+    "printed_over_crossing": ("zvc", "wls_text"),
+    "printed_over_least_squares": ("ls", "wls_text"),
+    "ours_over_crossing": ("zvc", "wls"),
+    "ours_over_warping": ("dtw", "wls"),
+}
+"""Claims about the cuts of movements between rests: methods whose errors are compared."""
+
+
+def came_in_section(files: TaskFiles) -> Section:
+    """Sets of recordings with their files, rates and gaps."""
+    table, clock = files.table("recorded/came_in"), files.entry(MovementEntry).clock
+    sets = table.groupby("set", sort=False).agg(
+        files=("recording", "size"),
+        shortest_s=("duration_s", "min"),
+        longest_s=("duration_s", "max"),
+        poses_hz=("pose_hz", "median"),
+        largest_gap_ms=("largest_gap_ms", "max"),
+        signals=("signals", "first"),
+    )
+    every = table.rename(columns={"recording": "file", "pose_hz": "poses_hz"})
+    return Section(
+        "came_in",
+        "What came in",
+        "came_in.html.jinja",
+        facts={
+            "clock_hz": clock.rate_hz if clock else None,
+            "stamps": sorted({note for note in table["stamps"] if note}),
+        },
+        tables={"sets": shown(sets.reset_index()), "recordings": shown(every)},
+    )
+
+
+def cuts_section(files: TaskFiles) -> Section:
+    """Where each primitive lies in each demonstration."""
+    own = files.entry(MovementEntry)
+    demonstrations, segmentation = files.runs("demonstrations"), files.segmentation()
+    by_name = {one.name: one for one in demonstrations}
+    cut = [name for name in by_name if name in set(segmentation.cuts["demonstration"])]
+    doubted = set(segmentation.doubts["demonstration"])
+    drawn = sorted(cut, key=lambda name: name not in doubted)[:DRAWN] if own.given is None else []
+    points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
+    points = points[["demonstration", "primitive", "start_s", "end_s"]]
+    found = Section(
+        "cuts",
+        "Cuts",
+        "cuts.html.jinja",
+        facts={
+            "cut": len(cut),
+            "given": own.given,
+            "drawn": len(drawn),
+            "reference": segmentation.reference,
+            "left_out": len(segmentation.left_out),
+            "doubts": len(segmentation.doubts),
+            "doubtful": [name for name in cut if name in doubted],
+            "kept": own.keep_doubtful,
+            "true": any(one.true_segments is not None for one in demonstrations),
+            "between": None,
+        },
+        find=Findings.of_metrics(
+            cut_metrics(demonstrations, segmentation), ("cuts_demonstrations", "cuts_doubtful")
+        ),
+        tables={
+            "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
+            "left_out": Table(segmentation.left_out),
+            "doubts": Table(segmentation.doubts, {"number": ".2f"}),
+            "cut_points": shown(points.sort_values(["demonstration", "start_s"]), start_s=".3f", end_s=".3f"),
+        },
+        pictures={"cuts": [speed_panel(by_name[name], segmentation) for name in drawn]} if drawn else {},
+    )
+    return found if own.rests is None else _with_rests(found, files.table("segments/cut_errors"))
+
+
+def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Segmentation) -> pd.DataFrame:
+    """How long and how far primitives are, one row each."""
+    rows = []
+    for name, cuts in segmentation.results.items():
+        durations = cuts["end_s"] - cuts["start_s"]
+        ways = [_way_mm(demonstrations[one], cut) for one, cut in cuts.iterrows()]
+        rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(ways)))
+    return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", "way_mm"])
+
+
+def _way_mm(demonstration: Demonstration, cut: pd.Series) -> float:
+    ticks = [min(round(cut[end] / demonstration.dt), len(demonstration.time) - 1) for end in ENDS]
+    start, end = demonstration.position[ticks]
+    return 1e3 * float(np.linalg.norm(end - start))
+
+
+ENDS = ("start_s", "end_s")
+
+
+def _with_rests(found: Section, errors: pd.DataFrame) -> Section:
+    """The same, with how well whole movements are found again between rests."""
+    by_seed = errors_by_seed(errors)
+    by_level = errors_by_level(by_seed)
+    wide = by_level.pivot_table(index="noise_mm", columns="method", values="mean_ms")
+    winners = [f"“{METHOD_NAMES[method]}” at {level:g} mm" for level, method in wide.idxmin(axis=1).items()]
+    (primitive,) = errors["primitive"].unique()
+    error_ms = {
+        f"{primitive}_cut_error_ms_{level_name(row.noise_mm)}mm{f'_{row.method}' * (row.method != RESULT)}": (
+            row.mean_ms
+        )
+        for row in by_level.itertuples()
+    }
+    headings = {method: f"{name} (ms)" for method, name in METHOD_NAMES.items()}
+    levels = Table(
+        wide[list(METHODS)].reset_index(),
+        dict.fromkeys(METHODS, ".1f"),
+        headings | {"noise_mm": "noise (mm)"},
+    )
+    for name, value in error_ms.items():
+        found.find.exact(name, value, unit="ms", headline=name.endswith("_2mm"))
+    find = found.find.among("movements, averaged over draws of rests and noise")
+    for name, methods in CASES.items():
+        find.add(name, cut_gains(errors, *methods), unit="ms")
+    return replace(
+        found,
+        facts={**found.facts, "between": listing(winners)},
+        tables={**found.tables, "noise": levels, "comparison": Table(paired_comparison(by_seed))},
+        pictures={
+            **found.pictures,
+            "noise": noise_figure(by_level, paired_comparison(by_seed), "noise added (mm)", "same draw"),
+        },
+    )
+
+
+def cut_gains(errors: pd.DataFrame, first: str, second: str) -> dict[str, Evidence]:
+    """Cut error in ms of one method minus that of another, by noise.
+
+    Pairs are movements, averaged over draws of rests and noise, which hardly differ without noise.
+    """
+    both_ends = 1e3 * errors[["start_error_s", "end_error_s"]].abs().mean(axis=1)
+    wide = errors.assign(error_ms=both_ends).pivot_table(
+        index=["noise_mm", "demonstration"], columns="method", values="error_ms"
+    )
+    wide = wide.dropna(subset=[first, second])
+    return {
+        f"{level:g} mm": difference(its[first], its[second]) for level, its in wide.groupby(level="noise_mm")
+    }
+
+
+@styled
+def speed_panel(demonstration: Demonstration, segmentation: Segmentation) -> Figure:
+    """Speed of one demonstration with its primitives."""
+    figure = canvas(1.8, PANEL_WIDTH)
+    panel = figure.subplots()
+    panel.plot(demonstration.time, 1e3 * speed(demonstration), color=BLACK)
+    names = segmentation.primitives
+    cuts = [tuple(segmentation.result(name).loc[demonstration.name, list(ENDS)]) for name in names]
+    shade_primitives(panel, cuts, names)
+    draw_cuts(panel, cuts, demonstration)
+    label = f"{demonstration.name}: time (s)"
+    panel.set(xlim=demonstration.time[[0, -1]], xlabel=label, ylabel="speed (mm/s)")
+    return figure

@@ -1,0 +1,204 @@
+"""Feedback from corrections in several settings, and how well it predicts those left out (IV.6)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core.artefacts import Metrics, read_table, write_table
+from structlearn.core.errors import InputError
+from structlearn.core.metrics import nmse
+from structlearn.core.parallel import parallel_map
+from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths
+from structlearn.feedback.coupling import AXES, Axis, turns
+from structlearn.feedback.coupling_dataset import (
+    CouplingDataset,
+    concatenated,
+    from_axes_table,
+    to_axes_table,
+)
+from structlearn.feedback.coupling_model import CouplingModel, read_networks, train_final, write_networks
+from structlearn.feedback.coupling_targets import (
+    coupling_dataset,
+    learn_expected,
+    level_dataset,
+    require_parts,
+)
+from structlearn.primitives.primitive_files import read_vector_primitive, write_vector_primitive
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.vector import VectorPrimitive
+from structlearn.readers.demonstration import Demonstration
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import execution_cuts
+from structlearn.tasks.movement.movement_parameters import FeedbackParameters
+
+NETWORKS = "networks.safetensors"
+
+LEVEL = "no correction"
+"""Setting of the nominal executions, which nobody corrected: their coupling target is 0."""
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """What was learned of P primitives with feedback."""
+
+    expected: Mapping[str, VectorPrimitive]  # traces by primitive
+    datasets: Mapping[
+        str, Mapping[Axis, CouplingDataset]
+    ]  # corrections in all settings by primitive and axis
+    networks: Mapping[str, Mapping[Axis, CouplingModel]]  # by primitive and axis
+    checks: pd.DataFrame  # of `coupling_targets.coupling_dataset`, with `primitive`; `setting` is a label
+    # `primitive`, `axis`, `left_out`, `learned` (False: a setting that only tests), `nmse` on what was left
+    # out (NaN where nothing was corrected), and of the unroll with its recorded readings the displacement
+    # `asked` where its mean is largest, what was `got` there, and the rms difference `off` (m, rad)
+    scores: pd.DataFrame
+
+
+def learn_feedback(
+    executions: Sequence[Demonstration],
+    corrections: Mapping[str, Sequence[Demonstration]],
+    primitives: Sequence[PosePrimitive],
+    cutting: SegmentParameters,
+    parameters: FeedbackParameters,
+) -> Feedback:
+    """Expected traces from executions, coupling targets from corrections, and networks between them.
+
+    Executions train too, with target 0: where readings are as expected, nothing is to be corrected. Raises
+    InputError: a run cannot be cut or lacks a stream, a primitive is not there, or samples are too few.
+    """
+    names = [primitive.name for primitive in primitives]
+    nominal = execution_cuts(executions, names, cutting)
+    traces = learn_expected(executions, nominal, parameters.expected_hz, parameters.sensors)
+    require_parts(parameters.primitives, primitives, traces)
+    cuts = {label: execution_cuts(runs, names, cutting) for label, runs in corrections.items()}
+    datasets, levels, checks = {}, {}, []
+    for name in parameters.primitives:
+        own = {label: parts[name] for label, parts in cuts.items()}
+        primitive = primitives[names.index(name)]
+        datasets[name], found = coupling_dataset(corrections, own, primitive, traces[name], parameters)
+        levels[name] = level_dataset(executions, nominal[name], traces[name], parameters, LEVEL)
+        checks.append(found.assign(primitive=name))
+    networks, scores = _learned(datasets, levels, parameters)
+    return Feedback(traces, datasets, networks, pd.concat(checks, ignore_index=True), scores)
+
+
+def _learned(
+    datasets: Mapping[str, Mapping[Axis, CouplingDataset]],
+    levels: Mapping[str, CouplingDataset],
+    parameters: FeedbackParameters,
+) -> tuple[dict[str, dict[Axis, CouplingModel]], pd.DataFrame]:
+    """Final networks, and scores of those that were learned without a part and every other execution."""
+    work = []
+    for name, by_axis in datasets.items():
+        level = levels[name]
+        half = level.where(level.demonstration % 2 == 0)
+        for axis, dataset in by_axis.items():
+            seen = dataset.where(np.isin(dataset.setting, parameters.settings))
+            work.append((name, axis, "", concatenated([seen, level]), parameters))
+            group = _groups(seen, parameters)
+            for label in dict.fromkeys(group):
+                train = concatenated([seen.where(group != label), half])
+                work.append((name, axis, label, train, parameters))
+    trained = parallel_map(_trained, work, "training feedback")
+    networks: dict[str, dict[Axis, CouplingModel]] = {name: {} for name in datasets}
+    rows = []
+    for (name, axis, label, _, _), network in zip(work, trained, strict=True):
+        dataset, level = datasets[name][axis], levels[name]
+        learned = np.isin(dataset.setting, parameters.settings)
+        if label:
+            seen = dataset.where(learned)
+            tests = {label: seen.where(_groups(seen, parameters) == label)}
+            tests[LEVEL] = level.where(level.demonstration % 2 == 1)
+        else:
+            networks[name][axis] = network
+            others = dict.fromkeys(dataset.setting[~learned])
+            tests = {one: dataset.where(dataset.setting == one) for one in others}
+        rows += [
+            (name, axis, one, bool(label), *_scored(network, its))
+            for one, its in tests.items()
+            if len(its.target)
+        ]
+    columns = ["primitive", "axis", "left_out", "learned", "nmse", "asked", "got", "off"]
+    keys = columns[:4]
+    return networks, pd.DataFrame(rows, columns=columns).groupby(keys, sort=False).mean().reset_index()
+
+
+def _groups(dataset: CouplingDataset, parameters: FeedbackParameters) -> np.ndarray:
+    """Labels (S,) of what is left out in turn: settings, or parts of the demonstrations of a single one."""
+    if len(parameters.settings) > 1:
+        return dataset.setting.astype(str)
+    parts = dataset.demonstration % parameters.parts
+    if len(np.unique(parts)) < 2:
+        raise InputError("feedback.corrections: of one setting at least two demonstrations are needed")
+    return np.array([f"part {part + 1}" for part in parts])
+
+
+def _trained(work: tuple[str, Axis, str, CouplingDataset, FeedbackParameters]) -> CouplingModel:
+    *_, dataset, parameters = work
+    return train_final(parameters.model, dataset, parameters.training, parameters.hidden)
+
+
+def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, float, float, float]:
+    """NMSE of the coupling terms, and of the unroll what was asked for, what came out, and the difference."""
+    corrected = np.ptp(dataset.target) > 0.0
+    error = nmse(network.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity), dataset.target)
+    paths = corrected_paths(dataset, SAMPLES)
+    got = network.coupling(paths.deviation, *paths.phase) @ paths.response.T
+    asked, mean = paths.correction.mean(axis=0), got.mean(axis=0)
+    peak = int(np.argmax(np.abs(asked if corrected else mean)))
+    off = float(np.sqrt(np.mean((got - paths.correction) ** 2)))
+    return (float(error) if corrected else np.nan), float(asked[peak]), float(mean[peak]), off
+
+
+def feedback_metrics(feedback: Feedback) -> Metrics:
+    """NMSE on what was left out, and what is commanded where nothing was corrected, in mm or degrees."""
+    found: Metrics = {}
+    for (name, axis), its in feedback.scores.groupby(["primitive", "axis"], sort=False):
+        found[f"feedback_{name}_{axis}_nmse"] = float(its.loc[its["learned"], "nmse"].mean())
+        for got in its.loc[its["left_out"] == LEVEL, "got"]:
+            factor, unit = in_view(axis)
+            found[f"feedback_{name}_{axis}_uncorrected_{unit}"] = factor * abs(float(got))
+    return found
+
+
+def in_view(axis: Axis) -> tuple[float, str]:
+    """Factor and unit in which displacements along or about an axis are shown."""
+    return (float(np.degrees(1.0)), "deg") if turns(axis) else (1e3, "mm")
+
+
+def write_feedback(feedback: Feedback, folder: Path) -> None:
+    """Write it into a folder."""
+    for name, traces in feedback.expected.items():
+        path = folder / f"expected/{name}.safetensors"
+        write_vector_primitive(traces, path, "readings without offset")
+    for name, by_axis in feedback.datasets.items():
+        write_table(to_axes_table(by_axis), folder / f"datasets/{name}.parquet")
+    networks = {
+        f"{name}.{axis}": network
+        for name, by_axis in feedback.networks.items()
+        for axis, network in by_axis.items()
+    }
+    write_networks(list(networks.items()), folder / NETWORKS)
+    write_table(feedback.checks, folder / "checks.parquet")
+    write_table(feedback.scores, folder / "scores.parquet")
+
+
+def read_feedback(folder: Path) -> Feedback | None:
+    """What `write_feedback` wrote; None where the task has no feedback from sensors. Raises InputError."""
+    if not (folder / NETWORKS).exists():
+        return None
+    networks: dict[str, dict[Axis, CouplingModel]] = {}
+    for key, network in read_networks(folder / NETWORKS).items():
+        name, _, axis = key.rpartition(".")
+        networks.setdefault(name, {})[AXES[AXES.index(axis)]] = network
+    traces = sorted((folder / "expected").glob("*.safetensors"))
+    tables = {name: read_table(folder / f"datasets/{name}.parquet") for name in networks}
+    return Feedback(
+        expected={path.stem: read_vector_primitive(path) for path in traces},
+        datasets={name: from_axes_table(table) for name, table in tables.items()},
+        networks=networks,
+        checks=read_table(folder / "checks.parquet"),
+        scores=read_table(folder / "scores.parquet"),
+    )

@@ -1,0 +1,264 @@
+"""Cuts and primitives of the recordings of a task, and how far they are from what was recorded (IV.5).
+
+A recording is a demonstration that is cut, or needs no cutting: it is one run of a single primitive, or one
+primitive of an execution that was recorded in parts.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core import metrics, quaternion, signals
+from structlearn.core.artefacts import Metrics
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
+from structlearn.primitives.fitting import (
+    FitParameters,
+    Segment,
+    cross_validation,
+    learn_primitive,
+    orientations,
+    reproduction_errors,
+    segment_paths,
+    whole,
+)
+from structlearn.primitives.position import in_local_frame
+from structlearn.primitives.sequence import PosePrimitive, SequencePath
+from structlearn.primitives.twist_swing import largest_turn
+from structlearn.primitives.vector import (
+    VectorPrimitive,
+    expected_traces,
+    fit_expected_traces,
+    without_offset,
+)
+from structlearn.readers.demonstration import Demonstration
+from structlearn.segmentation.alignment import DOUBT_COLUMNS, RESULT
+from structlearn.segmentation.cut_errors import Dwells, between_dwells, cut_errors, mean_cut_errors_ms
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import PAIR_COLUMNS, Segmentation, cut
+from structlearn.tasks.movement.movement_parameters import PARTS, RestParameters
+
+SAMPLES = 500
+"""Of a path in normalised time."""
+
+
+def segmented(
+    runs: Sequence[Demonstration], given: str | None, cutting: SegmentParameters | None
+) -> Segmentation:
+    """Cuts of recordings; where a primitive is `given`, whole ones. Raises InputError as `segments.cut`."""
+    if given is None:
+        assert cutting is not None
+        return cut(runs, cutting)
+    rows = [
+        (one.name, one.name if given == PARTS else given, RESULT, 0.0, float(one.time[-1])) for one in runs
+    ]
+    return Segmentation(
+        cuts=pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"]),
+        pairs=pd.DataFrame(columns=PAIR_COLUMNS),
+        left_out=pd.DataFrame(columns=["demonstration", "reason"]),
+        doubts=pd.DataFrame(columns=DOUBT_COLUMNS).astype({"number": float}),
+        reference=runs[0].name,
+    )
+
+
+def learned_cuts(segmentation: Segmentation, keep_doubtful: bool) -> dict[str, pd.DataFrame]:
+    """Cuts by primitive that are learned from: without demonstrations that have a cut warning.
+
+    Raises InputError: all have one.
+    """
+    doubtful = [] if keep_doubtful else segmentation.doubts["demonstration"].unique()
+    found = {name: cuts[~cuts.index.isin(doubtful)] for name, cuts in segmentation.results.items()}
+    if not all(len(cuts) for cuts in found.values()):
+        raise InputError(
+            f"no demonstration is without a cut warning ({segmentation.doubts['reason'].iloc[0]}); "
+            "`keep_doubtful: true` learns from all"
+        )
+    return found
+
+
+def cut_metrics(runs: Sequence[Demonstration], segmentation: Segmentation) -> Metrics:
+    """Numbers of demonstrations, mean durations, and in simulation the mean error of the cut points."""
+    found: Metrics = {
+        "cuts_demonstrations": segmentation.cuts["demonstration"].nunique(),
+        "cuts_left_out": len(segmentation.left_out),
+        "cuts_doubtful": len(segmentation.doubts),
+    }
+    for name, cuts in segmentation.results.items():
+        found[f"cuts_{name}_mean_s"] = float((cuts["end_s"] - cuts["start_s"]).mean())
+    known = all(
+        one.true_segments is not None and len(one.true_segments) == len(segmentation.primitives)
+        for one in runs
+    )
+    if known and len(runs) > 1:
+        errors = mean_cut_errors_ms(cut_errors(runs, segmentation))
+        found["cuts_error_ms"] = float(errors.loc[RESULT, "mean_ms"])
+    return found
+
+
+def cut_errors_between_rests(
+    runs: Sequence[Demonstration], cutting: SegmentParameters, rests: RestParameters
+) -> pd.DataFrame:
+    """Errors of the cuts of whole movements that were set between random rests with smooth noise.
+
+    The first movement, treated in the same way, is the reference. Rests are the same at every noise level.
+    Returns rows of `cut_errors` with `noise_mm` and `seed`.
+    """
+    work = [(noise, seed) for noise in rests.noise_mm for seed in range(rests.seeds)]
+    find = partial(_found_again, runs=runs, cutting=cutting, rests=rests)
+    return pd.concat(parallel_map(find, work, "movements between rests"), ignore_index=True)
+
+
+def _found_again(
+    level: tuple[float, int],
+    runs: Sequence[Demonstration],
+    cutting: SegmentParameters,
+    rests: RestParameters,
+) -> pd.DataFrame:
+    noise, seed = level
+    dwells = Dwells(*rests.rest_s, rests.noise_hz)
+    embedded = [
+        between_dwells(one, dwells, 1e-3 * noise, np.random.default_rng([seed, place]))
+        for place, one in enumerate(runs)
+    ]
+    return cut_errors(embedded, cut(embedded, cutting)).assign(noise_mm=noise, seed=seed)
+
+
+def reproduction(
+    runs: Sequence[Demonstration],
+    cuts: Mapping[str, pd.DataFrame],
+    parameters: FitParameters,
+    fold: int,
+) -> pd.DataFrame:
+    """Distance of primitives from what they were learned from and from what was left out.
+
+    Returns rows of `cross_validation` with `scaled` (False: forcing terms as published, which do not grow
+    with the reach) and `from_mean_mm`, the mean distance of the demonstration from the mean of all, in the
+    local frame and normalised time: no single movement can be much closer to all of them.
+    """
+    tables = [cross_validation(runs, cuts, parameters, fold).assign(scaled=True)]
+    published = parameters.model_copy(update={"scaled_axes": (False,) * 3})
+    spread: dict[tuple[str, str], float] = {}
+    for name, its in cuts.items():
+        segments = segment_paths(runs, its, parameters.smoothing_hz)
+        names = [one.name for one in runs if one.name in its.index]
+        primitive = learn_primitive(name, segments, published)
+        errors = reproduction_errors(primitive, segments)
+        keys = {"primitive": name, "demonstration": names, "regression": parameters.regression}
+        if any(parameters.scaled_axes):
+            tables.append(errors.assign(**keys, left_out=False, scaled=False))
+        spread |= {(name, one): mm for one, mm in zip(names, _from_mean_mm(segments, primitive), strict=True)}
+    table = pd.concat(tables, ignore_index=True)
+    return table.assign(
+        from_mean_mm=[spread[key] for key in zip(table["primitive"], table["demonstration"], strict=True)]
+    )
+
+
+def _from_mean_mm(segments: Sequence[Segment], primitive: PosePrimitive) -> np.ndarray:
+    paths = [in_local_frame(position, primitive.position.frame).position for position, _ in segments]
+    curves = np.array([signals.time_normalised(path, SAMPLES) for path in paths])
+    return 1e3 * np.linalg.norm(curves - curves.mean(axis=0), axis=2).mean(axis=1)
+
+
+def fit_metrics(reproduction: pd.DataFrame, parameters: FitParameters) -> Metrics:
+    """Mean distance of each primitive from demonstrations left out, or learned from if there is just one."""
+    used = reproduction[(reproduction["regression"] == parameters.regression) & reproduction["scaled"]]
+    found: Metrics = {}
+    for name, its in used.groupby("primitive", sort=False):
+        told, word = (its[its["left_out"]], "left_out") if its["left_out"].any() else (its, "fit")
+        found[f"primitives_{name}_{word}_mm"] = float(told["mean_mm"].mean())
+        if "mean_deg" in told:
+            found[f"primitives_{name}_{word}_deg"] = float(told["mean_deg"].mean())
+    return found
+
+
+def turns(runs: Sequence[Demonstration], primitive: PosePrimitive, parameters: FitParameters) -> pd.DataFrame:
+    """How orientations are reproduced by a primitive from each run alone, and by the one from all of them.
+
+    Returns `learned_from`, `compared_with`, `turn_deg` (net turn of the run), `mean_deg`, `max_deg`,
+    `end_deg`. A single run's primitive is unrolled with the run's start, goal and duration and compared with
+    the run as recorded; that of all with the mean start, goal and duration, and compared with the runs'
+    time-normalised mean. Raises InputError: a run has no orientation.
+    """
+    segments = segment_paths(runs, whole(runs), parameters.smoothing_hz)
+    paths = orientations(segments)
+    rows = []
+    for run, segment, path in zip(runs, segments, paths, strict=True):
+        own = learn_primitive(primitive.name, [segment], parameters).orientation
+        assert own is not None
+        turn = own.unroll(path.dt, path.orientation[0], path.orientation[-1], path.duration)
+        errors = angular_errors(turn.orientation, run.signal("orientation"))
+        rows.append((run.name, run.name, np.degrees(largest_turn([path])), *errors.values()))
+    assert primitive.orientation is not None
+    turn = primitive.orientation.unroll(paths[0].dt)
+    mean = mean_orientation_path([run.signal("orientation") for run in runs], len(turn.time))
+    net = np.mean([np.degrees(largest_turn([path])) for path in paths])
+    rows.append(("all", "their mean", net, *angular_errors(turn.orientation, mean).values()))
+    columns = ["learned_from", "compared_with", "turn_deg", "mean_deg", "max_deg", "end_deg"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def angular_errors(path: np.ndarray, reference: np.ndarray) -> dict[str, float]:
+    """Mean, largest and final angle in degrees between two orientation paths (T, 4)."""
+    angle = np.degrees(quaternion.angle_between(path, reference))
+    return {"mean_deg": angle.mean(), "max_deg": angle.max(), "end_deg": angle[-1]}
+
+
+def mean_orientation_path(paths: Sequence[np.ndarray], samples: int) -> np.ndarray:
+    """Mean orientation (samples, 4) of paths (T_l, 4) at each fraction of their durations."""
+    stretched = np.array([signals.time_normalised(path, samples) for path in paths])
+    return quaternion.sign_continuous(
+        np.array([quaternion.mean(quaternion.normalised(stretched[:, k])) for k in range(samples)])
+    )
+
+
+def execution_errors(parts: Sequence[Demonstration], path: SequencePath) -> pd.DataFrame:
+    """Distance of an unrolled sequence from the parts of the execution that it was learned from.
+
+    Returns per `primitive`: `mean_mm`, `max_mm`, `end_mm`, and with orientations `mean_deg`, `max_deg`,
+    `end_deg`.
+    """
+    rows = []
+    for part, first, last in zip(parts, path.switches[:-1], path.switches[1:], strict=True):
+        here = slice(first, last + 1)
+        mm = 1e3 * np.linalg.norm(path.position.position[here] - part.position, axis=1)
+        row = {"primitive": part.name, "mean_mm": mm.mean(), "max_mm": mm.max(), "end_mm": mm[-1]}
+        if path.orientation is not None:
+            row |= angular_errors(path.orientation.orientation[here], part.signal("orientation"))
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def learn_traces(
+    parts: Sequence[Demonstration], smoothing_hz: float
+) -> tuple[dict[str, VectorPrimitive], pd.DataFrame, pd.DataFrame]:
+    """Sensor primitives of all tactile channels in every part of an execution.
+
+    The sensors' offset is taken at the start of the first part and stays for the whole execution.
+
+    Returns:
+        By part: its sensor primitive; a table per primitive and electrode with `range` (largest minus
+        smallest count), `rms` (root mean squared error in counts) and `nmse`; and the traces, with
+        `primitive`, `electrode`, `time_s`, `recorded`, `expected` (counts).
+    """
+    primitives, scores, traces = {}, [], []
+    for part in parts:
+        recorded = without_offset(part.signal("tactile"), parts[0].signal("tactile"))
+        primitives[part.name] = fit_expected_traces([recorded], part.dt, smoothing_hz)
+        expected = expected_traces(primitives[part.name], len(recorded), part.dt)
+        electrodes = np.arange(1, recorded.shape[1] + 1)
+        errors = {
+            "range": np.ptp(recorded, axis=0),
+            "rms": np.sqrt(np.mean((expected - recorded) ** 2, axis=0)),
+            "nmse": metrics.nmse(expected, recorded),
+        }
+        scores.append(pd.DataFrame({"primitive": part.name, "electrode": electrodes, **errors}))
+        values = {
+            "electrode": np.repeat(electrodes, len(recorded)),
+            "time_s": np.tile(part.time, len(electrodes)),
+            "recorded": recorded.T.ravel(),
+            "expected": expected.T.ravel(),
+        }
+        traces.append(pd.DataFrame({"primitive": part.name, **values}))
+    return primitives, pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)

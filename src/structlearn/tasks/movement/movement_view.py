@@ -1,0 +1,189 @@
+"""Recordings of a task's movements, and of what was learned from them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.core import quaternion, signals
+from structlearn.feedback.coupling_model import CouplingModel, read_networks
+from structlearn.palette import DEMONSTRATION_COLOUR, LIGHT_GREY, PHASE_PATHS, REPRODUCTION_COLOUR, Look
+from structlearn.primitives import sequence
+from structlearn.primitives.fitting import orientations, segment_paths, whole
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.trajectory import OrientationTrajectory
+from structlearn.primitives.twist_swing import dominant_axes, from_chart, on_chart
+from structlearn.readers.demonstration import SIGNALS, Demonstration
+from structlearn.segmentation.alignment import RESULT
+from structlearn.segmentation.segments import Segmentation
+from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
+from structlearn.tasks.movement.phase_corrections import complete, typical_paths
+from structlearn.tasks.task_files import TaskFiles
+from structlearn.viewer.learned_primitives import write_primitives
+from structlearn.viewer.notes import legend, notes_view, send_notes
+from structlearn.viewer.recorded_demonstrations import write_demonstrations
+from structlearn.viewer.rrd import entity, eye_view, layout, plot, recording, rgba, send_series, time_column
+
+DEMONSTRATED = (
+    "Coloured by the primitive that they were cut into, white outside; each has a tab with its signals."
+)
+LEARNED = """Thick: the primitives in turn, from and to the mean start and goals (nominal) and others
+(generalised); faint: demonstrations."""
+
+RECORDED, PRIMITIVE = Look("recorded", DEMONSTRATION_COLOUR), Look("primitive", REPRODUCTION_COLOUR)
+
+EXECUTION = "execution"
+"""Name of an execution whose parts were recorded one by one."""
+
+
+def write_movements(files: TaskFiles, folder: Path) -> None:
+    """A recording of the demonstrations, one of the primitives, and others of what else was learned."""
+    own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
+    cut = joined(runs) if own.given == PARTS else (runs, files.segmentation())
+    title = f"{files.name}: demonstrations"
+    write_demonstrations(folder / "demonstrations.rrd", *cut, title, DEMONSTRATED)
+    paths = {name: files.table(f"primitives/{name}") for name in ("nominal", "generalised")}
+    write_primitives(folder / "primitives.rrd", runs, primitives, paths, f"{files.name}: primitives", LEARNED)
+    if own.turns:
+        segments = segment_paths(runs, whole(runs), own.fit.smoothing_hz)
+        write_turns(folder / "turns.rrd", orientations(segments), primitives[0])
+    if own.corrections is not None:
+        corrected = complete(files.runs("corrected"), files.table("feedback/completeness"))
+        networks = read_networks(files.folder / "feedback/phase_networks.safetensors")
+        write_corrected(folder / "corrected.rrd", corrected, primitives, networks)
+
+
+def write_corrected(
+    path: Path,
+    corrected: Sequence[Demonstration],
+    nominal: Sequence[PosePrimitive],
+    networks: Mapping[str, CouplingModel],
+) -> None:
+    """The complete corrected runs, and the nominal primitive with and without the coupling learned."""
+    tables = {
+        PHASE_PATHS[name].name: sequence.sequence_table(
+            sequence.SequencePath(unrolled, None, np.array([0, len(unrolled.time) - 1])), [nominal[0].name]
+        )
+        for name, unrolled in typical_paths(nominal[0].position, corrected, list(networks.items())).items()
+    }
+    colours = dict(PHASE_PATHS[name] for name in ("nominal", "coupling"))
+    note = (
+        f"The nominal primitive among {len(corrected)} corrected runs, from their mean start to the mean "
+        f"goal, without and with the coupling term learned from most of them:\n\n{legend(colours)}"
+    )
+    write_primitives(
+        path, corrected, nominal, tables, "Corrected runs: the primitive with coupling", note, colours=colours
+    )
+
+
+def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segmentation]:
+    """Parts that follow each other as one demonstration, and where each begins and ends."""
+    times, starts = [], [0.0]
+    for part in parts:
+        times.append(part.time + starts[-1])
+        starts.append(times[-1][-1] + part.dt)
+    signals: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in SIGNALS
+        if all(getattr(part, name) is not None for part in parts)
+    }
+    nothing: dict[str, Any] = {
+        one.name: None for one in fields(Demonstration) if one.name in SIGNALS and one.name not in signals
+    }
+    execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **signals, **nothing)
+    rows = [
+        (EXECUTION, part.name, RESULT, start, end)
+        for part, start, end in zip(parts, starts[:-1], starts[1:], strict=True)
+    ]
+    cuts = pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"])
+    return [execution], Segmentation(cuts, pd.DataFrame(), pd.DataFrame(), pd.DataFrame(), EXECUTION)
+
+
+RATE_HZ = 50.0
+
+RADIUS, APART = 0.04, 0.11
+"""Of the caps in m, and from one's middle to the next one's."""
+
+EYE = np.array([0.26, 0.0, 0.2])
+"""Camera in m, from the middle of the row."""
+
+UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+"""Axes of the chart for drawing: the dominant one points up."""
+
+CHART = ("twist", "swing", "second swing")
+
+
+def write_turns(path: Path, logs: Sequence[OrientationTrajectory], primitive: PosePrimitive) -> None:
+    """Write the recording."""
+    axes, learned = dominant_axes(logs), primitive.orientation
+    assert learned is not None
+    shown = [*((f"log {number}", log, RECORDED.colour) for number, log in enumerate(logs, 1))]
+    shown.append((PRIMITIVE.name, learned.unroll(logs[0].dt), PRIMITIVE.colour))
+    samples = round(learned.duration * RATE_HZ)
+    times = [time_column(np.linspace(0.0, learned.duration, samples))]
+    with recording(path, "Turns of the hand and the primitive") as stream:
+        stream.send_blueprint(_blueprint([name for name, _, _ in shown]))
+        send_notes(stream, _note(logs))
+        for place, (name, turn, colour) in enumerate(shown):
+            angles = signals.time_normalised(on_chart(turn, axes).position, samples)  # (samples, 3) rad
+            _send_cap(stream, name, colour, place, times, from_chart(angles, UP))
+            for chart, values in zip(CHART, np.degrees(angles).T, strict=True):
+                send_series(stream, entity(chart, name), times, values[:, None], [name], [colour])
+
+
+def _note(logs: Sequence[OrientationTrajectory]) -> str:
+    return (
+        f"Turns of the hand: {len(logs)} recorded runs, and the primitive "
+        "learned from all of them. All are stretched to its duration and turn to their goals, where every "
+        "pointer meets its mark. The axis of the turn points up; what is left of the motion is the swing.\n\n"
+        + legend(dict([RECORDED, PRIMITIVE]))
+    )
+
+
+def _send_cap(
+    stream: rr.RecordingStream,
+    name: str,
+    colour: str,
+    place: int,
+    times: Sequence[rr.TimeColumn],
+    orientation: np.ndarray,
+) -> None:
+    """A cap with a pointer at its place in the row, turning with orientations (T, 4), and the goal's mark."""
+    middle = np.array([0.0, APART * place, 0.0])
+    cap = entity("caps", name)
+    stream.log(
+        cap,
+        rr.Cylinders3D(
+            lengths=[0.5 * RADIUS],
+            radii=[RADIUS],
+            colors=rgba([colour], 0.8),
+            fill_mode=rr.components.FillMode.Solid,
+        ),
+        static=True,
+    )
+    height = 0.27 * RADIUS
+    pointer = rr.LineStrips3D(
+        [[[0.0, 0.0, height], [RADIUS, 0.0, height]]], colors=rgba([LIGHT_GREY]), radii=0.003
+    )
+    stream.log(entity("caps", name, "pointer"), pointer, static=True)
+    translation = np.tile(middle, (len(orientation), 1))
+    turns = rr.Transform3D.columns(translation=translation, quaternion=quaternion.to_xyzw(orientation))
+    stream.send_columns(cap, times, turns)
+    front = middle + np.array([[1.15 * RADIUS, 0.0, height], [1.8 * RADIUS, 0.0, 0.0]])
+    mark = rr.Points3D(front[:1], colors=rgba([colour]), radii=0.004)
+    stream.log(entity("marks", name), mark, static=True)
+    label = rr.Points3D(front[1:], colors=rgba([colour]), radii=0.0, labels=[name], show_labels=True)
+    stream.log(entity("marks", name, "name"), label, static=True)
+
+
+def _blueprint(shown: Sequence[str]) -> rrb.Blueprint:
+    middle = np.array([0.0, 0.5 * APART * (len(shown) - 1), 0.0])
+    scene = eye_view("Axis of the turn up", ["/caps/**", "/marks/**"], middle, EYE)
+    plots = [plot(f"{name} (degrees to the goal)", [f"{entity(name)}/**"]) for name in CHART]
+    left = rrb.Vertical(scene, notes_view(), row_shares=[3, 2])
+    return layout(rrb.Horizontal(left, rrb.Vertical(*plots, row_shares=[3, 1, 1]), column_shares=[1, 1]))

@@ -1,0 +1,241 @@
+"""Corrected runs of a primitive: coupling targets, learned from the phase alone (IV.6).
+
+Corrected runs have the start and goal of the nominal ones and another path in between. Their coupling targets
+against the nominal primitive (eq. IV.23) are learned as a function of phase, without any sensor:
+
+    c = w_c . (G(p, u) * b_m)          a phase-modulated network of input dimension 0 and no hidden layer
+
+Such a network is linear in its features G, so its squared loss is convex: the least squares that the forcing
+term is fitted with give its minimum at once, and nothing is trained.
+
+Every split draws the runs to learn from anew, since one draw of a few runs to reproduce says little. The
+splits share their runs, so an interval over them would be too narrow: whoever compares two distances takes
+each run's mean over the splits that left it out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core import signals
+from structlearn.core.errors import MissingInputError
+from structlearn.core.metrics import nmse
+from structlearn.feedback.coupling import position_target
+from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
+from structlearn.primitives import canonical, kernels
+from structlearn.primitives.position import PositionPrimitive, in_local_frame
+from structlearn.primitives.trajectory import Trajectory, differentiated
+from structlearn.primitives.vector import VectorPrimitive, sample_count
+from structlearn.readers.demonstration import Demonstration
+from structlearn.tasks.movement.movement_parameters import PhaseCorrectionParameters
+
+AXES = ("x", "y", "z")
+"""Of the local frame: x from start to goal, z upwards, y to the side."""
+
+Networks = Sequence[tuple[str, CouplingModel]]
+"""One network per local axis, by its name in `AXES`."""
+
+
+@dataclass(frozen=True)
+class CorrectedRun:
+    """One complete corrected run."""
+
+    name: str  # of the recording
+    path: Trajectory  # (T, 3) m relative to its start, in its local frame
+    target: np.ndarray  # (T, 3) coupling target of each local axis, in m: c is an acceleration times tau^2
+
+
+def completeness(runs: Sequence[Demonstration], nominal: PositionPrimitive, largest_m: float) -> pd.DataFrame:
+    """Which corrected runs start and end where the nominal ones do.
+
+    One that begins or ends in mid-air has no start or no goal, hence no local frame and no coupling target.
+    Returns `run`, `start_off_mm`, `goal_off_mm`, and whether it is `complete`.
+    """
+    ends = np.array([one.position[[0, -1]] for one in runs]) - [nominal.start, nominal.goal]
+    off_mm = 1e3 * np.linalg.norm(ends, axis=2)
+    return pd.DataFrame(
+        {
+            "run": [one.name for one in runs],
+            "start_off_mm": off_mm[:, 0],
+            "goal_off_mm": off_mm[:, 1],
+            "complete": off_mm.max(axis=1) <= 1e3 * largest_m,
+        }
+    )
+
+
+def complete(runs: Sequence[Demonstration], completeness: pd.DataFrame) -> list[Demonstration]:
+    """Those that are complete."""
+    names = set(completeness.loc[completeness["complete"], "run"])
+    return [one for one in runs if one.name in names]
+
+
+def corrected_runs(
+    runs: Sequence[Demonstration], nominal: PositionPrimitive, smoothing_hz: float
+) -> list[CorrectedRun]:
+    """Corrected runs with the coupling term that each asks of the nominal primitive."""
+    found = []
+    for run in runs:
+        path = in_local_frame(differentiated(run.position, run.dt, smoothing_hz), nominal.frame)
+        target = position_target(path, nominal.local, goal=path.position[-1])
+        found.append(CorrectedRun(run.name, path, target))
+    return found
+
+
+def phase_networks(
+    targets: Sequence[np.ndarray], kernel_count: int = kernels.KERNEL_COUNT
+) -> list[tuple[str, PhaseModulatedNetwork]]:
+    """Phase-only networks at the minimum of their squared loss, one per local axis.
+
+    Only the products of w_c and b_m count, so w_c is 1 and b_m solves the ridge regression of
+    `kernels.forcing_weights`; there is no other minimum.
+    """
+    weights = kernels.forcing_weights(targets, count=kernel_count)  # (N, 3)
+    return [(axis, open_loop(biases)) for axis, biases in zip(AXES, weights.T, strict=True)]
+
+
+def phase_coupling(networks: Networks, samples: int) -> np.ndarray:
+    """Coupling term (samples, 3) of phase-only networks from start to end; it does not depend on duration."""
+    phases = canonical.phase(np.linspace(0.0, 1.0, samples), canonical.TAU_PER_DURATION)
+    nothing = np.zeros((samples, 0))
+    return np.column_stack([network.coupling(nothing, *phases) for _, network in networks])
+
+
+def adapted_path(nominal: VectorPrimitive, run: Trajectory, networks: Networks | None = None) -> Trajectory:
+    """The nominal primitive to the goal and in the time of a run, with learned coupling in the loop."""
+    terms = None if networks is None else phase_coupling(networks, len(run.time))
+    coupling = None if terms is None else lambda k, x, xd: terms[k]
+    return nominal.unroll(run.dt, run.position[0], run.position[-1], run.duration, coupling=coupling)
+
+
+def typical_paths(
+    nominal: PositionPrimitive, runs: Sequence[Demonstration], networks: Networks
+) -> dict[str, Trajectory]:
+    """The nominal primitive in the mean situation of corrected runs, without and with learned coupling.
+
+    Returns `nominal` and `coupling`: (T, 3) paths in the base frame.
+    """
+    start, goal = (np.mean([one.position[end] for one in runs], axis=0) for end in (0, -1))
+    duration, dt = float(np.mean([one.time[-1] for one in runs])), runs[0].dt
+    terms = phase_coupling(networks, sample_count(duration, dt))
+    return {
+        "nominal": nominal.unroll(dt, start, goal, duration),
+        "coupling": nominal.unroll(dt, start, goal, duration, coupling=lambda k, x, xd: terms[k]),
+    }
+
+
+SAMPLES = 500
+"""Of a movement in normalised time, for distances and tables."""
+
+END = 0.1
+"""Last part of the movement that is looked at alone: there the phase velocity fades, and with it all that a
+phase-modulated network can say."""
+
+
+def learn_corrections(
+    runs: Sequence[CorrectedRun], nominal: VectorPrimitive, parameters: PhaseCorrectionParameters
+) -> tuple[Networks, dict[str, pd.DataFrame]]:
+    """Learn the coupling from some runs and reproduce the others, for several random choices.
+
+    Returns the networks of the first split, and tables:
+
+    distances: per `split` and left-out `run` the number `learned_from`, mean distances over normalised time
+        from the nominal primitive without and with learned coupling, unrolled to the run's goal in its
+        duration from the nominal runs' mean initial state (`nominal_mm`, `coupling_mm`), and from the mean of
+        the training runs (`spread_mm`); `end_share` of the distance with coupling in the last `END`.
+    profile: these distances over `fraction` of the duration and `phase`, mean over splits and left-out runs.
+    targets: per `axis` and `fraction` with `phase`, in m: `mean` and `std` of all targets, and the coupling
+        `learned` in the first split.
+    scores: per `split` and `axis` the `nmse` on left-out targets, and which shares of the squared targets and
+        residuals lie in the last `END` (`target_end_share`, `residual_end_share`).
+    paths: of the first split's left-out runs in local frames: `run`, `path` (`recorded`, `nominal` or
+        `coupling`), `fraction`, `x`, `y`, `z` in m.
+
+    Raises MissingInputError: there are no two runs, one to learn from and one to leave out.
+    """
+    if len(runs) < 2:
+        raise MissingInputError(f"{len(runs)} complete corrected runs; at least two are needed")
+    curves = np.array([_curve(one.path) for one in runs])  # (L, S, 3) m
+    unchanged = np.array([_curve(adapted_path(nominal, one.path)) for one in runs])
+    targets = np.array([signals.time_normalised(one.target, SAMPLES) for one in runs])
+    fraction = np.linspace(0.0, 1.0, SAMPLES)
+    clock = {"fraction": fraction, "phase": canonical.phase(fraction, canonical.TAU_PER_DURATION)[0]}
+    networks, profiles = [], []
+    found: dict[str, list[pd.DataFrame]] = {"distances": [], "scores": [], "paths": []}
+    for split in range(parameters.splits):
+        seen, unseen = _split(len(runs), parameters, split)
+        networks.append(phase_networks([runs[place].target for place in seen], parameters.kernel_count))
+        coupled = np.array([_curve(adapted_path(nominal, runs[at].path, networks[-1])) for at in unseen])
+        paths = {"nominal": unchanged[unseen], "coupling": coupled, "spread": curves[seen].mean(axis=0)}
+        away = {f"{name}_mm": _distances_mm(its, curves[unseen]) for name, its in paths.items()}
+        profiles.append({name: mm.mean(axis=0) for name, mm in away.items()})
+        names = [runs[place].name for place in unseen]
+        distances = {"run": names, "learned_from": len(seen)} | {
+            name: mm.mean(axis=1) for name, mm in away.items()
+        }
+        distances["end_share"] = _end_share(away["coupling_mm"])
+        found["distances"].append(pd.DataFrame(distances).assign(split=split))
+        found["scores"].append(_scores(networks[-1], targets[unseen]).assign(split=split))
+        if split == 0:
+            shown = {"recorded": curves[unseen]} | {name: paths[name] for name in ("nominal", "coupling")}
+            found["paths"] = [
+                pd.DataFrame({"run": name, "path": kind, "fraction": fraction} | _columns(curve))
+                for kind, its in shown.items()
+                for name, curve in zip(names, its, strict=True)
+            ]
+    tables = {name: pd.concat(its, ignore_index=True) for name, its in found.items()}
+    means = {name: np.mean([one[name] for one in profiles], axis=0) for name in profiles[0]}
+    tables["profile"] = pd.DataFrame(clock | means)
+    learned = phase_coupling(networks[0], SAMPLES)
+    tables["targets"] = pd.concat(
+        [
+            pd.DataFrame({"axis": axis, **clock, "mean": mean, "std": std, "learned": coupling})
+            for axis, mean, std, coupling in zip(
+                AXES, targets.mean(axis=0).T, targets.std(axis=0).T, learned.T, strict=True
+            )
+        ],
+        ignore_index=True,
+    )
+    return networks[0], tables
+
+
+def _split(count: int, parameters: PhaseCorrectionParameters, split: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the runs learned from and of those left out, each in order."""
+    order = np.random.default_rng([parameters.seed, split]).permutation(count)
+    learned = min(max(round(parameters.learned_share * count), 1), count - 1)
+    return np.sort(order[:learned]), np.sort(order[learned:])
+
+
+def _scores(networks: Networks, targets: np.ndarray) -> pd.DataFrame:
+    """One row per axis, see `learn_corrections`; `targets` (M, S, 3) of left-out runs."""
+    learned = np.broadcast_to(phase_coupling(networks, SAMPLES), targets.shape)
+    squared, residual = ((values**2).sum(axis=0).T for values in (targets, targets - learned))  # (3, S)
+    return pd.DataFrame(
+        {
+            "axis": AXES,
+            "nmse": nmse(learned.reshape(-1, len(AXES)), targets.reshape(-1, len(AXES))),
+            "target_end_share": _end_share(squared),
+            "residual_end_share": _end_share(residual),
+        }
+    )
+
+
+def _curve(path: Trajectory) -> np.ndarray:
+    return signals.time_normalised(path.position, SAMPLES)
+
+
+def _columns(curve: np.ndarray) -> dict[str, np.ndarray]:
+    return dict(zip(AXES, curve.T, strict=True))
+
+
+def _distances_mm(paths: np.ndarray, references: np.ndarray) -> np.ndarray:
+    """Distance at each sample: (..., S, 3), (..., S, 3) m -> (..., S) mm."""
+    return 1e3 * np.linalg.norm(paths - references, axis=-1)
+
+
+def _end_share(values: np.ndarray) -> np.ndarray:
+    """Share of the sum over normalised time (last axis) that lies in the last `END`."""
+    first = round((1.0 - END) * values.shape[-1])
+    return values[..., first:].sum(axis=-1) / values.sum(axis=-1)

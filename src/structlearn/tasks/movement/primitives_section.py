@@ -1,0 +1,393 @@
+"""Primitives of a task: what was learned, over what it was learned from, and how far they are apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from structlearn.core import signals
+from structlearn.palette import (
+    AXIS_COLOURS,
+    BLACK,
+    BLUE,
+    CATEGORICAL_COLOURS,
+    DEMONSTRATION_COLOUR,
+    GREY,
+    LIGHT_GREY,
+    ORANGE,
+    REPRODUCTION_COLOUR,
+    primitive_colour,
+)
+from structlearn.primitives.fitting import FitParameters, Segment, orientations, segment_paths
+from structlearn.primitives.position import in_local_frame
+from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
+from structlearn.primitives.twist_swing import dominant_axes, on_chart
+from structlearn.readers.demonstration import Demonstration
+from structlearn.reporting.claims import exact
+from structlearn.reporting.document import Table
+from structlearn.reporting.figure_style import styled
+from structlearn.reporting.findings import Findings
+from structlearn.reporting.movement_figures import fit_panel, sequence_figure, space_panels
+from structlearn.reporting.panels import SAMPLES, legend, panel
+from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
+from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
+from structlearn.tasks.public.page.recorded_tables import shown
+from structlearn.tasks.section import Section
+from structlearn.tasks.task_files import TaskFiles
+
+TITLES = {"nominal": "Nominal", "generalised": "New situation"}
+
+VARIANTS = {
+    (False, True): ("fit", "learned from"),
+    (True, True): ("left_out", "left out"),
+    (False, False): ("fit_unscaled", "learned from, forcing not scaled"),
+}
+"""By `left_out` and `scaled`: part of a metric's name, and what a table says."""
+
+MANY = 30
+"""Demonstrations from which on their distances are shown as histograms."""
+
+AXES = ["x", "y", "z"]
+
+
+def primitives_section(files: TaskFiles) -> Section:
+    """What was learned of the demonstrations, and how far it is from them."""
+    own = files.entry(MovementEntry)
+    runs, primitives = files.runs("demonstrations"), files.primitives()
+    cuts = learned_cuts(files.segmentation(), own.keep_doubtful)
+    segments = {name: segment_paths(runs, its, own.fit.smoothing_hz) for name, its in cuts.items()}
+    reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
+    errors = summary(reproduction)
+    sequences = {title: files.table(f"primitives/{name}") for name, title in TITLES.items()}
+    left_out = errors[errors["variant"] == "left out"]
+    told = left_out if len(left_out) else errors
+    spread = reproduction.groupby("primitive", sort=False)["from_mean_mm"].mean()
+    pictures = {}
+    if own.given in (None, PARTS):
+        pictures["space"] = space_figure(runs, sequences[TITLES["nominal"]])
+        pictures["fit"] = [
+            fit_figure(one, place, segments[one.name], runs[0].dt) for place, one in enumerate(primitives)
+        ]
+        pictures["sequence"] = sequence_figure(sequences)
+    else:
+        pictures["local"] = [
+            local_panel(primitives[0], segments[primitives[0].name], *view) for view in ("xz", "xy")
+        ]
+    if len(runs) >= MANY:
+        pictures["distances"] = [
+            distance_panel(reproduction, column, width) for column, width in (("mean_mm", 5), ("max_mm", 10))
+        ]
+    main = "" if own.turns or own.given == PARTS else "space" if own.given is None else "local"
+    return Section(
+        "primitives",
+        "Primitives",
+        "primitives.html.jinja",
+        lead="primitives_lead.html.jinja",
+        facts={
+            "kernels": own.fit.kernel_count,
+            "fold": own.fold,
+            "worst": told.loc[told["mean_mm"].idxmax()].to_dict(),
+            "jump": max(map(largest_acceleration_jump, sequences.values())),
+            "names": list(cuts),
+            "turns": "mean_deg" in errors,
+            "spread": spread.to_dict(),
+            "drawn": set(pictures),
+            "main": main,
+            "demonstrations": len(runs),
+        },
+        tables={"errors": errors_table(errors)},
+        pictures=pictures,
+        find=findings(reproduction, errors, segments, own.fit),
+    )
+
+
+def summary(reproduction: pd.DataFrame) -> pd.DataFrame:
+    """Per primitive and variant: means of the mean errors, largest of the largest and of the end errors."""
+    variants = [
+        VARIANTS[key][1] for key in zip(reproduction["left_out"], reproduction["scaled"], strict=True)
+    ]
+    columns = {
+        "mean_mm": ("mean_mm", "mean"),
+        "max_mm": ("max_mm", "max"),
+        "end_mm": ("end_mm", "max"),
+        "mean_deg": ("mean_deg", "mean"),
+        "max_deg": ("max_deg", "max"),
+        "end_deg": ("end_deg", "max"),
+    }
+    known = {name: how for name, how in columns.items() if how[0] in reproduction}
+    by = reproduction.assign(variant=variants).groupby(["primitive", "variant"], sort=False)
+    found = by.agg(**known).reset_index()
+    order = list(dict.fromkeys(found["primitive"]))
+    return found.sort_values("primitive", key=lambda names: names.map(order.index), kind="stable")
+
+
+def errors_table(errors: pd.DataFrame) -> Table:
+    """The summary with its headings."""
+    headings = {
+        "mean_mm": "mean (mm)",
+        "max_mm": "largest (mm)",
+        "end_mm": "largest at the end (mm)",
+        "mean_deg": "mean (°)",
+        "max_deg": "largest (°)",
+        "end_deg": "largest at the end (°)",
+        "variant": "demonstrations",
+    }
+    formats = {name: ".2f" for name in headings if name != "variant"}
+    return Table(errors, formats | {"end_mm": ".3f"}, headings)
+
+
+def findings(
+    reproduction: pd.DataFrame,
+    errors: pd.DataFrame,
+    segments: dict[str, list[Segment]],
+    parameters: FitParameters,
+) -> Findings:
+    """Distances by primitive and variant, and what claims name, over the demonstrations of all primitives."""
+    numbers = fit_metrics(reproduction, parameters)
+    find = Findings.of_metrics(numbers, tuple(numbers)[:6]).among("recorded movements")
+    for name, its in reproduction.groupby("primitive", sort=False):
+        find.mean(f"{name}_own_spread_mm", its.drop_duplicates("demonstration")["from_mean_mm"], unit="mm")
+    prefixes = {words: prefix for prefix, words in VARIANTS.values()}
+    for row in errors.to_dict("records"):
+        for key, column in (("mean_mm", "mean_mm"), ("max_mm", "max_mm"), ("end_max_mm", "end_mm")):
+            find.exact(f"{row['primitive']}_{prefixes[row['variant']]}_{key}", row[column], unit="mm")
+    variants = {key: its for key, its in reproduction.groupby(["left_out", "scaled"], sort=False)}
+    published = variants.get((False, False), variants[False, True])
+    lengths_mm = np.array(
+        [
+            1e3 * np.linalg.norm(path.position[-1] - path.position[0])
+            for name in published["primitive"].unique()
+            for path, _ in segments[name]
+        ]
+    )
+    find.add("reach_ends", exact((100 * published["end_mm"] / lengths_mm).max(), len(published)), unit="%")
+    if (True, True) in variants:
+        left_out = variants[True, True]
+        find.mean("left_out_from_mean", left_out["mean_mm"] - left_out["from_mean_mm"], unit="mm")
+    return find
+
+
+@styled
+def space_figure(runs: list[Demonstration], nominal: pd.DataFrame) -> list[Figure]:
+    """The nominal sequence over all demonstrations."""
+    thin = {"color": LIGHT_GREY, "linewidth": 0.8}
+    paths = [(one.position, thin) for one in runs]
+    for place, (name, part) in enumerate(nominal.groupby("primitive", sort=False)):
+        look = {"color": primitive_colour(place), "linewidth": 2.2, "label": name}
+        paths.append((part[AXES].to_numpy(), look))
+    return space_panels(paths)
+
+
+@styled
+def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt: float) -> Figure:
+    """Segments of all demonstrations relative to their goal, and the primitive."""
+    shown = [1e3 * (path.position - path.position[-1]) for path, _ in segments]
+    learned = primitive.position
+    unrolled = 1e3 * (learned.unroll(dt).position - learned.goal)
+    return fit_panel(primitive.name, place, shown, np.asarray(unrolled), [f"{axis} (mm)" for axis in AXES])
+
+
+@styled
+def local_panel(primitive: PosePrimitive, segments: list[Segment], first: str, second: str) -> Figure:
+    """Segments and their primitive in the local frame, from one side."""
+    words = {"x": "forward", "y": "to the side", "z": "up"}
+    seen = {"z": "the side", "y": "above"}[second]
+    figure, axes = panel(f"From {seen}", 3.3, xlabel=f"{words[first]} (mm)", ylabel=f"{words[second]} (mm)")
+    place, learned = ["xyz".index(first), "xyz".index(second)], primitive.position
+    paths = [in_local_frame(position, learned.frame) for position, _ in segments]
+    for number, path in enumerate(paths):
+        points = 1e3 * signals.time_normalised(path.position, SAMPLES)[:, place]
+        axes.plot(*points.T, color=LIGHT_GREY, linewidth=0.7, label=None if number else "recorded")
+    unrolled = in_local_frame(learned.unroll(segments[0][0].dt), learned.frame).position
+    points = 1e3 * signals.time_normalised(unrolled, SAMPLES)[:, place]
+    axes.plot(*points.T, color=REPRODUCTION_COLOUR, linewidth=2.0, label="primitive")
+    return legend(figure)
+
+
+@styled
+def distance_panel(reproduction: pd.DataFrame, column: str, width_mm: float) -> Figure:
+    """How far the primitive is from every demonstration, in bins of a width."""
+    which = {"mean_mm": "Mean", "max_mm": "Largest"}[column]
+    figure, axes = panel(
+        f"{which} distance of the primitive", xlabel="distance (mm)", ylabel="demonstrations"
+    )
+    for left_out, colour in ((False, BLUE), (True, ORANGE)):
+        values = reproduction.query("scaled and left_out == @left_out")[column]
+        bins = np.arange(0.0, values.max() + width_mm, width_mm)
+        label = VARIANTS[left_out, True][1]
+        axes.hist(values, bins.tolist(), histtype="step", color=colour, label=label, linewidth=1.6)
+    return legend(figure)
+
+
+def turns_section(files: TaskFiles) -> Section | None:
+    """Turns of the hand: a primitive of each run alone, and one of all."""
+    own = files.entry(MovementEntry)
+    if not own.turns:
+        return None
+    errors = files.table("primitives/turns")
+    single, joint = errors[errors["learned_from"] != "all"], errors[errors["learned_from"] == "all"]
+    runs, (primitive,) = files.runs("demonstrations"), files.primitives()
+    segments = segment_paths(runs, files.segmentation().result(primitive.name), own.fit.smoothing_hz)
+    find = Findings("logs")
+    find.add(
+        "turns_found",
+        {
+            "mean of a log": exact(single["mean_deg"].max(), len(single)),
+            "mean of all": exact(joint["mean_deg"].max(), len(single)),
+            "at the end": exact(errors["end_deg"].max(), len(errors)),
+        },
+        unit="degrees",
+    )
+    numbers = {
+        "mean_deg_single": single["mean_deg"].mean(),
+        "mean_deg_joint": joint["mean_deg"].item(),
+        "end_deg_single": single["end_deg"].max(),
+        "end_deg_joint": joint["end_deg"].item(),
+    }
+    for name, value in numbers.items():
+        find.exact(f"{primitive.name}_{name}", value, unit="degrees", headline=name == "mean_deg_joint")
+    return Section(
+        "turns",
+        "Turns of the hand",
+        "turns.html.jinja",
+        lead="turns_lead.html.jinja",
+        facts={
+            "runs": list(single["learned_from"]),
+            "least_turn": single["turn_deg"].min(),
+            "most_turn": single["turn_deg"].max(),
+            "mean_deg": joint["mean_deg"].item(),
+        },
+        tables={"turns": shown(errors)},
+        pictures={"turning": turn_panel(segments, primitive)},
+        find=find,
+    )
+
+
+@styled
+def turn_panel(segments: list[Segment], primitive: PosePrimitive) -> Figure:
+    """Twist about the dominant axis, and swings about the others, of every run and of the primitive."""
+    figure, axes = panel("Turn of the hand", xlabel="time / duration", ylabel="degrees to the goal")
+    runs = orientations(segments)
+    assert primitive.orientation is not None
+    frame = dominant_axes(runs)
+    looks = {"recorded": DEMONSTRATION_COLOUR, "primitive": REPRODUCTION_COLOUR}
+    paths = [*(("recorded", run) for run in runs), ("primitive", primitive.orientation.unroll(runs[0].dt))]
+    for kind, path in paths:
+        angles = np.degrees(signals.time_normalised(on_chart(path, frame).position, 2 * SAMPLES))
+        for line, angle in zip(("-", "--", ":"), angles.T, strict=True):
+            axes.plot(np.linspace(0.0, 1.0, len(angle)), angle, line, color=looks[kind])
+    for name, colour in looks.items():
+        axes.plot([], [], color=colour, label=name)
+    for line, label in (("-", "twist"), ("--", "swing"), (":", "second swing")):
+        axes.plot([], [], line, color=BLACK, label=label)
+    return legend(figure, 3)
+
+
+STRONG_RANGE = 20
+"""Counts; an electrode that moves more than this stands clear of the sensor's noise of half a count."""
+
+
+def execution_section(files: TaskFiles) -> Section | None:
+    """An execution that was recorded in parts: the sequence over it, and its sensor primitives."""
+    own = files.entry(MovementEntry)
+    if own.given != PARTS:
+        return None
+    errors = files.table("primitives/execution")
+    find = Findings("primitives")
+    for row in errors.to_dict("records"):
+        for column in ("mean_mm", "mean_deg"):
+            if column in row:
+                find.exact(f"{files.name}_{row['primitive']}_{column}", row[column])
+    largest = {
+        words: exact(errors[column].max(), len(errors))
+        for words, column in (("position (mm)", "mean_mm"), ("orientation (°)", "mean_deg"))
+        if column in errors
+    }
+    find.add("sequence", largest, headline=True)
+    found = Section(
+        "execution",
+        "The execution",
+        "execution.html.jinja",
+        lead="execution_lead.html.jinja",
+        facts={"parts": list(errors["primitive"]), "electrodes": None, "strong_range": STRONG_RANGE},
+        tables={"execution": shown(errors)},
+        pictures={
+            "execution": execution_panel(files.runs("demonstrations"), files.table("primitives/nominal"))
+        },
+        find=find,
+    )
+    return found if own.traces_hz is None else _with_traces(found, files)
+
+
+def _with_traces(found: Section, files: TaskFiles) -> Section:
+    """The same, with the tactile channels as sensor primitives."""
+    scores, traces = files.table("primitives/trace_scores"), files.table("primitives/traces")
+    strong, find = scores[scores["range"] > STRONG_RANGE], found.find.among("electrodes that move")
+    by = scores.groupby("primitive", sort=False)
+    table = by.agg(rms=("rms", "median"), nmse=("nmse", "median"))
+    table["strong"] = strong.groupby("primitive").size().reindex(table.index, fill_value=0)
+    table["strong_nmse"] = strong.groupby("primitive")["nmse"].mean()
+    words = {"strong": f"electrodes beyond {STRONG_RANGE} counts", "strong_nmse": "their mean NMSE"}
+    columns = {"median_nmse": "nmse", "median_rms_counts": "rms", "strong_mean_nmse": "strong_nmse"}
+    for name, row in table.iterrows():
+        for key, column in columns.items():
+            find.exact(f"electrodes_{name}_{key}", row[column])
+    find.mean("electrodes", strong["nmse"], missing="no electrode moves enough")
+    return replace(
+        found,
+        facts={**found.facts, "electrodes": scores["electrode"].nunique()},
+        tables={
+            **found.tables,
+            "electrodes": Table(scores),
+            "electrode_errors": shown(table.reset_index().rename(columns=words)),
+        },
+        pictures={
+            **found.pictures,
+            "electrodes": [electrode_errors_panel(scores), *electrode_panels(scores, traces)],
+        },
+    )
+
+
+@styled
+def execution_panel(parts: list[Demonstration], path: pd.DataFrame) -> Figure:
+    """Position of an execution, and of the sequence learned from it; lines where it switches."""
+    figure, axes = panel("Recorded (grey), sequence", xlabel="time (s)", ylabel="from the start (mm)")
+    first, origin = 0, path[AXES].iloc[0].to_numpy()
+    for number, part in enumerate(parts):
+        its = path.iloc[first : first + len(part.time) : 8]
+        for place, (axis, colour) in enumerate(zip(AXES, AXIS_COLOURS, strict=True)):
+            recorded = 1e3 * (part.position[::8, place] - origin[place])
+            axes.plot(its["time_s"], recorded, color=LIGHT_GREY, linewidth=3.5)
+            unrolled = 1e3 * (its[axis] - origin[place])
+            axes.plot(its["time_s"], unrolled, color=colour, linewidth=1.2, label=None if number else axis)
+        first += len(part.time) - 1
+        axes.axvline(path["time_s"].iloc[first], color=GREY, linewidth=0.7)
+    return legend(figure, 3)
+
+
+@styled
+def electrode_errors_panel(scores: pd.DataFrame) -> Figure:
+    """Error of all sensor primitives over how far the electrode moves."""
+    figure, axes = panel("Error of all electrodes", xlabel="range of the electrode (counts)", ylabel="NMSE")
+    for colour, (name, part) in zip(
+        CATEGORICAL_COLOURS, scores.groupby("primitive", sort=False), strict=False
+    ):
+        axes.plot(part["range"], part["nmse"], "o", markersize=4, color=colour, label=name)
+    axes.set(xscale="log", yscale="log")
+    return legend(figure, 3)
+
+
+@styled
+def electrode_panels(scores: pd.DataFrame, traces: pd.DataFrame) -> list[Figure]:
+    """The six electrodes that move most in every primitive, with their sensor primitives."""
+    strongest = scores.groupby("electrode")["range"].max().nlargest(6).index
+    figures = []
+    for name, part in traces.groupby("primitive", sort=False):
+        figure, axes = panel(f"{name}: recorded (grey), primitive", xlabel="time (s)", ylabel="counts")
+        for colour, electrode in zip(CATEGORICAL_COLOURS, strongest, strict=False):
+            its = part[part["electrode"] == electrode].iloc[::8]
+            axes.plot(its["time_s"], its["recorded"], color=LIGHT_GREY, linewidth=3.0)
+            axes.plot(its["time_s"], its["expected"], color=colour, linewidth=1.1, label=f"E{electrode}")
+        figures.append(legend(figure, 3))
+    return figures

@@ -1,0 +1,326 @@
+"""What the page of the obstacle testbed states, over the people of the test population.
+
+The dissertation's statements are held against its own form: single networks with its rules (`TEXT`).
+Ensembles with limits at the goal (`OURS`) are evidence for this project's claims. Rates are clustered by
+person, errors are means over people, differences are paired by person.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from structlearn.avoidance.learned_models import (
+    ALL,
+    ENSEMBLE,
+    HUMAN_INSPIRED,
+    NETWORK,
+    PHASE_MODULATED,
+    SETTING,
+)
+from structlearn.avoidance.shapes import SHAPES
+from structlearn.core.params import Population
+from structlearn.primitives.position import PositionPrimitive
+from structlearn.readers.demonstration import Demonstration
+from structlearn.reporting.claims import Evidence
+from structlearn.reporting.findings import Findings
+from structlearn.testbeds.obstacles.files import Evaluation
+from structlearn.testbeds.obstacles.names import KINDS, SITUATIONS
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
+    GOAL_CHANGE,
+    LIMITED,
+    NO_MODEL,
+    PAIR,
+    PUBLISHED,
+    TRAINED,
+    UNSEEN,
+    Situations,
+    situations,
+)
+from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, reaches_by_situation
+from structlearn.testbeds.obstacles.world.scenarios import Scenario
+
+TEXT, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
+"""Kind of model and rules of what avoids: as published, and our variant."""
+
+EVERY = (*SHAPES, ALL)
+FEW_HITS = 1  # of the unseen spheres, that a person's model may hit to be good
+PARTS = {"learned from": "train", "held out": "test"}
+
+
+@dataclass(frozen=True)
+class ObstacleResults:
+    """Outputs of the stages of the testbed, and selections of them."""
+
+    found: Evaluation  # scores and paths of the unrolls, scores of the demonstrations
+    errors: pd.DataFrame  # how well the models fit, see `avoidance_fits.learn`
+    baselines: Mapping[int, PositionPrimitive]  # the unhindered reaches, by person
+    scenarios: Sequence[Scenario]  # those of the demonstrations, in their order
+    # by shape, of the setting `example_setting`, of the person that is shown
+    demonstrations: Mapping[str, Sequence[Demonstration]]
+    population: Population  # whose models are judged, and who is shown
+    parameters: Mapping[str, Any]  # of the stages, by their keys in `params.yaml`
+
+    @property
+    def simulated(self) -> bool:
+        """Whether any of the shown demonstrations was simulated."""
+        return any(one.simulated for its in self.demonstrations.values() for one in its)
+
+    @property
+    def people(self) -> list[int]:
+        """Seeds of those whose models are judged."""
+        return list(self.population.test)
+
+    @property
+    def baseline(self) -> PositionPrimitive:
+        """The unhindered reach of the person that is shown."""
+        return self.baselines[self.population.shown]
+
+    @cached_property
+    def situations(self) -> dict[str, Situations]:
+        """Those on the grid of spheres by their protocol, of the person that is shown."""
+        tested = self.parameters["obstacle_evaluation"]
+        cloud_count = self.parameters["obstacle_dataset"].cloud_count
+        every = situations(self.scenarios, self.baseline, tested, cloud_count)
+        return {one.protocol: one for one in every if one.protocol != TRAINED}
+
+    @cached_property
+    def demonstrated(self) -> pd.DataFrame:
+        """Scores of the demonstrations."""
+        return self._of_people(self.found.people)
+
+    @cached_property
+    def limited(self) -> pd.DataFrame:
+        """Scores of every unroll with limits at the goal."""
+        scores = self._of_people(self.found.scores)
+        return scores[scores["rules"] == LIMITED]
+
+    def rows(
+        self,
+        protocol: str,
+        model: str = NO_MODEL,
+        learned_from: str | Iterable[str] = "",
+        rules: str = LIMITED,
+        obstacle: str | None = None,
+        person: int | None = None,
+    ) -> pd.DataFrame:
+        """Scores of one protocol and model, in their order."""
+        sources = [learned_from] if isinstance(learned_from, str) else list(learned_from)
+        keys = [(protocol, rules, model, source) for source in sources]
+        none = self.found.scores.iloc[:0]
+        found = pd.concat([self._by_model.get(key, none) for key in keys]).sort_index(kind="stable")
+        mask = found["person"].isin(self.people if person is None else [person])
+        return found[mask if obstacle is None else mask & (found["obstacle"] == obstacle)]
+
+    def shown_rows(self, protocol: str) -> pd.DataFrame:
+        """The same without avoidance, of the person that is shown."""
+        return self.rows(protocol, person=self.population.shown)
+
+    def hits(self, protocol: str, model: str = NO_MODEL, learned_from: str | Iterable[str] = "") -> int:
+        """Number of hits with limits at the goal, of all people together."""
+        return int(self.rows(protocol, model, learned_from)["hit"].sum())
+
+    def hits_by_person(
+        self, protocol: str, form: tuple[str, str], learned_from: str | Iterable[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Hits (P,) of each person with a kind of model and its rules, and of how many reaches (P,)."""
+        kind, rules = form
+        hits = self.rows(protocol, kind, learned_from, rules).groupby("person", sort=False)["hit"]
+        return hits.sum().to_numpy(int), hits.size().to_numpy(int)
+
+    @cached_property
+    def fits(self) -> pd.DataFrame:
+        """`errors` with `nmse_across`, the mean of y and z, and `nmse_worse`, the larger of both.
+
+        x is never acted upon: the post-processing takes it away.
+        """
+        across = self.errors[["nmse_y", "nmse_z"]]
+        return self.errors.assign(nmse_across=across.mean(axis=1), nmse_worse=across.max(axis=1))
+
+    def fit(self, model: str, learned_from: str, obstacle: str, part: str = "test") -> pd.DataFrame:
+        """Rows of `fits` of a model that learned several scenarios, one per person, in their order."""
+        fits = self._of_people(self.fits)
+        mask = (fits["model"] == model) & (fits["learned_from"] == learned_from)
+        return fits[mask & (fits["obstacle"] == obstacle) & (fits["part"] == part)]
+
+    def fit_by_person(self, model: str, all_shapes: bool = False) -> np.ndarray:
+        """Held-out `nmse_across` (P,), mean over shapes, of models of a shape each or of one of all."""
+        rows = [self.fit(model, ALL if all_shapes else shape, shape)["nmse_across"] for shape in SHAPES]
+        return np.mean(rows, axis=0)
+
+    def shown_error(self, model: str) -> float:
+        """Held-out error along the worse of y and z of a model of all shapes of the person that is shown."""
+        fits = self.fits[(self.fits["person"] == self.population.shown) & (self.fits["part"] == "test")]
+        return float(fits[(fits["model"] == model) & (fits["learned_from"] == ALL)]["nmse_worse"].max())
+
+    def setting_fits(self, column: str, part: str) -> pd.DataFrame:
+        """NMSE of models that learned one scenario: one row per scenario that has it, a column per model."""
+        fits = self._of_people(self.fits)
+        fits = fits[(fits["learned_from"] == SETTING) & (fits["part"] == part)]
+        wide = fits.pivot_table(index=["person", "obstacle", "scenario"], columns="model", values=column)
+        return wide.reindex(columns=[NETWORK, HUMAN_INSPIRED]).dropna()
+
+    @cached_property
+    def reaches(self) -> dict[SituationKey, list[Reach]]:
+        """Every unroll with limits at the goal of the person that is shown."""
+        scores = self.found.scores
+        own = scores[scores["person"] == self.population.shown]
+        return reaches_by_situation(self.found.paths, own, self.baseline)
+
+    @cached_property
+    def contenders(self) -> list[tuple[str, str]]:
+        """Kind of every model that meets the spheres of the grid, with what it learned from."""
+        pairs = [(kind, source) for kind in KINDS for source in ("", *EVERY)]
+        return [pair for pair in pairs if len(self.rows(UNSEEN, *pair))]
+
+    @cached_property
+    def _by_model(self) -> dict[tuple[str, ...], pd.DataFrame]:
+        """Scores of everybody by protocol, rules, model and what it learned from."""
+        groups = self.found.scores.groupby(["protocol", "rules", "model", "learned_from"], sort=False)
+        return dict(iter(groups))
+
+    def _of_people(self, table: pd.DataFrame) -> pd.DataFrame:
+        return table[table["person"].isin(self.people)]
+
+
+def example_setting(scores: pd.DataFrame, person: int) -> int:
+    """The setting that a person's reach comes closest to without avoidance, averaged over the shapes."""
+    own = scores[(scores["protocol"] == TRAINED) & (scores["person"] == person)]
+    bare = own[own["model"] == NO_MODEL]
+    return int(bare.groupby("scenario")["obstacle_distance"].mean().idxmin())
+
+
+def findings(results: ObstacleResults, published: Mapping[str, Any]) -> Findings:
+    """All numbers of the page; `published` is the YAML.
+
+    `hits_unseen_<source>_worst_person` is the largest number of unseen spheres that anyone's ensemble hits,
+    by what it learned from, and `..._share_of_people_within_1` the share of people whose ensemble hits at
+    most one; `..._single_...` are those of the published form. `hits_<protocol>_baseline` and
+    `hits_all_shapes_<protocol>` are sums over people, without avoidance and with the ensemble of all shapes.
+    """
+    find = Findings(f"{len(results.people)} simulated people on whom nothing was tuned")
+    find.exact("people", len(results.people), headline=True)
+    find.exact("scenarios", len(results.scenarios))
+    find.exact("demonstrations", len(results.demonstrated))
+    find.exact("networks_per_ensemble", results.parameters["obstacle_training"].ensemble.members)
+    _fits(results, find, published["largest_nmse"])
+    _hits(results, find)
+    _goals(results, find, published["per_setting"][NETWORK]["goal_max"])
+    shown = find.among(f"person {results.population.shown}, on whom constants were tuned")
+    for name, kind in (("modulated", PHASE_MODULATED), ("not_modulated", NETWORK)):
+        shown.exact(f"nmse_shown_{name}", results.shown_error(kind))
+    return find
+
+
+def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None:
+    """Errors of the coupling term."""
+    own = results.setting_fits("nmse_dominant", "test")
+    fits = results.fits[results.fits["person"].isin(results.people) & (results.fits["part"] == "test")]
+    fits = fits[(fits["learned_from"] == SETTING) & (fits["model"] == NETWORK)]
+    find.exact("dominant_scenarios", len(own))
+    find.exact("nmse_dominant", fits["nmse_dominant"].mean(), len(own))
+    find.exact("nmse_without_dominant", fits.loc[fits["dominant"] == "", "nmse_across"].mean())
+    find.exact("nmse_along_x", fits["nmse_x"].mean(), len(fits))
+    for low_name, worse, column in (
+        ("low_errors", "rai_fits_worse", "nmse"),
+        ("low_dominant", "rai_dominant", "nmse_dominant"),
+    ):
+        errors = {words: results.setting_fits(column, part) for words, part in PARTS.items()}
+        low = {words: (its[NETWORK] <= largest_nmse).groupby(level="person") for words, its in errors.items()}
+        find.clustered_share(
+            low_name,
+            {words: (its.sum().to_numpy(), its.size().to_numpy()) for words, its in low.items()},
+        )
+        means = {words: its.groupby(level="person").mean() for words, its in errors.items()}
+        find.difference(
+            worse,
+            {words: (its[HUMAN_INSPIRED], its[NETWORK]) for words, its in means.items()},
+        )
+    find.mean("rai_across_settings", results.fit_by_person(HUMAN_INSPIRED))
+    find.mean(
+        "error_per_shape",
+        {
+            f"{shape}, {axis}": results.fit(NETWORK, shape, shape)[f"nmse_{axis}"]
+            for shape in SHAPES
+            for axis in "yz"
+        },
+    )
+    for kind, word in ((NETWORK, "single"), (ENSEMBLE, "ensemble")):
+        apart, together = (results.fit_by_person(kind, every) for every in (False, True))
+        find.difference(f"{word}_of_all_shapes", together, apart)
+        for source in EVERY:
+            shapes = SHAPES if source == ALL else (source,)
+            worst = [results.fit(kind, source, shape)["nmse_worse"].mean() for shape in shapes]
+            find.exact(f"nmse_test_{'' if kind == NETWORK else 'ensemble_'}{source}", max(worst))
+
+
+def _hits(results: ObstacleResults, find: Findings) -> None:
+    """Hits of obstacles, and how far hands go out of their way."""
+    hits, sizes = results.hits_by_person(TRAINED, TEXT, SETTING)
+    find.exact("reaches_hit_per_setting", hits.sum(), headline=True)
+    find.exact("networks_per_setting", sizes.sum())
+    find.clustered_share("hits_per_setting", hits, sizes)
+    rai = results.hits_by_person(TRAINED, (HUMAN_INSPIRED, PUBLISHED), SETTING)
+    find.clustered_share("hits_of_rai", *rai)
+    for form, word, trained in ((TEXT, "single_", SHAPES), (OURS, "", EVERY)):
+        for protocol, name, sources in ((TRAINED, "per_shape", trained), (UNSEEN, "unseen", trained)):
+            cases = {source: results.hits_by_person(protocol, form, source) for source in sources}
+            find.clustered_share(f"{word}hits_{name}", cases)
+    for protocol in SITUATIONS:
+        bare = results.rows(protocol)
+        find.exact(f"hits_{protocol}_baseline", bare["hit"].sum(), len(bare), headline=protocol == UNSEEN)
+        find.exact(f"hits_all_shapes_{protocol}", results.hits(protocol, ENSEMBLE, ALL), len(bare))
+        detour = results.rows(protocol, ENSEMBLE, ALL)["detour_m"]
+        find.exact(
+            f"detour_{protocol}_all_mean_m", detour.mean(), len(detour), unit="m", headline=protocol == PAIR
+        )
+    within = {}
+    for source in EVERY:
+        for form, word in ((OURS, ""), (TEXT, "_single")):
+            by_person, _ = results.hits_by_person(UNSEEN, form, source)
+            people, few = len(by_person), int((by_person <= FEW_HITS).sum())
+            stem, ours = f"hits_unseen_{source}{word}", form == OURS
+            find.exact(f"{stem}_worst_person", by_person.max(), people, headline=ours)
+            find.exact(f"{stem}_share_of_people_within_1", few / people, people, headline=ours)
+            if ours:  # of these people, so without interval
+                within[source] = Evidence(few / people, few / people, few / people, people, few)
+    find.add("people_within", within)
+    single, several = (
+        np.divide(*results.hits_by_person(UNSEEN, (kind, PUBLISHED), SHAPES)) for kind in (NETWORK, ENSEMBLE)
+    )
+    find.rate_difference("fewer_hits", single, several, unit="%")
+    detours = {
+        source: results.rows(PAIR, ENSEMBLE, source).groupby("person")["detour_m"].mean() for source in EVERY
+    }
+    find.mean("detour_pair", detours, unit="m")
+
+
+def _goals(results: ObstacleResults, find: Findings, largest_goal_m: float) -> None:
+    """Distances from the goal: at the prescribed time, at 1.5 times it (late), and between (excursion)."""
+    own = results.rows(TRAINED, NETWORK, SETTING, PUBLISHED)
+    far = (own["goal_distance_m"] > largest_goal_m).groupby(own["person"])
+    find.clustered_share("goal_of_network", far.sum().to_numpy(), far.size().to_numpy())
+    rai = results.rows(TRAINED, HUMAN_INSPIRED, SETTING, PUBLISHED)["goal_distance_m"]
+    find.exact("goal_of_rai", rai.max(), len(rai), unit="m")
+    limited = results.limited
+    for name in ("goal", "late_goal"):
+        find.exact(f"{name}_distance_max_m", limited[f"{name}_distance_m"].max(), len(limited), unit="m")
+    goals = {"prescribed time": "goal_distance_m", "1.5 times it": "late_goal_distance_m"}
+    find.exact(
+        "goal_with_limits",
+        {words: (100 * limited[column].max(), len(limited)) for words, column in goals.items()},
+        unit="cm",
+    )
+    between = limited.groupby("model")["excursion_m"].agg(["max", "size"])
+    find.exact("excursions", 100 * between.loc[ENSEMBLE, "max"], between.loc[ENSEMBLE, "size"])
+    for kind in (NETWORK, ENSEMBLE):
+        find.exact(f"excursion_{kind}_max_m", between.loc[kind, "max"], between.loc[kind, "size"], unit="m")
+    short = results.rows(GOAL_CHANGE)["goal_distance_m"]
+    find.exact("short_of_moved_goal_mm", 1e3 * short.max(), len(short), unit="mm")
+    per_setting = results.rows(TRAINED, NETWORK, SETTING)
+    for name, its in (("networks", per_setting), ("people", results.demonstrated)):
+        find.exact(f"distance_of_{name}_radii", its["obstacle_distance"].mean(), len(its))
+        find.exact(f"clearance_of_{name}_mm", 1e3 * its["clearance_m"].min(), len(its), unit="mm")

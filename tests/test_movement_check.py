@@ -1,0 +1,233 @@
+"""A skill held against a robot: what is tried, margins in closed form, and what is told of it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from own_skills import HERE, PANDA, pick_skill, slower
+from rigid_body_arms import planar_arm
+
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.primitives.transformation import ALPHA, BETA
+from structlearn.reporting.document import Document, Panel, Source, render
+from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
+from structlearn.simulation.arm import urdf_path
+from structlearn.tasks import check_verdict
+from structlearn.tasks.movement.movement_parameters import Placement, RobotParameters
+from structlearn.tasks.movement.skill_check import Unroll, unrolls
+from structlearn.tasks.own.page import check_section
+from structlearn.tasks.own.protocol import check_results, skill_check
+from structlearn.tasks.task_files import TaskFiles
+
+RATE_HZ = skill_check.RATE_HZ
+
+
+@pytest.fixture(scope="module")
+def check():
+    return skill_check.check_skill(pick_skill(("x", "rz")), PANDA)
+
+
+def nominal_alone(skill):
+    """Without corners and corrections."""
+    return ReactiveSkill(skill.primitives)
+
+
+def test_everything_that_may_vary_is_tried():
+    runs = list(unrolls(pick_skill(("x", "rz")), 100.0))
+    assert [run.kind for run in runs] == (
+        ["nominal"] + 8 * ["starts"] + 2 * 8 * ["goals"] + 2 * 2 * ["corrections"]
+    )
+    assert len({run.name for run in runs}) == len(runs)
+    box = pick_skill().workspace
+    ends = {"-": box.low, "+": box.high}
+    for run in (run for run in runs if run.kind in ("starts", "goals")):
+        signs = [part[-1] for part in run.name.split()[-3:]]
+        corner = [ends[sign][axis] for axis, sign in enumerate(signs)]
+        if run.kind == "starts":
+            np.testing.assert_allclose(run.position[0], corner, atol=1e-12)
+        elif "retreat" in run.name:
+            np.testing.assert_allclose(run.position[-1], corner, atol=2e-3)
+
+
+def test_corrections_are_held_at_their_bound_in_both_directions():
+    skill = pick_skill(("x", "rz"))
+    nominal, *others = unrolls(skill, 100.0)
+    runs = {run.name: run for run in others if run.kind == "corrections"}
+    for sign, name in ((1, "x +"), (-1, "x -")):
+        shift = (runs[name].position - nominal.position)[:, 0]
+        bound = skill.limits.largest_coupling["x"] / (ALPHA * BETA)
+        assert sign * shift[-1] == pytest.approx(bound, rel=0.05)
+        assert np.abs(runs[name].position - nominal.position)[:, 1:].max() < 1e-9
+    for sign, name in ((1, "rz +"), (-1, "rz -")):
+        turn = quaternion.difference(runs[name].orientation, nominal.orientation)[:, 2]
+        bound = skill.limits.largest_coupling["rz"] / (ALPHA * BETA)
+        assert sign * turn[-1] == pytest.approx(bound, rel=0.1)
+
+
+def test_margins_of_a_swinging_joint_are_those_of_a_sine(tmp_path):
+    (tmp_path / "arm.urdf").write_text(planar_arm(0.5, reach=2.0, velocity=4.0))
+    arm = read_arm(tmp_path / "arm.urdf", "tip")
+    time, size, pace = np.arange(0, 1, 1 / RATE_HZ), 1.2, 3.0
+    joints = size * np.sin(pace * time)[:, None]
+    jacobian = np.zeros((len(time), 3, 1))
+    jacobian[:, 1, 0] = 0.5
+    path = JointPath(joints, np.full(len(time), 4e-4), np.zeros(len(time)), jacobian)
+    one = np.ones(1)
+    bounds = skill_check.Bounds(4.0 * one, 10.0 * one, 40.0 * one, 0.25, 0.01)
+    rows = {row["quantity"]: row for row in skill_check.margins(arm, path, bounds, None)}
+    expected = {
+        "position": 1 - 0.4,
+        "joint range": 1 - size / 2.0,
+        "velocity": 1 - size * pace / 4.0,
+        "acceleration": 1 - size * pace**2 / 10.0,
+        "jerk": 1 - size * pace**3 / 40.0,
+        "joint jump": 1 - size * pace / RATE_HZ / skill_check.JUMP,
+        "singularity": 1.0,  # twice what is asked for
+    }
+    for quantity, margin in expected.items():
+        assert rows[quantity]["margin"] == pytest.approx(margin, abs=4e-3), quantity
+    assert rows["acceleration"]["verdict"] == "no"
+    assert rows["velocity"]["verdict"] == "doubtful"
+    assert rows["joint range"]["verdict"] == "yes"
+    assert rows["acceleration"]["time_s"] == pytest.approx(np.pi / 2 / pace, abs=2 / RATE_HZ)
+    assert (rows["joint range"]["bound"], rows["velocity"]["unit"]) == (2.0, "rad/s")
+    assert rows["self-collision"]["verdict"] == "not tested"
+
+
+def test_base_and_tool_stand_where_they_are_said_to():
+    rng = np.random.default_rng(3)
+    position, turns = rng.normal(size=(5, 3)), quaternion.normalised(rng.normal(size=(5, 4)))
+    base = Placement(position_m=(0.3, -0.2, 0.1), orientation=(np.cos(0.4), 0.0, 0.0, np.sin(0.4)))
+    tool = Placement(position_m=(0.0, 0.05, 0.12), orientation=(np.cos(0.2), np.sin(0.2), 0.0, 0.0))
+    placed = PANDA.model_copy(update={"base": base, "tool": tool})
+    tip = skill_check.in_arm_frames(Unroll("nominal", "", position, turns), placed)
+    back = quaternion.product(base.turn, quaternion.product(tip.orientation, tool.turn))
+    np.testing.assert_allclose(quaternion.angle_between(back, turns), 0.0, atol=1e-7)
+    point = tip.position + quaternion.rotate(tip.orientation, np.array(tool.position_m))
+    np.testing.assert_allclose(
+        quaternion.rotate(base.turn, point) + np.array(base.position_m), position, atol=1e-12
+    )
+    with pytest.raises(InputError, match=r"robot\.tool: a skill without orientations"):
+        skill_check.in_arm_frames(Unroll("nominal", "", position, None), placed)
+
+
+def test_the_arm_can_do_what_was_led_with_it(check):
+    nominal = check.margins[check.margins["kind"] == "nominal"]
+    assert set(nominal["verdict"]) == {"yes"}
+    assert (nominal.loc[nominal["quantity"] == "position", "value"] < 1e-8).all()
+    assert check.notes == ()
+
+
+def test_a_skill_slowed_down_as_told_keeps_its_bounds():
+    skill = nominal_alone(pick_skill())
+    hasty = PANDA.model_copy(update={"max_acceleration": 3.0})
+    found = skill_check.check_skill(skill, hasty)
+    assert (found.verdict, set(found.failing["quantity"])) == ("no", {"acceleration"})
+    assert found.notes == ("the skill has no workspace, so starts and goals elsewhere were not tried",)
+    again = skill_check.check_skill(slower(skill, found.stretch), hasty)
+    assert again.stretch == pytest.approx(1.0, abs=0.03)
+
+
+def test_what_does_not_fit_the_arm_is_told_by_key():
+    skill = nominal_alone(pick_skill())
+    for key, values, counts in (
+        ("max_jerk", (1.0, 2.0), "has 2 values for 7 joints: panda_joint1"),
+        ("rest_configuration", (0.0,), "has 1 values for 7 joints"),
+    ):
+        with pytest.raises(InputError, match=rf"robot\.{key}: {counts}"):
+            skill_check.check_skill(skill, PANDA.model_copy(update={key: values}))
+    with pytest.raises(InputError, match="there is no link 'hand'; there are panda_link0, "):
+        skill_check.check_skill(skill, PANDA.model_copy(update={"tip": "hand"}))
+    away = Placement(position_m=(3.0, 0.0, 0.0), orientation=(1.0, 0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match="is the base where the demonstrations have their origin"):
+        skill_check.check_skill(skill, PANDA.model_copy(update={"base": away, "rest_configuration": None}))
+
+
+def test_an_arm_whose_shapes_are_lost_is_checked_but_for_collisions(tmp_path):
+    """With a rest configuration that is looked for, and shapes in a folder that is not there."""
+    text = Path(urdf_path(PANDA.urdf)).read_text()
+    (tmp_path / "panda.urdf").write_text(text.replace("package://meshes", "package://lost"))
+    lost = PANDA.model_copy(update={"urdf": str(tmp_path / "panda.urdf"), "rest_configuration": None})
+    found = skill_check.check_skill(nominal_alone(pick_skill()), lost)
+    assert found.notes[0].startswith("self-collision was not tested: ")
+    assert "lost" in found.notes[0]
+    assert found.verdict == "doubtful"
+    assert set(found.margins.loc[found.margins["verdict"] != "yes", "quantity"]) <= {
+        "self-collision",
+        *check_results.SLOWED,
+        "joint range",
+    }
+
+
+def test_parameters_are_checked():
+    entry = PANDA.model_dump()
+    with pytest.raises(ValueError, match="has norm 1"):
+        RobotParameters.model_validate(entry | {"base": HERE | {"orientation": (1.0, 0.5, 0.0, 0.0)}})
+    with pytest.raises(ValueError, match="greater than 0"):
+        RobotParameters.model_validate(entry | {"max_jerk": 0.0})
+    with pytest.raises(ValueError, match="Extra inputs"):
+        RobotParameters.model_validate(entry | {"gripper": "none"})
+
+
+def test_what_was_found_is_read_as_it_was_written(check, tmp_path):
+    check_results.write_check(check, tmp_path / "once")
+    read = check_results.read_check(tmp_path / "once")
+    assert read.metrics() == check.metrics()
+    assert (read.rest, read.notes) == (check.rest, check.notes)
+    noted = replace(check, notes=("nobody looked", "nor did we"))
+    check_results.write_check(noted, tmp_path / "noted")
+    assert check_results.read_check(tmp_path / "noted").notes == noted.notes
+
+
+def with_verdicts(check, verdict):
+    """The same, with one verdict for everything."""
+    return replace(check, margins=check.margins.assign(verdict=verdict))
+
+
+def test_overall_is_the_worst(check):
+    for verdict, told in (("yes", "yes"), ("not tested", "doubtful"), ("doubtful", "doubtful"), ("no", "no")):
+        assert with_verdicts(check, verdict).verdict == told
+
+
+def files_of(check, folder, monkeypatch, robot):
+    """A task whose check was written below a folder."""
+    monkeypatch.chdir(folder)
+    files = TaskFiles("pick")
+    check_results.write_check(check, files.folder / "check")
+    files.parameters.write_text(yaml.safe_dump({"kind": "movement", "entry": {"robot": robot}}))
+    return files
+
+
+def test_the_command_says_whether_something_fails(check, tmp_path, monkeypatch, capsys):
+    entry = PANDA.model_dump(mode="json")
+    assert check_verdict.main(files_of(with_verdicts(check, "doubtful"), tmp_path, monkeypatch, entry))
+    assert not check_verdict.main(files_of(with_verdicts(check, "no"), tmp_path, monkeypatch, entry))
+    told = capsys.readouterr().out
+    assert f"no: {check.metrics()['check_runs']} of" in told
+    assert "self-collision" in told
+    with pytest.raises(InputError, match=r"movement\.pick has no robot"):
+        check_verdict.main(files_of(check, tmp_path, monkeypatch, None))
+
+
+def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
+    section = check_section.section(files_of(check, tmp_path, monkeypatch, PANDA.model_dump(mode="json")))
+    assert all(name.startswith("check_") for name in section.metrics)
+    table = section.tables["check"].frame
+    assert list(table.columns) == ["quantity", "verdict", "nominal", "starts", "goals", "corrections"]
+    assert len(table) == 9
+    assert len(section.tables["check_runs"].frame) == check.metrics()["check_runs"]
+    page = Document(
+        section.template,
+        "structlearn.tasks.own.page",
+        facts={"check": section.facts},
+        tables=section.tables,
+        sources={"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")},
+    )
+    panel = [Panel("figures/check_margins.svg", 700, 300)]
+    text = render(page, {name: panel for name in section.pictures})
+    assert "panda_grasptarget" in text
+    assert "panda_joint7 0.80" in text
