@@ -16,10 +16,13 @@ export TASK SOURCE URDF OUTPUT
 help:
 	@grep -hE '^[a-z -]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## /\1\t/' | expand -t 18
 
+# The table of findings stands in the README too.
+TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
+
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
 	$(IN_ENVIRONMENT) dvc repro
 	@$(BIN)/python -m structlearn.core.wall_clock
-	@sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
+	@$(TABLE_OF_README)
 	@echo "reports/index.html is up to date"
 
 test: lint  ## lint, run all tests
@@ -38,6 +41,7 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 	mkdir -p $(QUOTED)
 	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
+	@$(TABLE_OF_README)
 	@$(BIN)/python -m structlearn.core.wall_clock
 	@echo "reports/recorded/index.html is up to date"
 

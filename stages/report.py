@@ -26,7 +26,7 @@ def main() -> None:
     }
     tasks = {
         path.parent.name: path.relative_to(REPORTS).as_posix()
-        for path in sorted(REPORTS.glob("own/*/index.html"))
+        for path in sorted(REPORTS.glob("tasks/*/index.html"))
     }
     made = Made(source_commit(), command="dvc repro report")
     with publish(REPORTS / "index.html") as path:

@@ -60,24 +60,6 @@ def test_cases_of_one_statement_are_kept_apart():
     }
 
 
-def test_what_only_differs_from_the_row_above_is_shown_with_it():
-    """Also where sorting would part them, and where two rows have the same words."""
-    here = pd.DataFrame(
-        [
-            ("It learns", "", "1.0", "yes"),
-            ("… in our variant", "", "2.0", "yes"),
-            ("A hand arrives", "", "3", "yes"),
-            ("… in our variant", "", "4", "yes"),
-        ],
-        columns=COLUMNS,
-    )
-    there = here.assign(here=["1.0", "2.1", "3", "4.1"], verdict=["yes", "undecided", "yes", "undecided"])
-    page = other_processor_page(compared({"toy": here}, {"toy": there}), {}, "a machine")
-    assert "<td>It learns … in our variant</td><td></td><td>2.0</td>" in page
-    assert "<td>A hand arrives … in our variant</td><td></td><td>4</td>" in page
-    assert "verdict there" in page
-
-
 def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
     (tmp_path / "claims.yaml").write_text(
         "- {statement: ran, source: IV, evidence: ran, test: above}\n"

@@ -249,3 +249,32 @@ def test_what_recordings_say_of_a_simulated_statement_stands_beside_it():
     ]
     assert [one.counterpart.page for one in both] == ["index", "feedback"]
     assert on_recordings(claims_table([]).assign(set="", counterpart=""), "reaching", claims_table(own)) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_as_many_as_would_decide_do_so_in_four_of_five_draws(seed):
+    """The spread and mean that were found are taken as true, so these are drawn from."""
+    rng = np.random.default_rng(seed)
+    claim = Claim(statement="s", source="s", evidence="e", test="above")
+    first = rng.standard_normal(9)
+    first = 0.4 + (first - first.mean()) / first.std(ddof=1)
+    words = claim.would_decide(mean(first))
+    count = int(words.split()[1])
+    draws = 0.4 + rng.standard_normal((2000, count))
+    verdicts = [claim.verdict(mean(draw)) for draw in draws]
+    assert verdicts.count(YES) / len(verdicts) == pytest.approx(0.8, abs=0.06)
+
+
+def test_nobody_of_a_few_leaves_a_rate_open_until_enough_were_asked():
+    claim = Claim(statement="s", source="s", evidence="e", test="at most", bound=0.05)
+    none_hit = clustered_share(np.zeros(8, int), np.full(8, 40))
+    assert claim.would_decide(none_hit) == "about 59 would decide"
+    assert claim.verdict(clustered_share(np.zeros(59, int), np.full(59, 40))) == YES
+    assert claim.verdict(clustered_share(np.zeros(58, int), np.full(58, 40))) == UNDECIDED
+
+
+def test_nothing_more_is_asked_of_what_is_decided_or_hopeless():
+    claim = Claim(statement="s", source="s", evidence="e", test="above")
+    assert claim.would_decide(Evidence(1.0, 0.5, 1.5, 8)) == ""
+    assert claim.would_decide(Evidence(0.01, -1.0, 1.02, 8)) == "more than 500 would decide"
+    assert claim.would_decide(UNKNOWN) == ""

@@ -1,5 +1,6 @@
 """The front page: its words name claims that exist, and its drawing follows the pipeline."""
 
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -57,10 +58,10 @@ def test_the_page_counts_the_statements_of_the_dissertation():
         update={"tiles": (row("hits", "{value} | of spheres"),)}
     )
     page = PAGE.model_copy(update={"cards": {"scraping": card}, "findings": ()})
-    html = render_front(page, {"scraping": CLAIMS}, {"pour": "own/pour/index.html"}, Made("unknown commit"))
+    html = render_front(page, {"scraping": CLAIMS}, {"pour": "tasks/pour/index.html"}, Made("unknown commit"))
     assert "<b>2.2 %</b> of spheres" in html
     assert html.count("1 yes") == html.count("1 undecided") == 2  # of the card, and of all testbeds
-    assert '<a href="own/pour/index.html">pour</a>' in html
+    assert '<a href="tasks/pour/index.html">pour</a>' in html
 
 
 @pytest.mark.parametrize("row", [*ROWS, *TILES], ids=lambda row: f"{row.report}-{row.claim}")
@@ -105,3 +106,20 @@ def test_the_readme_has_the_table_of_findings():
     table = readme.partition("<!-- findings -->\n")[2].partition("\n<!-- end of findings -->")[0]
     assert table == (ROOT / "reports/findings.md").read_text().rstrip("\n")
     assert table.count("\n") == 1 + len(PAGE.findings)
+
+
+def test_statements_are_whole_sentences_and_counterparts_exist():
+    """A claim about recorded data names the like statement of a testbed as this one makes it."""
+    folders = (ROOT / folder for folder in ("src", "stages"))
+    files = [file for folder in folders for file in folder.rglob("*.yaml") if "claims" in file.as_posix()]
+    claims = {file: yaml.safe_load(file.read_text()) for file in files}
+    stated = {file: [claim["statement"] for claim in its] for file, its in claims.items()}
+    for one in (statement for its in stated.values() for statement in its):
+        assert one[0].isupper() or not one[0].isalpha(), one
+        assert not one.startswith("…"), one
+    for like in (claim["simulated"] for its in claims.values() for claim in its if "simulated" in claim):
+        own = [
+            one for file, its in stated.items() for one in its if f"testbeds/{like['testbed']}/" in str(file)
+        ]
+        patterns = [".*".join(map(re.escape, re.split(r"{{.*?}}", one))) for one in own]
+        assert any(re.fullmatch(pattern, like["statement"]) for pattern in patterns), like["statement"]

@@ -8,7 +8,9 @@ from scipy import stats
 
 from structlearn.core.metrics import BETTER
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
+from structlearn.reporting.findings import Findings
 from structlearn.testbeds.scraping.page.feedback_results import informative_channel
+from structlearn.testbeds.scraping.page.findings import refinement_of_one
 from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
@@ -56,7 +58,9 @@ def test_a_search_whose_mean_policy_failed_at_the_end_is_not_hidden():
     table.loc[last, "cost_rad"] = np.nan
     found = refinement_results(search=table)
     assert np.isnan(found.searched.loc[("turn", PI2), "mean"])
-    values = found.metrics({"turn": 2, "scrape": 3}.get)
+    find = Findings()
+    refinement_of_one(find, found, ["down", "turn", "scrape"])
+    values = find.numbers()
     assert "search_cost_pi2_prim2" not in values
     assert "search_cost_pi2_prim3" in values
 

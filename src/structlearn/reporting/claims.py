@@ -4,7 +4,7 @@ A page's claims are data, `claims.yaml` beside its template: statement, source, 
 found for them is `Evidence` by name. Here is the one evaluator and its one vocabulary:
 
     yes, no         the 95 % interval lies wholly on that side of the bound
-    undecided       it lies on both sides
+    undecided       it lies on both sides; `would_decide` estimates how many more people or seeds it takes
     not tested      nothing was found that could decide
     holds by construction   its evidence cannot say "no": the claim is true of whatever is measured
 
@@ -15,6 +15,7 @@ intervals are widened so that all of them together cover with 95 % (`comparisons
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,6 +23,7 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment
 from pydantic import BaseModel, ConfigDict, model_validator
+from scipy.special import ndtri, stdtrit
 
 from structlearn.core.artefacts import read_csv
 from structlearn.core.metrics import mean_interval, wilson_interval
@@ -195,6 +197,9 @@ TESTS: Mapping[str, Callable[[Evidence, Any], str]] = {
 }
 """By name, verdict on a number whose interval is known, given the claim's bound."""
 
+MOST = 500
+"""People, seeds or runs; no row gets more, so how many more it would take is no matter."""
+
 NEEDS_BOUND = {"at most", "at least", "between"}
 
 
@@ -250,6 +255,29 @@ class Claim(BaseModel):
         verdict = TESTS[test](found, bound)
         return BY_CONSTRUCTION if self.by_construction and verdict == YES else verdict
 
+    def would_decide(self, found: Evidence, case: str = "") -> str:
+        """`about 27 would decide`: how many people, seeds or runs an undecided number takes; else empty.
+
+        With so many, and the mean and spread found, 80 % of all draws exclude the nearest bound. Shares are
+        counted in people where their trials are of people.
+        """
+        if self.verdict(found, case) != UNDECIDED:
+            return ""
+        given = self.bound[case] if isinstance(self.bound, dict) else self.bound
+        n = found.people or found.n
+        bound = min(np.atleast_1d(given), key=lambda one: abs(found.value - one))
+        distance = abs(found.value - bound)
+        half = found.value - found.low if found.value > bound else found.high - found.value
+        if found.count == 0 and found.people:  # see `none_of`
+            count = np.log(0.05) / np.log(1.0 - bound)
+        elif n < 2 or distance == 0.0:
+            return ""
+        else:
+            count = n * (half / distance * (ndtri(0.975) + ndtri(0.8)) / stdtrit(n - 1, 0.975)) ** 2
+        return (
+            f"about {np.ceil(count):.0f} would decide" if count <= MOST else f"more than {MOST} would decide"
+        )
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -260,6 +288,7 @@ class Judged:
     cases: tuple[tuple[str, str, int, str], ...]
     verdict: str  # over all cases
     studies: tuple[str, ...] = ()  # that the cases are quoted from, see `Evidence.study`; empty where none is
+    would_decide: tuple[str, ...] = ()  # see `Claim.would_decide`, by case
     heading: str = ""  # of the set of data that it is about, on a page with several
     simulated: str = ""  # verdict on the claim's counterpart; empty where it is not known
 
@@ -309,7 +338,10 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
         for case, one in by_case.items()
     )
     studies = tuple(one.study for one in by_case.values())
-    return Judged(claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]), studies)
+    more = tuple(claim.would_decide(one, case) for case, one in by_case.items())
+    return Judged(
+        claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]), studies, more
+    )
 
 
 def in_sentence(found: Evidence, number_format: str, unit: str = "") -> str:
@@ -370,16 +402,17 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
 
     Returns `by`, `statement`, `source`, `published`, `case`, `here` (in words), `n`, `verdict`,
     `verdict_of_all`, `by_construction`: why nothing could refute it, `study`: that the number is quoted
-    from; both are empty elsewhere; and `evidence`, the claim's name, by which the front page finds it.
+    from; both are empty elsewhere; `evidence`, the claim's name, by which the front page finds it; and
+    `would_decide`, how many people, seeds or runs an undecided case takes.
     """
     texts = ("by", "statement", "source", "published")
     rows = [
         (
             *(*(getattr(one.claim, name) for name in texts), *case, one.verdict),
-            *(one.claim.by_construction, study, one.claim.evidence),
+            *(one.claim.by_construction, study, one.claim.evidence, more),
         )
         for one in judged
-        for case, study in zip(one.cases, one.studies or [""] * len(one.cases), strict=True)
+        for case, study, more in zip_longest(one.cases, one.studies, one.would_decide, fillvalue="")
     ]
     columns = [
         *texts,
@@ -391,6 +424,7 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
         "by_construction",
         "study",
         "evidence",
+        "would_decide",
     ]
     table = pd.DataFrame(rows, columns=columns)
     if any(one.heading for one in judged):

@@ -10,7 +10,8 @@ They are written as `findings.csv`. Claims name rows (`evidence: cost_ratio`), t
 (`{{ cost_ratio_level | f(".2f") }}`, see `values_by_key`), `metrics.json` is the rows marked as headlines.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -125,13 +126,16 @@ class Findings(Mapping[str, Found]):
             | {"unit": row.unit, "population": row.population, "study": one.study, "reason": one.reason}
             | {"headline": row.headline if isinstance(row.headline, bool) else case in row.headline}
             for name, row in self._rows.items()
-            for case, one in ({"": row.found} if isinstance(row.found, Evidence) else row.found).items()
+            for case, one in _cases(row.found)
         ]
         return pd.DataFrame(rows, columns=COLUMNS).astype({"headline": bool})  # also without rows
 
     def numbers(self) -> Metrics:
         """What sentences name, see `values_by_key`."""
-        return values_by_key(self.table())
+        rows = (
+            (name, case, one.value) for name, row in self._rows.items() for case, one in _cases(row.found)
+        )
+        return _by_key(rows)
 
     @classmethod
     def of_metrics(cls, metrics: Metrics, headlines: tuple[str, ...] = ()) -> "Findings":
@@ -154,14 +158,19 @@ def values_by_key(table: pd.DataFrame) -> Metrics:
 
     Whole numbers come as integers, so that a sentence says `3 robots`.
     """
-    known = table[table["value"].notna()]
-    keys = (
-        f"{name}_{case}" if case else name for name, case in zip(known["name"], known["case"], strict=True)
-    )
+    return _by_key(table[["name", "case", "value"]].itertuples(index=False))
+
+
+def _by_key(rows: Iterable[tuple[str, str, float]]) -> Metrics:
     return {
-        key: int(value) if float(value).is_integer() and abs(value) < 1e15 else value
-        for key, value in zip(keys, known["value"].tolist(), strict=True)
+        f"{name}_{case}" if case else name: int(value) if value == round(value) else float(value)
+        for name, case, value in rows
+        if math.isfinite(value)
     }
+
+
+def _cases(found: Found) -> Iterable[tuple[str, Evidence]]:
+    return [("", found)] if isinstance(found, Evidence) else found.items()
 
 
 def read_findings(path: Path | Any) -> pd.DataFrame:

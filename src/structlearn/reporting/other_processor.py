@@ -80,19 +80,13 @@ def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machi
     )
 
 
-def _in_context(statements: pd.Series) -> pd.Series:
-    """Statements that only say what differs from the one above (`… in our variant`), with that one."""
-    follows = statements.str.startswith("…")
-    return statements.where(~follows, statements.where(~follows).ffill() + " " + statements)
-
-
 def _rows(tables: Mapping[str, pd.DataFrame], name: str) -> pd.DataFrame:
-    """All rows of one side, each statement in its context: merging does not keep their order."""
+    """All rows of one side."""
     named = [*KEYS, "study"]
     parts = [
         table.reindex(columns=[*dict.fromkeys([*named, *table])])
         .astype(dict.fromkeys(named, object))
-        .assign(testbed=testbed, statement=_in_context(table["statement"]))
+        .assign(testbed=testbed)
         .fillna(dict.fromkeys(named, ""))
         for testbed, table in tables.items()
     ]

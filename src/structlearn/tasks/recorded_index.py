@@ -114,7 +114,15 @@ def judged_again(name: str) -> list[Judged]:
         texts |= {"note": plain.from_string(claim.note).render()}
         cases = tuple(its[["case", "here", "n", "verdict"]].itertuples(index=False, name=None))
         verdict = combined([case[-1] for case in cases])
-        judged.append(Judged(claim.model_copy(update=texts), cases, verdict, tuple(its["study"])))
+        judged.append(
+            Judged(
+                claim.model_copy(update=texts),
+                cases,
+                verdict,
+                tuple(its["study"]),
+                tuple(its["would_decide"]),
+            )
+        )
     return judged
 
 
