@@ -12,11 +12,10 @@ from structlearn.core.params import Parameters, merged
 from structlearn.readers.topics import TopicMap
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
-from structlearn.tasks.task_entry import KINDS, read_entries
+from structlearn.tasks.task_entry import read_task
 
 ROOT = Path(__file__).parents[1]
 PARAMETER_FILE = ROOT / "params.yaml"
-RECORDED_FILE = ROOT / "stages/recorded/params.yaml"
 TASK_FILE = ROOT / "stages/tasks/params.yaml"
 NO_TOPICS = {
     "twist": None,
@@ -32,14 +31,14 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 @cache
 def _tree() -> dict[str, Any]:
-    files = (PARAMETER_FILE, RECORDED_FILE, TASK_FILE)
+    files = (PARAMETER_FILE, TASK_FILE)
     return {
         key: value for file in files for key, value in yaml.load(file.read_text(), yaml.CSafeLoader).items()
     }
 
 
 def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """All of both parameter files with some changes, e.g. to write it for stages in a folder of their own."""
+    """All of the parameter files with some changes, e.g. to write it for stages in a folder of their own."""
     return merged(deepcopy(_tree()), changes)
 
 
@@ -71,11 +70,10 @@ def committed(model: type[ParametersType], key: str, **changes: Any) -> Paramete
     return model.model_validate(merged(known, changes))
 
 
-def committed_task(name: str, **changes: Any) -> Any:
-    """The parameters of a public task, with changes."""
-    entry = read_entries(ROOT / "stages/tasks")[name]
-    values = merged(deepcopy(_tree()["defaults"][entry.kind]), entry.values)
-    return KINDS[entry.kind].model_validate(merged(values, changes))
+def committed_entry(name: str, **changes: Any) -> Any:
+    """The parameters of a public set in `stages/tasks/public.yaml`, with changes."""
+    entry = read_task(name, TASK_FILE.parent)
+    return type(entry).model_validate(merged(entry.model_dump(), changes))
 
 
 def committed_finger(**changes: Any) -> FingerParameters:

@@ -72,15 +72,6 @@ REDUCED = {
     "inspect_servoing": {"demonstrations": ["rotation_1_1", "translation_1_1"], "trials": 1},
     "recorded_reaches": {"noise_mm": [0.5, 2.0], "seeds": 2},
     "recorded_corrections": {"splits": 5},
-    "recorded_avoidance": {
-        "folds": 2,
-        "network": {"hidden": [6], "members": 2, "training": {"iterations": 5}},
-        "pmnn": {"steps": 60, "evaluate_every": 30},
-    },
-    "recorded_boxes": {
-        "network": {"members": 1, "training": {"iterations": 3}},
-        "text_network": {"training": {"iterations": 3}},
-    },
     "recorded_dynamics": {"iterations": 5, "draws": 100, "networks": {"seeds": 1, "epochs": [1]}},
     "recorded_ur10e": {
         "iterations": 5,

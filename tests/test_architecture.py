@@ -1,7 +1,6 @@
 """Imports run downwards only, big libraries stay in their rooms, stages depend on their code and data."""
 
 import ast
-import re
 import runpy
 import subprocess
 import sys
@@ -53,8 +52,7 @@ STARTS = {
         "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
         "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
-        "recorded/import_recordings.py recorded/boxes.py tasks/calibrate.py "
-        "tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
+        "tasks/calibrate.py tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
         "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py",
     ),
     "robot": (
@@ -67,21 +65,21 @@ STARTS = {
     "training": (
         ("torch",),
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
-        "servoing/servo.py servoing/other_skins.py recorded/avoidance.py",
+        "servoing/servo.py servoing/other_skins.py",
     ),
     "dynamics": (
         ("torch", "pinocchio"),
-        "dynamics/train.py dynamics/online.py dynamics/track.py recorded/dynamics.py recorded/ur10e.py",
+        "dynamics/train.py dynamics/online.py dynamics/track.py",
     ),
     "recordings": (
         ("rerun",),
-        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py tasks/view_movement.py "
-        "tasks/view_touch.py",
+        "scraping/view.py obstacles/view.py servoing/view.py tasks/view_motion.py "
+        "tasks/view_movement.py tasks/view_obstacles.py tasks/view_touch.py",
     ),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (
         ("matplotlib",),
-        "recorded/report.py tasks/calibration_report.py tasks/report.py",
+        "tasks/report.py tasks/recorded_report.py tasks/calibration_report.py",
     ),
     "pages with stills": (
         ("matplotlib", "pybullet"),
@@ -95,7 +93,7 @@ STARTS = {
 COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "findings.csv": "findings.csv"}
 """What `make recorded` puts aside of the report on recorded data."""
 
-PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/tasks/dvc.yaml")
+PIPELINES = ("dvc.yaml", "stages/tasks/dvc.yaml")
 LISTED = [yaml.safe_load((ROOT / pipeline).read_text())["stages"] for pipeline in PIPELINES]
 CODE = {stages["code"]["cmd"].split()[2]: stages.pop("code") for stages in LISTED}
 """The stages that list the code of all others, by pipeline."""
@@ -215,7 +213,7 @@ def test_a_module_name_means_one_thing():
 @pytest.mark.parametrize("name", STAGES)
 def test_a_stage_depends_on_its_script_and_on_its_list_of_code(name):
     place = Path(name).relative_to("stages").with_suffix(".txt")
-    lists = ("data/code" if place.parts[0] in ("recorded", "tasks") else "data/code/main") / place
+    lists = ("data/code" if place.parts[0] == "tasks" else "data/code/main") / place
     deps = STAGES[name]["deps"]
     assert deps[:2] == [name, lists.as_posix()]
     assert not any(dep.startswith(("src/", "stages/")) for dep in deps[2:] if dep != "stages/report.yaml")
@@ -245,12 +243,14 @@ def test_the_stages_of_code_depend_on_every_script():
 def test_every_data_dependency_is_the_output_of_some_stage():
     outputs = {f"reports/studies/{folder.name}" for folder in (ROOT / "benchmarks/studies").glob("*")}
     outputs |= {(QUOTED / name).as_posix() for name in COPIED}
-    for stage in STAGES.values():
-        for out in [*stage.get("outs", []), *stage.get("metrics", [])]:
-            outputs.add(out if isinstance(out, str) else next(iter(out)))
+    public = yaml.safe_load((ROOT / "stages/tasks/public.yaml").read_text())
+    for stage in (stage for stages in LISTED for stage in stages.values()):
+        tasks = public[stage["foreach"][2:-1]] if "foreach" in stage else ()
+        for out in [*stage.get("do", stage).get("outs", []), *stage.get("metrics", [])]:
+            path = out if isinstance(out, str) else next(iter(out))
+            outputs |= {path, *(path.replace("${key}", task) for task in tasks)}
     for stage in STAGES.values():
         data = {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/", "data/code/"))}
-        data = {re.sub("(?<=data/tasks/)[a-z]+(?=/)", "${key}", dep) for dep in data}
         assert {dep.removesuffix("/claims.csv") if "tables" in dep else dep for dep in data} <= outputs
 
 

@@ -13,17 +13,18 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from importlib.resources import files
 from itertools import chain, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-import test_recorded_page
 import test_scraping_page
 import test_servoing_page
+import test_tasks_obstacles
+import test_tasks_representations
 import test_touch_page
 import torch
-from committed import ROOT
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
 from reporting_refinement import refinement_results
@@ -38,13 +39,14 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
-from structlearn.tasks.public.page import assembly
+from structlearn.tasks.obstacles.representations_section import representation_findings
+from structlearn.tasks.obstacles.scene_section import scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
 from structlearn.testbeds.scraping.page import findings as scraping
-from structlearn.testbeds.scraping.page.findings import People
+from structlearn.testbeds.scraping.page.findings import ScrapingPeople
 from structlearn.testbeds.servoing.page import findings as servoing_findings
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
 
@@ -126,7 +128,9 @@ def segmentation_of_people(results: Any) -> Findings:
     """Of the page on segmentation: what the sweep and a study of people like this one find."""
     find = test_scraping_page.rows(scraping.segmentation_of_one, results)
     aligned = [primitive.name for primitive in results.found_primitives]
-    scraping.segmentation_of_people(find, People(people(find.numbers()), PRIMITIVES), aligned)
+    scraping.segmentation_of_people(
+        find, ScrapingPeople(people(find.numbers()), scraping.OURS, PRIMITIVES), aligned
+    )
     return find
 
 
@@ -152,74 +156,65 @@ FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangl
 """Columns of the recorded tables that are no measurements, but follow from how Cov writes a link."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
-RECORDED = "structlearn.tasks.public.page"
-PAGES = (
-    {
-        "dynamics": Page(
-            "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
-        ),
-        "obstacles": Page(
-            "structlearn.testbeds.obstacles.page",
-            "claims.yaml",
-            lambda get: [get("obstacles_results")],
-            partial(obstacles_findings, published=obstacles_published()),
-        ),
-        "servoing": Page(
-            "structlearn.testbeds.servoing.page",
-            "claims.yaml",
-            lambda get: servoing(get("servoing_results")),
-            servoing_people,
-        ),
-        "segmentation": Page(
-            SCRAPING,
-            "segmentation_claims.yaml",
-            lambda get: [get("segmentation")],
-            segmentation_of_people,
-            known=arithmetic,
-        ),
-        "feedback": Page(
-            SCRAPING,
-            "feedback_claims.yaml",
-            lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
-            test_scraping_page.feedback_evidence,
-        ),
-        "refinement": Page(
-            SCRAPING,
-            "refinement_claims.yaml",
-            lambda get: [refinement_results()],
-            test_scraping_page.refinement_evidence,
-        ),
-        "calibration": Page(
-            "structlearn.tasks.touch",
-            "calibration_claims.yaml",
-            lambda get: [test_touch_page.calibration(1.0)],
-            find_calibration,
-            lambda place: place == "comparison",
-        ),
-    }
-    | {
-        name: Page(
-            "structlearn.tasks",
-            str(ROOT / f"stages/tasks/claims/{name}.yaml"),
-            lambda get, made=made: [made()],
-            test_touch_page.FIND[name],
-        )
-        for name, made in test_touch_page.MADE_UP.items()
-    }
-    | {
-        part.name: Page(
-            f"{RECORDED}.parts",
-            f"{part.name}_claims.yaml",
-            lambda get: [test_recorded_page.made_up()],
-            part.evidence,
-            lambda place, part=part: (
-                place.removeprefix("tables.") in part.needs or place.startswith(f"tables.{part.name}_")
-            ),
-            partial(dict, FOLLOWS),
-        )
-        for part in assembly.PARTS
-    }
-)
+PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
+PAGES = {
+    "dynamics": Page(
+        "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
+    ),
+    "obstacles": Page(
+        "structlearn.testbeds.obstacles.page",
+        "claims.yaml",
+        lambda get: [get("obstacles_results")],
+        partial(obstacles_findings, published=obstacles_published()),
+    ),
+    "servoing": Page(
+        "structlearn.testbeds.servoing.page",
+        "claims.yaml",
+        lambda get: servoing(get("servoing_results")),
+        servoing_people,
+    ),
+    "segmentation": Page(
+        SCRAPING,
+        "segmentation_claims.yaml",
+        lambda get: [get("segmentation")],
+        segmentation_of_people,
+        known=arithmetic,
+    ),
+    "feedback": Page(
+        SCRAPING,
+        "feedback_claims.yaml",
+        lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
+        test_scraping_page.feedback_evidence,
+    ),
+    "refinement": Page(
+        SCRAPING,
+        "refinement_claims.yaml",
+        lambda get: [refinement_results()],
+        test_scraping_page.refinement_evidence,
+    ),
+    "calibration": Page(
+        "structlearn.tasks.touch",
+        "calibration_claims.yaml",
+        lambda get: [test_touch_page.calibration(1.0)],
+        find_calibration,
+        lambda place: place == "comparison",
+    ),
+    "boxes": Page(
+        PUBLIC,
+        f"{CLAIMS}/boxes.yaml",
+        lambda get: [test_tasks_obstacles.made_up_ways()],
+        scene_findings,
+    ),
+    "avoidance": Page(
+        PUBLIC,
+        f"{CLAIMS}/avoidance.yaml",
+        lambda get: [test_tasks_representations.made_up_scores()],
+        representation_findings,
+    ),
+} | {
+    name: Page(PUBLIC, f"{CLAIMS}/{name}.yaml", lambda get, made=made: [made()], test_touch_page.FIND[name])
+    for name, made in test_touch_page.MADE_UP.items()
+}
 
 
 def tables(results: Any, place: str = "") -> dict[str, pd.DataFrame]:

@@ -19,27 +19,26 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-import test_own_motion
-import test_recorded_boxes
-import test_recorded_corrected_reaches
+import test_movement_phase_corrections
 import test_simulation_board_refinement
+import test_task_motion
+import test_tasks_obstacles
 import test_touch_skin
 import test_touch_transfer
 import torch
 import yaml
 from board_rollouts import small_board
-from committed import TASK_FILE, committed, committed_task
+from committed import TASK_FILE, committed, committed_entry
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_motions import arm, rubbing_motion, sine_motion
-from structlearn.tasks.public.protocol.corrections import _split, corrected_reaches, learn_corrections
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_learning import PARAMETERS as AVOIDANCE
 from test_obstacles_learning import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
-from test_recorded_avoidance import phase_dependent
+from test_tasks_representations import phase_dependent
 
 from structlearn.avoidance import scene_folds
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
@@ -82,14 +81,12 @@ from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tactile.touch_dataset import TRAIN
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.motion.motion_parameters import MotionParameters
-from structlearn.tasks.own.protocol import own_feedback
-from structlearn.tasks.public.protocol import (
-    avoidance_representations,
-    movement,
-)
-from structlearn.tasks.public.protocol.avoidance_representations import RecordedAvoidanceParameters
-from structlearn.tasks.task_entry import OwnFeedbackParameters
+from structlearn.tasks.movement import feedback_learning
+from structlearn.tasks.movement.movement_learning import segmented
+from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
+from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
+from structlearn.tasks.obstacles import coupling_representations
+from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
 from structlearn.tasks.touch import skin_readings, skin_touches, surface_traces, touch_transfer
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
@@ -210,7 +207,7 @@ def primitives(monkeypatch, tmp_path):
 
 
 def higher(place: int | None = None) -> list[Demonstration]:
-    arcs = test_recorded_corrected_reaches
+    arcs = test_movement_phase_corrections
     heights = [height + 0.05 * (number == place) for number, height in enumerate(arcs.HEIGHTS_M)]
     return [
         arcs.arc(str(number), height, 0.6 + 0.05 * number, dt=0.004, shift=0.01 * number)
@@ -218,33 +215,30 @@ def higher(place: int | None = None) -> list[Demonstration]:
     ]
 
 
-@of_stage("recorded/reaches")
-def reaches(monkeypatch, tmp_path):
-    parameters = committed(movement.ReachParameters, "recorded_reaches", fold=2)
+@of_stage("tasks/primitives")
+def two_at_a_time(monkeypatch, tmp_path):
+    cuts = segmented(higher(), "reach", None).results
     learn = each(
-        monkeypatch,
-        movement,
-        "learn_primitive",
-        lambda its: movement.learn_reaches(its, parameters),
+        monkeypatch, fitting, "learn_primitive", lambda its: cross_validation(its, cuts, FIT, fold=2)
     )
-    second = 2 + LEFT_OUT  # two are learned from all
+    second = 1 + LEFT_OUT  # the first is learned from all
     return Case(lambda its: learn(its)[second], higher(), higher(2 * LEFT_OUT), higher(2 * ANOTHER))
 
 
-@of_stage("recorded/corrected_reaches")
+@of_stage("tasks/feedback")
 def corrections(monkeypatch, tmp_path):
-    arcs = test_recorded_corrected_reaches
+    arcs = test_movement_phase_corrections
     nominal = fit_position([differentiated(higher()[0].position, 0.004, 20.0)])
     learned, left_out = _split(len(higher()), arcs.PARAMETERS, 0)
 
     def learn(demonstrations):
-        found = corrected_reaches(demonstrations, nominal, 20.0)
+        found = corrected_runs(demonstrations, nominal, 20.0)
         return learn_corrections(found, nominal.local, arcs.PARAMETERS)[0]
 
     return Case(learn, higher(), higher(left_out[0]), higher(learned[0]))
 
 
-SLIDES = committed_task("slides", surfaces={"material": "mat", "left_out": ("mat_3",)}).surfaces
+SLIDES = committed_entry("slides", surfaces={"material": "mat", "left_out": ("mat_3",)}).surfaces
 
 
 def slid(changed: str = "") -> list[Demonstration]:
@@ -366,7 +360,7 @@ def refinement(monkeypatch, tmp_path):
     return Case(learn, data, corrected(data, data.setting == NEW), corrected(data, data.setting == KNOWN[0]))
 
 
-OWN_FEEDBACK = OwnFeedbackParameters.model_validate(
+OWN_FEEDBACK = TaskFeedbackParameters.model_validate(
     yaml.safe_load(TASK_FILE.read_text())["defaults"]["movement"]["feedback"]
     | {"executions": "runs", "corrections": "corrected", "settings": ("a", "b"), "primitives": ("scrape",)}
     | {"axes": ("x",), "hidden": (4,), "training": TRAINING}
@@ -400,9 +394,9 @@ def feedback_of_a_task(monkeypatch, tmp_path):
 
     learn = each(
         monkeypatch,
-        own_feedback,
+        feedback_learning,
         "_trained",
-        lambda its: own_feedback.learn_own_feedback(runs, its, learned, CUTTING, OWN_FEEDBACK),
+        lambda its: feedback_learning.learn_feedback(runs, its, learned, CUTTING, OWN_FEEDBACK),
     )
     for network, left_out in enumerate(("only tests", "a")):
         yield Case(
@@ -444,13 +438,13 @@ def avoidance(monkeypatch, tmp_path):
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
 
 
-@of_stage("recorded/avoidance")
-def recorded_avoidance(monkeypatch, tmp_path):
+@of_stage("tasks/obstacles")
+def coupling_of_samples(monkeypatch, tmp_path):
     """Every representation on the second block."""
     network = {"hidden": (4,), "members": 2, "training": {"iterations": 2}}
     parameters = committed(
-        RecordedAvoidanceParameters,
-        "recorded_avoidance",
+        RepresentationParameters,
+        "defaults.obstacles.representations",
         folds=2,
         network=committed(NetworkParameters, "obstacle_training.per_setting", **network),
         pmnn=TRAINING,
@@ -458,9 +452,9 @@ def recorded_avoidance(monkeypatch, tmp_path):
     )
     learn = each(
         monkeypatch,
-        avoidance_representations,
+        coupling_representations,
         "_fitted",
-        lambda its: avoidance_representations.compare_on_recorded(its, parameters),
+        lambda its: coupling_representations.compare_representations(its, parameters),
     )
     data = phase_dependent(100)
     tested, taught = (
@@ -469,10 +463,10 @@ def recorded_avoidance(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1::2], data, tested, taught)
 
 
-@of_stage("recorded/boxes", "tasks/obstacles")
+@of_stage("tasks/obstacles")
 def reaches_past_boxes(monkeypatch, tmp_path):
     """Of three people, on one of whom constants were chosen: what was learned without the second."""
-    boxes = test_recorded_boxes
+    boxes = test_tasks_obstacles
 
     def trials(changed=None):
         return [
@@ -540,17 +534,17 @@ def payload(monkeypatch, tmp_path):
 def learned_motion(folder: Path, robot, logs, parameters):
     """What is learned from logs, apart from errors on what is held out."""
     source, target = folder / "arm.urdf", folder / "out"
-    source.write_text(test_own_motion.ARM)
+    source.write_text(test_task_motion.ARM)
     target.mkdir(exist_ok=True)
     identified, tables = learn_motion(robot, {log.name: log for log in logs}, parameters, source, target)
     learned = [tables[name] for name in ("base", "gravity", "choice", "gains", "bodies") if name in tables]
     return identified.models, learned, (target / "identified.urdf").read_text()
 
 
-@of_stage("recorded/dynamics", "tasks/motion")
+@of_stage("tasks/motion")
 def arms(monkeypatch, tmp_path):
     """Of the last log, and of the rest of a single one; a filter would reach over borders."""
-    own = test_own_motion
+    own = test_task_motion
     robot = own.arm()[0]
     networks = {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1}
     networks |= {"train_share": 0.5, "batch": 64, "second_moment_decay": 0.99}
@@ -565,14 +559,13 @@ def arms(monkeypatch, tmp_path):
     yield Case(lambda logs: learned_motion(tmp_path, robot, logs, share), data[:1], *changed)
 
 
-@of_stage("recorded/ur10e")
+@of_stage("tasks/motion")
 def ur10e(monkeypatch, tmp_path):
     """Logs at rest, learned from, asked about and with the load, on a small arm."""
-    own = test_own_motion
+    own = test_task_motion
     robot = own.arm()[0]
-    parameters = committed(
-        MotionParameters,
-        "recorded_ur10e",
+    parameters = committed_entry(
+        "ur10e",
         train="train",
         test="test",
         rate_hz=50.0,
@@ -666,7 +659,7 @@ def recorded_touch(monkeypatch, tmp_path):
     yield Case(lambda its: units(its)[0], data, changed(first), changed(first + 1))
 
 
-SKIN = committed_task(
+SKIN = committed_entry(
     "eflesh",
     tuned_on=["a"],
     block_mm=3.0,

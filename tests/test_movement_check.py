@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from committed import own_tasks
 from own_skills import HERE, PANDA, pick_skill, slower
 from rigid_body_arms import planar_arm
 
@@ -17,13 +18,14 @@ from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks import check_verdict
+from structlearn.tasks.movement import check_results, check_section, skill_check
 from structlearn.tasks.movement.movement_parameters import Placement, RobotParameters
 from structlearn.tasks.movement.skill_check import Unroll, unrolls
-from structlearn.tasks.own.page import check_section
-from structlearn.tasks.own.protocol import check_results, skill_check
+from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import TaskFiles
 
 RATE_HZ = skill_check.RATE_HZ
+ENTRY = {"source": "bags", "topics": {"pose": "/pose"}, "segment": {"primitives": 1}}
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +200,10 @@ def files_of(check, folder, monkeypatch, robot):
     monkeypatch.chdir(folder)
     files = TaskFiles("pick")
     check_results.write_check(check, files.folder / "check")
-    files.parameters.write_text(yaml.safe_dump({"kind": "movement", "entry": {"robot": robot}}))
+    files.skill.touch()
+    own_tasks(folder, pick=ENTRY | ({"robot": robot} if robot else {}))
+    content = {"kind": "movement", "entry": read_task("pick").model_dump(mode="json")}
+    files.parameters.write_text(yaml.safe_dump(content))
     return files
 
 
@@ -214,15 +219,17 @@ def test_the_command_says_whether_something_fails(check, tmp_path, monkeypatch, 
 
 
 def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
-    section = check_section.section(files_of(check, tmp_path, monkeypatch, PANDA.model_dump(mode="json")))
-    assert all(name.startswith("check_") for name in section.metrics)
+    section = check_section.check_section(
+        files_of(check, tmp_path, monkeypatch, PANDA.model_dump(mode="json"))
+    )
+    assert all(name.startswith("check_") for name in section.find)
     table = section.tables["check"].frame
     assert list(table.columns) == ["quantity", "verdict", "nominal", "starts", "goals", "corrections"]
     assert len(table) == 9
     assert len(section.tables["check_runs"].frame) == check.metrics()["check_runs"]
     page = Document(
         section.template,
-        "structlearn.tasks.own.page",
+        "structlearn.tasks.movement",
         facts={"check": section.facts},
         tables=section.tables,
         sources={"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")},

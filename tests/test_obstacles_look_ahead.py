@@ -14,7 +14,7 @@ from structlearn.avoidance.shapes import Obstacle, recorded_obstacle
 from structlearn.core.frames import local_frame
 from structlearn.readers.recording import NamedShape
 
-PARAMETERS = committed(ScenePeopleParameters, "recorded_boxes").look_ahead
+PARAMETERS = committed(ScenePeopleParameters, "defaults.obstacles").look_ahead
 START, GOAL = np.array([0.0, -0.25, 0.8]), np.array([0.02, 0.17, 0.78])
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import test_own_motion
-import test_own_obstacles
 import test_own_touch
+import test_task_motion
+import test_tasks_obstacles
 import yaml
 from committed import merged, own_tasks
 
@@ -72,10 +72,10 @@ def page(root, tmp_path_factory) -> Path:
         own_tasks(folder)
         own = {kind: {kind: entry} for kind, entry in TASKS.items()}
         Path("stages/tasks/own.yaml").write_text(yaml.safe_dump(own))
-        Path("arm.urdf").write_text(test_own_motion.ARM)
+        Path("arm.urdf").write_text(test_task_motion.ARM)
         Path("logs").mkdir()
         for seed in range(2):
-            log = test_own_motion.made_up_log(test_own_motion.arm()[0], f"log {seed}", seed)
+            log = test_task_motion.made_up_log(test_task_motion.arm()[0], f"log {seed}", seed)
             write_joint_log(log, f"logs/{log.name}.mcap")
         Path("touches").mkdir()
         for seed in range(2):
@@ -83,7 +83,7 @@ def page(root, tmp_path_factory) -> Path:
             table = pd.DataFrame(log.counts, columns=log.channels)
             table[["x_m", "y_m", "z_m"]] = log.place
             table.to_csv(f"touches/{log.name}.csv", index=False)
-        write_recordings([as_recording(one) for one in test_own_obstacles.recordings()], "reaches")
+        write_recordings([as_recording(one) for one in test_tasks_obstacles.recordings()], "reaches")
         for kind in TASKS:
             run(root, kind, "import_task", kind, "report")
     return folder
@@ -100,17 +100,17 @@ def test_every_kind_has_its_page(page):
         text = (report / "index.html").read_text()
         assert heading in text
         assert words_in_view(text) < 1000
-        assert f'id="figure-{figure}"' in text
+        assert f'id="figure-{figure}' in text
         metrics |= values_by_key(read_findings(report / "findings.csv"))
         assert "Doubtful" not in text or kind == "obstacles"
     assert metrics["motion_nmse_worst"] < 0.02
     assert metrics["map_nmse"] < 0.2
-    assert metrics["obstacles_hits_none"] == 0.5
-    assert metrics["obstacles_hits_planned"] == 0.0
+    assert metrics["none_hits"] == 0.5
+    assert metrics["planned_hits"] == 0.0
 
 
 def test_what_was_found_of_the_arm_is_there_for_others(page):
-    assert read_urdf(page / "data/tasks/motion/motion/identified.urdf").tree.names == test_own_motion.JOINTS
+    assert read_urdf(page / "data/tasks/motion/motion/identified.urdf").tree.names == test_task_motion.JOINTS
     assert (page / "data/tasks/touch/touch/latent.safetensors").is_file()
 
 
@@ -143,7 +143,7 @@ def test_a_public_set_that_is_not_here_says_so_on_its_page_and_one_that_is_damag
     assert "Not recorded here" in (tmp_path / "reports/tasks/arm/index.html").read_text()
     Path("sets/arm").mkdir(parents=True)
     Path("sets/arm/log.mcap").write_text("no bag")
-    Path("sets/arm.urdf").write_text(test_own_motion.ARM)
+    Path("sets/arm.urdf").write_text(test_task_motion.ARM)
     run(root, "arm", "import_task", "motion", "report")
     left_out = TaskFiles("arm").left_out()
     assert left_out["reason"].item().startswith("arm/log.mcap: ")

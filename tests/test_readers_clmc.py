@@ -114,9 +114,9 @@ def test_scraping_streams_of_different_length_are_refused(folder):
         (clmc.read_scraping_execution, "scraping: holds no execution"),
         (lambda folder: clmc.read_scraping_execution(folder, "other"), "scraping/other: holds no execution"),
         (eflesh.read_all_runs, "holds no run"),
-        (panda.read_trajectories, "holds no motion"),
+        (panda.read_motion, "holds no motion"),
         (slide.read_slides, "holds no trials"),
-        (ur10e.read_logs, "holds no logs"),
+        (ur10e.read_motion, "holds no logs"),
     ],
 )
 def test_a_public_set_that_is_not_there_is_missing(tmp_path, read, complaint):

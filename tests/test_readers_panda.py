@@ -19,7 +19,7 @@ def folder(tmp_path):
 
 
 def test_numbers_go_to_joints_and_samples(folder):
-    (log,) = panda.read_trajectories(folder)
+    (log,) = panda.read_motion(folder)
     assert log.name == "exciting_traj"
     assert log.joints == tuple(f"panda_joint{number}" for number in range(1, 8))
     np.testing.assert_array_equal(log.stamps, [0, 1_743_910])
@@ -34,7 +34,7 @@ def test_a_file_of_another_length_is_named(folder):
     path = folder / "exciting_traj_torques.txt"
     path.write_text(path.read_text() + "7\n")
     with pytest.raises(InputError, match=r"torques\.txt: has 15 numbers, expected 7 for each of the 2 times"):
-        panda.read_trajectories(folder)
+        panda.read_motion(folder)
 
 
 def test_several_motions_are_told_apart_by_their_folders(folder):
@@ -42,19 +42,19 @@ def test_several_motions_are_told_apart_by_their_folders(folder):
         (folder / trial).mkdir()
         for path in folder.glob("*.txt"):
             (folder / trial / path.name).write_text(path.read_text())
-    names = [log.name for log in panda.read_trajectories(folder)]
+    names = [log.name for log in panda.read_motion(folder)]
     assert names == ["Trajectory_2_exciting_traj", "Trajectory_10_exciting_traj", "exciting_traj"]
 
 
 def test_a_missing_file_is_no_missing_motion(folder):
     (folder / "exciting_traj_torques.txt").unlink()
     with pytest.raises(InputError, match=r"torques\.txt: cannot be read") as error:
-        panda.read_trajectories(folder)
+        panda.read_motion(folder)
     assert not isinstance(error.value, MissingInputError)
 
 
 def test_the_recorded_motion_is_read_in_full():
-    (log,) = panda.read_trajectories(recorded_data("panda"))
+    (log,) = panda.read_motion(recorded_data("panda"))
     assert log.positions.shape == (20544, 7)
     assert log.time[-1] == pytest.approx(21.0, abs=0.01)
     np.testing.assert_allclose(log.torques.var(axis=0), [5.7, 321, 95, 35, 0.96, 1.11, 0.076], rtol=0.02)

@@ -8,7 +8,7 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import read_demonstrations, write_recordings
 from structlearn.readers.reaches_past_boxes import (
-    read_reaches_past_boxes,
+    read_obstacles,
     unity_rotation,
     unity_to_base,
 )
@@ -37,7 +37,7 @@ def folder(tmp_path):
 
 
 def test_a_trial_has_hand_boxes_walls_and_target(folder):
-    (found,) = read_reaches_past_boxes(folder)  # the other trial is not there
+    (found,) = read_obstacles(folder, None)  # the other trial is not there
     assert found.name == "sub_01_T007"
     assert found.streams[0].values[0, :3].tolist() == [0.1, -0.3, 0.2]  # right, forward, up
     assert [(shape.name, shape.form) for shape in found.shapes] == [
@@ -58,12 +58,12 @@ def test_a_trial_has_hand_boxes_walls_and_target(folder):
 
 
 def test_a_trial_may_lie_in_folders_as_it_was_published(folder):
-    (whole,) = read_reaches_past_boxes(folder)
+    (whole,) = read_obstacles(folder, None)
     files = folder / "sub_01" / "T007"
     for name, kind in (("HandTracker_movement", "movement"), ("grid_objects_layout", "scene")):
         (files / kind).mkdir()
         (files / f"{name}_T007.csv").rename(files / kind / f"{name}_T007.csv")
-    (found,) = read_reaches_past_boxes(folder)
+    (found,) = read_obstacles(folder, None)
     assert found.provenance["sha256"] == whole.provenance["sha256"]
 
 
@@ -97,23 +97,23 @@ def test_rotations_are_those_of_reflected_matrices():
 def test_faults_are_told_with_file_and_line(folder, changes, complaint):
     trial(folder / "sub_01" / "T007", "T007", **changes)
     with pytest.raises(InputError, match=complaint):
-        read_reaches_past_boxes(folder)
+        read_obstacles(folder, None)
 
 
 def test_faults_of_the_table_of_trials(folder):
     (folder / "trials.csv").write_text(TRIALS + "sub_01,7,main,soon,100.03\n")
     with pytest.raises(InputError, match=r"trials\.csv: line 2: not a number: 'soon'"):
-        read_reaches_past_boxes(folder)
+        read_obstacles(folder, None)
     (folder / "trials.csv").write_text(TRIALS + "sub_09,7,main,1,2\n")
     with pytest.raises(MissingInputError, match=r"holds none of the trials of trials\.csv"):
-        read_reaches_past_boxes(folder)
+        read_obstacles(folder, None)
     (folder / "trials.csv").write_text("participant,trial\nsub_01,7\n")
     with pytest.raises(InputError, match=r"trials\.csv: has no column type, start_moved_time"):
-        read_reaches_past_boxes(folder)
+        read_obstacles(folder, None)
 
 
 def test_the_public_set(tmp_path):
-    recordings = read_reaches_past_boxes(recorded_data("reaches_past_boxes"))
+    recordings = read_obstacles(recorded_data("reaches_past_boxes"), None)
     assert len(recordings) == 286
     assert len({one.provenance["person"] for one in recordings}) == 16
     write_recordings(recordings[:3], tmp_path)

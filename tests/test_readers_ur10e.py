@@ -21,7 +21,7 @@ def folder(tmp_path):
 
 
 def test_columns_go_to_signals_and_joints(folder):
-    first, second = ur10e.read_logs(folder)
+    first, second = ur10e.read_motion(folder)
     assert (first.name, second.name, first.joints) == ("a", "b", ur10e.JOINTS)
     np.testing.assert_array_equal(first.stamps, [200_743_000_000, 200_755_000_000, 200_765_000_000])
     for place, name in enumerate(ur10e.SIGNALS):
@@ -35,23 +35,21 @@ def test_faults_are_named_with_file_and_row(folder):
     rows = path.read_text().splitlines()
     path.write_text("\n".join([rows[0], rows[1] + ",7"]))
     with pytest.raises(InputError, match=r"ur-b\.csv: line 2 has 32 columns, expected 31"):
-        ur10e.read_logs(folder)
+        ur10e.read_motion(folder)
     path.write_text("\n".join([rows[1], rows[0]]))
     with pytest.raises(InputError, match=r"ur-b\.csv: line 2 does not come after the one before it"):
-        ur10e.read_logs(folder)
+        ur10e.read_motion(folder)
 
 
 def test_logs_may_lie_in_folders_and_older_ones_are_left_aside(folder, capsys):
     (folder / "logs").mkdir()
     (folder / "ur-b.csv").rename(folder / "logs" / "ur-b.csv")
     (folder / "logs" / "ur-19_09_27.csv").write_text(",".join("0" * ur10e.OLDER_COLUMNS) + "\n")
-    assert [log.name for log in ur10e.read_logs(folder)] == ["a", "b"]
+    assert [log.name for log in ur10e.read_motion(folder)] == ["a", "b"]
     assert "ur-19_09_27.csv" in capsys.readouterr().out
-    (folder / "logs" / "ur10e.urdf").touch()
-    assert ur10e.urdf_path(folder).parent.name == "logs"
     (folder / "logs" / "ur-a.csv").write_text((folder / "ur-a.csv").read_text())
     with pytest.raises(InputError, match=r"several recordings have the name ur-a\.csv"):
-        ur10e.read_logs(folder)
+        ur10e.read_motion(folder)
 
 
 def test_each_current_is_put_back_to_when_it_acted():
@@ -70,7 +68,7 @@ def test_each_current_is_put_back_to_when_it_acted():
 
 
 def test_the_recorded_logs_are_read_in_full():
-    logs = {log.name: log for log in ur10e.read_logs(recorded_data("ur10e"))}
+    logs = {log.name: log for log in ur10e.read_motion(recorded_data("ur10e"))}
     assert {name: len(log.stamps) for name, log in logs.items()} == {
         "20_01_17-p1": 918,
         "20_01_31-load": 2881,

@@ -6,8 +6,14 @@ from rigid_body_robots import ROBOTS, robot, states
 
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body.base_parameters import base_parameters, base_table, condition_number, link_table
-from structlearn.rigid_body.friction import friction_coefficients
-from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
+from structlearn.rigid_body.friction import friction_coefficients, friction_columns
+from structlearn.rigid_body.identification import (
+    divergence,
+    fit_structure,
+    least_squares,
+    normalised_triangle,
+    refit_friction,
+)
 from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
 from structlearn.rigid_body.motion import Motion
@@ -144,3 +150,58 @@ def test_an_arm_at_rest_says_nothing_of_its_inertia():
     still = Motion(np.tile(q[:1], (100, 1)), 0.0 * qd, 0.0 * qdd, np.zeros((100, 7)))
     assert condition_number(arm.tree, still) == np.inf
     assert condition_number(arm.tree, Motion(q[:3], qd[:3], qdd[:3], np.zeros((3, 7)))) == np.inf
+
+
+def test_errors_count_as_shares_of_the_joints_limits(regressor):
+    limits = np.array([176.0, 176.0, 100.0, 100.0, 100.0, 38.0, 38.0])
+    theta = least_squares(normalised_triangle(regressor.factors, limits))
+    shares = (regressor.columns @ theta - regressor.torque) / limits
+    residual = normalised_triangle(regressor.factors, limits) @ np.append(theta, -1.0)
+    scale = np.mean(regressor.factors.variance / limits**2)
+    np.testing.assert_allclose(residual @ residual, (shares**2).mean(axis=0).sum() / scale, rtol=1e-9)
+    others = regressor.columns @ least_squares(normalised_triangle(regressor.factors)) - regressor.torque
+    assert (shares**2).sum() < ((others / limits) ** 2).sum()
+
+
+def consistent(scale: float = 1.0, seed: int = 0) -> np.ndarray:
+    """Parameters (70,) of links that can exist, near the arm's."""
+    free = draw("cov", 7, [torch.Generator().manual_seed(seed)])
+    return scale * link_parameters(link_inertias("cov", free))[0].numpy()
+
+
+def test_the_divergence_has_the_slope_of_finite_differences_and_is_convex():
+    theta, known = consistent(), consistent(seed=1)
+    apart, slope = divergence(theta, known)
+    assert (apart > 0.0).all()
+    np.testing.assert_allclose(divergence(known, known)[0], 0.0, atol=1e-10)
+    np.testing.assert_allclose(divergence(2.0 * known, known)[0], 8.0 - 4.0 * np.log(2.0) - 4.0)
+    for place in range(0, 70, 7):
+        step = np.zeros(70)
+        step[place] = 1e-7 * max(1e-3, abs(theta[place]))
+        ends = [divergence(theta + sign * step, known)[0].sum() for sign in (1, -1)]
+        assert (ends[0] - ends[1]) / (2.0 * step[place]) == pytest.approx(slope[place], rel=1e-2, abs=1e-3)
+    between = divergence(0.5 * (theta + known), known)[0]
+    assert (between <= 0.5 * apart + 1e-12).all()
+
+
+def test_a_strong_prior_keeps_links_at_the_known_ones(regressor):
+    triangle, start = normalised_triangle(regressor.factors), wrong_inertias()
+    masses = [
+        link_inertias(
+            "cov", torch.from_numpy(fit_structure("cov", triangle, FRICTION, start, 200, prior=prior)[0])
+        )
+        .mass.numpy()
+        .ravel()
+        for prior in (1e-4, 1e3)
+    ]
+    np.testing.assert_allclose(masses[1], start.mass, rtol=0.03)
+    assert np.abs(masses[0] - start.mass).max() > 0.05 * start.mass.max()
+
+
+def test_friction_fitted_anew_is_that_which_the_links_leave():
+    velocity = np.random.default_rng(0).normal(size=(500, 2))
+    terms, true = ("viscous", "coulomb", "offset"), np.array([[0.3, 0.5, -0.2], [0.0, 0.4, 0.1]])
+    left = np.einsum("njt,jt->nj", friction_columns(velocity, terms), true)
+    np.testing.assert_allclose(refit_friction(left, velocity, terms), true, atol=1e-8)
+    backwards = refit_friction(-left, velocity, terms)
+    assert (backwards[:, :2] >= 0.0).all()

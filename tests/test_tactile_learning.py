@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from committed import committed, committed_task
+from committed import committed, committed_entry
 from tactile_toy import toy_dataset, toy_geodesics
 
 from structlearn.core import metrics
@@ -322,7 +322,7 @@ def test_directions_count_by_the_size_of_the_true_action(comparison, lesson):
 
 
 TRAINING = committed(LatentTrainingParameters, "train_latent.training", steps=400, batch_size=32)
-FEW = committed_task(
+FEW = committed_entry(
     "biotac",
     spaces={"seeds": 2, "training": TRAINING.model_dump(), "pair_pool": 2000, "evaluation_pairs": 500},
 ).spaces

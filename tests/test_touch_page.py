@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import test_touch_skin
-from committed import ROOT, committed_task
+from committed import ROOT, committed_entry
 from reporting_verdicts import AnyFigure
 from test_touch_calibration import PARAMETERS, calibrated
 
@@ -131,7 +131,7 @@ def shown(tmp_path, monkeypatch):
     def show(name, tables):
         files = TaskFiles(name)
         changes = {"tuned_on": ["a"]} if name == "eflesh" else {}
-        write_task(committed_task(name, source="$DATA/none", **changes), files.parameters)
+        write_task(committed_entry(name, source="$DATA/none", **changes), files.parameters)
         write_csv(pd.DataFrame({"file": [], "reason": []}), files.recorded / LEFT_OUT)
         for table, its in tables.items():
             write_table(its, files.folder / f"touch/{table}.parquet")

@@ -1,16 +1,26 @@
 """Learn from the reaches of a task past obstacles, and try what was learned in scenes left out (IV.8)."""
 
+from structlearn.avoidance.avoidance_dataset import from_table
 from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.core.artefacts import publish, write_table
+from structlearn.tasks.obstacles.coupling_representations import compare_representations, samples_of_reaches
 from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:
-    results = learn_past_obstacles(files.runs("reaches"), files.entry(ObstacleEntry))
+    parameters, results = files.entry(ObstacleEntry), {}
+    if (files.recorded / "samples.parquet").exists():
+        samples = from_table(files.table("recorded/samples"))
+    else:
+        reaches = files.runs("reaches")
+        results |= vars(learn_past_obstacles(reaches, parameters))
+        samples = samples_of_reaches(reaches, parameters) if parameters.representations else None
+    if samples is not None and parameters.representations is not None:
+        results |= vars(compare_representations(samples, parameters.representations))
     with publish(files.folder / "obstacles") as folder:
         folder.mkdir()
-        for name, table in vars(results).items():
+        for name, table in results.items():
             write_table(table, folder / f"{name}.parquet")
 
 

@@ -32,7 +32,7 @@ from structlearn.readers.joint_log import (
 from structlearn.readers.reaches_past_boxes import TRIALS, read_reaches_past_boxes
 from structlearn.readers.recording import NamedShape
 from structlearn.readers.text_log import read_stamped_table
-from structlearn.readers.ur10e import read_logs
+from structlearn.readers.ur10e import read_motion
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.verify import changed
@@ -198,7 +198,7 @@ SPECIMENS = {
         Specimen("metadata.yaml", _described_bag, lambda path: read_demonstrations(path.parent), False),
         Specimen("metrics.json", _metrics, read_metrics, False),
         Specimen("log.txt", _text, lambda path: read_stamped_table(path, 4), False),
-        Specimen("ur-run.csv", _drive_text, lambda path: read_logs(path.parent), False),
+        Specimen("ur-run.csv", _drive_text, lambda path: read_motion(path.parent), False),
         Specimen(
             f"{FOLDERS[PRESSES]}/run/states.csv",
             _skin,

@@ -7,6 +7,7 @@ Torques are those of the links, gravity included.
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.bag_files import natural_order
@@ -24,7 +25,9 @@ SIGNALS = {"positions": "positions", "velocities": "velocity", "torques": "torqu
 """Signals and the last word of their files' names."""
 
 
-def read_trajectories(folder: str | Path, left_out: dict[str, str] | None = None) -> list[JointLog]:
+def read_motion(
+    folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
+) -> list[JointLog]:
     """All motions of a folder of NAME_{positions,velocity,torques,time}.txt, or of folders of them.
 
     The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six

@@ -7,11 +7,13 @@ right-handed.
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.bag_files import natural_order
 from structlearn.readers.recording import Form, NamedShape, Recording, Stream
 from structlearn.readers.text_log import (
     check_rising,
@@ -40,19 +42,18 @@ BOUNDARIES = {f"{side}Boundary": f"{BOUNDARY} {side.lower()}" for side in ("Left
 """Walls of the shelf that a hand beside the boxes may meet; its floor and its top are above and below."""
 
 
-def read_reaches_past_boxes(folder: str | Path, left_out: dict[str, str] | None = None) -> list[Recording]:
-    """Trials of all people: the hand's pose, boxes, walls and target as named shapes.
+def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str] | None = None) -> list[Recording]:
+    """Trials of all people in natural order: the hand's pose, boxes, walls and target as named shapes.
 
     A trial is recorded as a whole, named like "sub_01_T012"; when the hand had moved and when the target was
     reached (s since the first stamp) stands in the provenance, with person, trial and type. The folder may be
-    any part of the data set: trials whose folder is missing are passed over. `left_out`:
+    any part of the data set: trials whose folder is missing are passed over. `entry` is not used; `left_out`:
     see `text_log.read_each`.
 
     Raises:
         MissingInputError: there is no table of trials, or none of its trials.
         InputError: a file is missing, or a row is not what it should be; the message names file and line.
     """
-    folder = Path(folder)
     if not (folder / TRIALS).is_file():
         raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")
     known = {}
@@ -64,7 +65,8 @@ def read_reaches_past_boxes(folder: str | Path, left_out: dict[str, str] | None 
             known[trial] = row, times
     if not known:
         raise MissingInputError(f"{folder}: holds none of the trials of {TRIALS} (sub_01/T012, ...)")
-    return read_each(lambda trial: _trial(folder, trial, *known[trial]), known, left_out)
+    trials = read_each(lambda trial: _trial(folder, trial, *known[trial]), known, left_out)
+    return sorted(trials, key=lambda trial: natural_order(trial.name))
 
 
 def unity_to_base(points: np.ndarray) -> np.ndarray:

@@ -12,12 +12,17 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import MissingInputError
 from structlearn.readers.bag_files import natural_order
+from structlearn.readers.clock import synchronise
+from structlearn.readers.joint_log import JointLog
 from structlearn.readers.recording import Recording, Stream
 from structlearn.readers.text_log import read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/dexrob/BioTac_slide_20_50"
 COMMIT = "c19638b040791b7b32f2fcf12eee315ca901f80a"
 LICENCE = "none stated: for tests and evaluation, not for redistribution"
+
+JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
+"""Names in the URDF of the arm."""
 
 COLUMNS = {"cp": 8, "jp": 8, "jv": 8, "jt": 8, "cw": 7, "bio": 45}
 """Numbers per line of each stream of a trial, the time included."""
@@ -51,6 +56,17 @@ def read_slides(
         raise MissingInputError(f"{folder}: holds no trials (mat9_1_cp.csv, ...)")
     paths = [found[name] / name for names in by_material.values() for name in names[:trials]]
     return read_each(lambda path: read_slide(path.parent, path.name), paths, left_out)
+
+
+def read_motion(folder: str | Path, entry: Any, left_out: dict[str, str] | None = None) -> list[JointLog]:
+    """The arm's joints on the slides, `entry.part` trials of each material, on a clock of `entry.rate_hz`."""
+    logs = []
+    for recording in read_slides(folder, entry.part, left_out):
+        run = synchronise(recording, entry.rate_hz)
+        signals = [getattr(run, f"joint_{name}") for name in ("positions", "velocities", "torques")]
+        stamps = np.round(1e9 * run.time).astype(np.int64)
+        logs.append(JointLog(run.name, JOINTS, stamps, *signals, provenance=run.provenance))
+    return logs
 
 
 def material_of(trial: str) -> str:

@@ -6,6 +6,7 @@ Detection", Frontiers in Robotics and AI 2020). Times are those of the controlle
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +29,6 @@ JOINTS = (
 )
 """Names in the arm's URDF."""
 
-URDF = "ur10e.urdf"
-"""Beside the logs: kinematics and the maker's inertias."""
-
 SIGNALS = signals_of(DriveLog)
 """In the order of the columns, one of each per joint."""
 
@@ -38,7 +36,9 @@ OLDER_COLUMNS = 19
 """Of the logs of 2019, which hold positions, velocities and currents alone: no gain follows from them."""
 
 
-def read_logs(folder: str | Path, left_out: dict[str, str] | None = None) -> list[DriveLog]:
+def read_motion(
+    folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
+) -> list[DriveLog]:
     """All logs `ur-NAME.csv` of a folder or of folders there; those of `OLDER_COLUMNS` are left aside.
 
     They have no header; time in s, then the columns of `SIGNALS`. `left_out`: see `read_each`.
@@ -49,7 +49,7 @@ def read_logs(folder: str | Path, left_out: dict[str, str] | None = None) -> lis
             increase; the message names file and line.
     """
     folder = Path(folder)
-    found = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.name)
+    found = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.stem)
     paths = [path for path in found if not _is_older(path)]
     if older := [path.name for path in found if path not in paths]:
         print(f"ur10e: left aside, without what the controller asked for: {', '.join(older)}")
@@ -57,15 +57,6 @@ def read_logs(folder: str | Path, left_out: dict[str, str] | None = None) -> lis
         raise MissingInputError(f"{folder}: holds no logs (ur-*.csv)")
     check_unique([path.name for path in paths], str(folder))
     return read_each(partial(_read_log, folder), paths, left_out)
-
-
-def urdf_path(folder: str | Path) -> Path:
-    """The arm's URDF beside its logs, or in a folder there; an InputError where there is none."""
-    path = Path(folder) / URDF
-    found = path if path.is_file() else next(iter(sorted(Path(folder).rglob(URDF))), None)
-    if found is None:
-        raise InputError(f"{path}: is not there; logs alone do not say what moves")
-    return found
 
 
 def _is_older(path: Path) -> bool:

@@ -63,7 +63,7 @@ def publish_report(
         if judged:
             write_csv(claims_table(judged), target / "claims.csv")
     write_csv(found, folder / "findings.csv")
-    headlines_found = values_by_key(found[found["headline"]])
+    headlines_found = values_by_key(found[found["headline"].astype(bool)])
     write_metrics(headlines_found | claim_metrics(judged), folder / "metrics.json")
     for name, page in pages.items():
         its = [one for one in both if one.counterpart.page == name]

@@ -14,8 +14,13 @@ from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.base_parameters import link_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.friction import FrictionTerm
-from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
-from structlearn.rigid_body.inertia_learner import MotionRegressor
+from structlearn.rigid_body.identification import (
+    fit_structure,
+    least_squares,
+    normalised_triangle,
+    refit_friction,
+)
+from structlearn.rigid_body.inertia_learner import MotionRegressor, squared
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion
@@ -42,8 +47,8 @@ TRAIN = "train"
 ModelKey = tuple[str, str]
 """A kind, `URDF` or `LEAST_SQUARES`, and a key of `FRICTIONS`."""
 
-WRITTEN: ModelKey = ("cov", "coulomb")
-"""The model that becomes a URDF: physically consistent inertias, and friction that a URDF knows."""
+CONSISTENT = ("tri", "cov")
+"""Structures of physically consistent inertias."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,23 @@ class NetworkTraining:
     learning: LearningParameters
     seeds: int
     epochs: int
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How structures are fitted.
+
+    Attributes:
+        iterations: of L-BFGS.
+        limits: see `identification.normalised_triangle`; of least squares too.
+        prior: weight of the divergence from the URDF, of consistent structures (`fit_structure`).
+        refit: whether friction is fitted anew to what the links leave (`refit_friction`).
+    """
+
+    iterations: int
+    limits: np.ndarray | None = None
+    prior: float = 0.0
+    refit: bool = False
 
 
 @dataclass(frozen=True)
@@ -73,20 +95,20 @@ class Identified:
 def identify_arm(
     robot: Robot,
     parts: Mapping[str, Motion],
-    iterations: int,
+    fitting: Fitting,
     networks: Mapping[Kind, NetworkTraining],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> Identified:
     """Every model on the part `TRAIN`, and what it predicts of all parts.
 
-    Identification starts from the URDF's inertias, with `iterations` of L-BFGS for a structure; structures
-    are learned with every friction of `LEARNED_FRICTIONS`, networks as they are listed.
+    Identification starts from the URDF's inertias; structures are learned with every friction of
+    `LEARNED_FRICTIONS`, networks as they are listed.
     """
     kinds = [kind for kind in NETWORKS if kind in networks]
     work: list[tuple[Kind, str]] = [(kind, name) for kind in kinds for name in NETWORKS[kind]]
     work = sorted(work, key=lambda item: item[0] != "delan")  # the longest first
     work += [(kind, friction) for friction in LEARNED_FRICTIONS for kind in structures]
-    learn = partial(_learned, robot=robot, motion=parts[TRAIN], iterations=iterations, networks=networks)
+    learn = partial(_learned, robot=robot, motion=parts[TRAIN], fitting=fitting, networks=networks)
     models: dict[ModelKey, DynamicsModels] = dict(
         zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True)
     )
@@ -94,7 +116,7 @@ def identify_arm(
     torques = {(URDF, "none"): {name: _urdf_torques(robot, part)[None] for name, part in parts.items()}}
     coefficients = {}
     for friction in LEARNED_FRICTIONS:
-        theta = _least_squares(robot.tree, parts[TRAIN], FRICTIONS[friction])
+        theta = _least_squares(robot.tree, parts[TRAIN], FRICTIONS[friction], fitting.limits)
         torques[LEAST_SQUARES, friction] = {
             name: _regressed(robot.tree, part, FRICTIONS[friction], theta)[None]
             for name, part in parts.items()
@@ -182,16 +204,20 @@ def trace_table(
     return pd.DataFrame(columns)
 
 
-def write_identified(source: Path, target: Path, robot: Robot, identified: Identified) -> pd.DataFrame:
-    """The model `WRITTEN` as a URDF from the tree of the maker's, and what comes back from the file.
+def write_identified(
+    source: Path, target: Path, robot: Robot, identified: Identified, friction: str
+) -> pd.DataFrame:
+    """The model Cov with Coulomb friction, or an offset too, as a URDF from the tree of the maker's.
+
+    A URDF cannot hold the offset.
 
     Returns:
         `joint`, `difference_n_m`: largest difference at random states between torques of the model and those
         of Pinocchio's recursive Newton-Euler with the file.
     """
-    model = identified.models[WRITTEN]
+    model = identified.models["cov", friction]
     inertias = model.inertias().of(0)
-    viscous, coulomb = model.friction_coefficients()[0].T
+    viscous, coulomb = model.friction_coefficients()[0].T[:2]
     write_urdf(source, target, robot.tree, inertias, viscous, coulomb)
     differences = torque_differences(read_urdf(target), inertias)
     return pd.DataFrame({"joint": np.arange(1, len(differences) + 1), "difference_n_m": differences})
@@ -201,7 +227,7 @@ def _learned(
     item: tuple[Kind, str],
     robot: Robot,
     motion: Motion,
-    iterations: int,
+    fitting: Fitting,
     networks: Mapping[Kind, NetworkTraining],
 ) -> DynamicsModels:
     kind, friction = item
@@ -209,8 +235,16 @@ def _learned(
     with one_thread():
         if kind in STRUCTURES:
             regressor = MotionRegressor(robot.tree, motion, kind != "nostr", terms)
-            triangle = normalised_triangle(regressor.factors)
-            free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, iterations)
+            triangle = normalised_triangle(regressor.factors, fitting.limits)
+            prior = fitting.prior if kind in CONSISTENT else 0.0
+            free, rubbing = fit_structure(
+                kind, triangle, terms, robot.inertias, fitting.iterations, prior=prior
+            )
+            if fitting.refit:
+                links = DynamicsModels(kind, robot.tree.names, (), (), {"inertia": free, "friction": rubbing})
+                left = motion.torque - predicted_torques(links, robot.tree, motion)[0]
+                found = refit_friction(left, motion.qd, terms)[None]
+                rubbing = np.where(squared(terms), np.sqrt(np.maximum(found, 0.0)), found)
             state = {"inertia": free, "friction": rubbing}
             return DynamicsModels(kind, robot.tree.names, terms, (), state)
         return train_networks(kind, friction, robot.tree, motion, networks[kind])
@@ -220,8 +254,10 @@ def _urdf_torques(robot: Robot, motion: Motion) -> np.ndarray:
     return rigid_body_torques(robot.tree, robot.inertias, motion)
 
 
-def _least_squares(tree: KinematicTree, motion: Motion, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    return least_squares(normalised_triangle(MotionRegressor(tree, motion, True, terms).factors))
+def _least_squares(
+    tree: KinematicTree, motion: Motion, terms: Sequence[FrictionTerm], limits: np.ndarray | None
+) -> np.ndarray:
+    return least_squares(normalised_triangle(MotionRegressor(tree, motion, True, terms).factors, limits))
 
 
 def _regressed(

@@ -24,7 +24,7 @@ from structlearn.core.block_bootstrap import blocks, drawn_counts
 from structlearn.core.parallel import parallel_map
 from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.dynamics_models import DynamicsModels
-from structlearn.rigid_body.friction import FrictionTerm
+from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.inertia_learner import MotionRegressor, initial_friction, squared
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, free_parameters
 from structlearn.rigid_body.motion import Motion
@@ -46,9 +46,16 @@ ANCHOR = 1e-6
 """Weight of the squared change of theta, relative to all of it, against the sum of the joints' NMSEs."""
 
 
-def normalised_triangle(factors: TorqueFactors) -> np.ndarray:
-    """One triangular factor (P + 1, P + 1) of all joints: |triangle (theta, -1)|^2 is their NMSEs' sum."""
-    scaled = factors.factors / np.sqrt(factors.samples * factors.variance)[:, None, None]
+def normalised_triangle(factors: TorqueFactors, limits: np.ndarray | None = None) -> np.ndarray:
+    """One triangular factor (P + 1, P + 1) of all joints: |triangle (theta, -1)|^2 is their NMSEs' sum.
+
+    With `limits` (n,) N m of the joints' torques, errors count as shares of these instead, and all torques
+    together weigh as much as before.
+    """
+    squares = factors.variance
+    if limits is not None:
+        squares = limits**2 * np.mean(factors.variance / limits**2)
+    scaled = factors.factors / np.sqrt(factors.samples * squares)[:, None, None]
     return triangular_factor(scaled.reshape(-1, scaled.shape[-1]))
 
 
@@ -69,10 +76,12 @@ def fit_structure(
     iterations: int,
     known: LinkInertias | None = None,
     rubbing: np.ndarray | None = None,
+    prior: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The structure's best parameters for the same loss as `least_squares`, by L-BFGS.
 
-    A weak pull towards known inertias decides what the data leave open.
+    A weak pull towards known inertias decides what the data leave open; with a prior, `prior` times the mean
+    of the links' `divergence` from them is added to the loss.
 
     Args:
         structure: of the inertias.
@@ -82,6 +91,7 @@ def fit_structure(
         iterations: at most so many.
         known: where the pull goes; None: to the start, e.g. the URDF's values.
         rubbing: (1, n, t) free parameters of friction to start from; None: small ones.
+        prior: weight; 0 for structures whose inertias need not be physically consistent.
 
     Returns:
         Free parameters of the inertias (1, n, k) and of friction (1, n, t).
@@ -105,8 +115,15 @@ def fit_structure(
         error, pull = factor @ theta[0] - measured, theta[0, : len(reference)] - reference
         slope = 2.0 * (error @ factor)
         slope[: len(reference)] += 2.0 * weight * pull
+        added = 0.0
+        if prior:
+            apart, change = divergence(theta[0, : len(reference)], reference)
+            added = prior * apart.mean()
+            slope[: len(reference)] += prior / len(apart) * change
         gradients = structure_gradient(place, *parts(values), squares, slope[None])
-        return error @ error + weight * (pull @ pull), np.concatenate([its.ravel() for its in gradients])
+        return error @ error + weight * (pull @ pull) + added, np.concatenate(
+            [its.ravel() for its in gradients]
+        )
 
     found = minimize(
         loss,
@@ -116,6 +133,60 @@ def fit_structure(
         options={"maxiter": iterations, "maxfun": 2 * iterations, "maxcor": 50, "ftol": 1e-14, "gtol": 1e-10},
     )
     return parts(found.x)
+
+
+def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Log-det divergence of the links' pseudo-inertias from known ones (Lee, Wensing, Park 2020).
+
+        D = tr(P0^-1 P) - log det(P0^-1 P) - 4        P = [[tr(I)/2 1 - I, h], [h^T, m]]
+
+    It is convex in theta, does not depend on frames or units, and grows without bound towards inertias that
+    no body has.
+
+    Args:
+        theta: (10 n,) of the regressor's columns.
+        known: (10 n,) likewise; both of physically consistent links.
+
+    Returns:
+        (n,) of the links, and the slope (10 n,) of their sum.
+    """
+    found, reference = (
+        its.reshape(-1, SYMMETRIC_COLUMNS) @ PSEUDO.reshape(SYMMETRIC_COLUMNS, 16) for its in (theta, known)
+    )
+    found, inverse = found.reshape(-1, 4, 4), np.linalg.inv(reference.reshape(-1, 4, 4))
+    ratio = inverse @ found
+    apart = np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4.0
+    slope = np.einsum("nij,kij->nk", inverse - np.linalg.inv(found), PSEUDO)
+    return apart, slope.ravel()
+
+
+def _pseudo_columns() -> np.ndarray:
+    """(10, 4, 4): by what each column of a link enters its pseudo-inertia."""
+    columns = np.zeros((SYMMETRIC_COLUMNS, 4, 4))
+    columns[0, 3, 3] = 1.0
+    for axis in range(3):
+        columns[1 + axis, axis, 3] = columns[1 + axis, 3, axis] = 1.0
+    for place, (row, column) in enumerate(zip(*np.triu_indices(3), strict=True)):
+        entry = columns[4 + place]
+        entry[row, column] = entry[column, row] = -1.0
+        if row == column:
+            entry[:3, :3] += 0.5 * np.eye(3)
+    return columns
+
+
+PSEUDO = _pseudo_columns()
+
+
+def refit_friction(left: np.ndarray, velocity: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
+    """Coefficients (n, t) of friction for what the links leave (N, n) of the torques in N m.
+
+    By least squares joint by joint, at (N, n) rad/s; viscous and Coulomb friction are not negative.
+    """
+    from scipy.optimize import lsq_linear
+
+    columns, least = friction_columns(velocity, terms), np.where(squared(terms), 0.0, -np.inf)
+    fits = [lsq_linear(columns[:, joint], left[:, joint], (least, np.inf)) for joint in range(left.shape[1])]
+    return np.array([fit.x for fit in fits])
 
 
 def drawn_fits(

@@ -159,6 +159,24 @@ def block_table(
     return pd.concat(tables, ignore_index=True)
 
 
+def block_norms(
+    torques: Mapping[tuple[str, str], Mapping[str, np.ndarray]], parts: Mapping[str, Motion], length: int
+) -> pd.DataFrame:
+    """As `block_table`, over all joints: `part`, `block`, `samples`, and sums of the errors' norms in N m."""
+    tables = []
+    for name, part in parts.items():
+        norms = {
+            "/".join(key): np.linalg.norm(its[name] - part.torque, axis=-1).mean(axis=0)
+            for key, its in torques.items()
+        }
+        columns = {key: block_sums(values, length) for key, values in norms.items()}
+        samples = block_sums(np.ones(len(part)), length)
+        tables.append(
+            pd.DataFrame({"part": name, "block": np.arange(len(samples)), "samples": samples, **columns})
+        )
+    return pd.concat(tables, ignore_index=True)
+
+
 def drawn_nmse(
     blocks: pd.DataFrame, model: Sequence[str], draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, int]:

@@ -105,6 +105,11 @@ def moving_joints(path: str | Path) -> list[str]:
     return [name for name, (kind, _, _) in _joints(path).items() if kind != "fixed"]
 
 
+def moved_link(path: str | Path, joint: str) -> str:
+    """Name of the link that a joint of a URDF moves."""
+    return _joints(path)[joint][2]
+
+
 def tips(path: str | Path, joints: Collection[str]) -> list[str]:
     """Links at the ends of what some joints move, the likeliest for the hand first.
 

@@ -1,7 +1,7 @@
 """The page over all public sets, of what their own pages say: verdicts side by side, leads, main figures."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,6 +26,9 @@ HEADLINES: Mapping[str, tuple[str, str, str]] = {
     "reach_cut_error_ms_2mm": ("reaches", "reach_cut_error_ms_2mm", ""),
     "reach_left_ten_out_mean_mm": ("reaches", "primitives_reach_left_out_mm", ""),
     "coupling_path_mean_mm": ("reaches", "coupling_path_mean_mm", ""),
+    "obstacle_nmse_x": ("avoidance", "nmse_x", ""),
+    "boxes_hits": ("boxes", "hits", ""),
+    "boxes_path_mm": ("boxes", "path", ""),
 }
 """Of `metrics.json`: task, name and case of the finding."""
 
@@ -71,7 +74,7 @@ def publish_index() -> None:
         judged=judged,
         command="make recorded DATA=FOLDER",
     )
-    publish_report(REPORT, {"index": page}, {}, {}, headlines())
+    publish_report(REPORT, {"index": page}, {}, {}, headlines([one.name for one in sets]))
 
 
 def reported(name: str) -> Reported:
@@ -126,10 +129,11 @@ def judged_again(name: str) -> list[Judged]:
     return judged
 
 
-def headlines() -> Findings:
-    """Those of `HEADLINES` that were found."""
+def headlines(names: Collection[str]) -> Findings:
+    """Those of `HEADLINES` that were found on some sets."""
     find = Findings()
-    for key, (task, name, case) in HEADLINES.items():
+    there = {key: where for key, where in HEADLINES.items() if where[0] in names}
+    for key, (task, name, case) in there.items():
         table = read_findings(TaskFiles(task).report / "findings.csv")
         for row in table[(table["name"] == name) & (table["case"] == case)].itertuples():
             if pd.notna(row.value):

@@ -27,6 +27,7 @@ from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.topics import SceneTopicMap
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -34,18 +35,8 @@ FOLDER = Path("stages/tasks")
 DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
 PIPELINE = FOLDER / "dvc.yaml"
 
-PARTS = ("segment", "rests", "feedback", "corrections", "robot")
+PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representations")
 """Keys that a task has only if its entry names them."""
-
-
-class MotionEntry(SourceParameters, MotionParameters):
-    """Logs of an arm's joints. Fields: `stages/tasks/params.yaml`, `defaults.motion`."""
-
-    kind = "motion"
-
-    def sources(self) -> dict[str, tuple[str, ...]]:
-        """All files and folders that are read, as they are written, by what they are for."""
-        return super().sources() | {"urdf": (self.urdf,)}
 
 
 class ObstacleEntry(SourceParameters, ScenePeopleParameters):
@@ -55,16 +46,19 @@ class ObstacleEntry(SourceParameters, ScenePeopleParameters):
 
     topics: SceneTopicMap | None
     clock: ClockParameters | None
+    representations: RepresentationParameters | None
 
 
-ENTRIES: tuple[type[SourceParameters], ...] = (MovementEntry, MotionEntry, TouchParameters, ObstacleEntry)
+ENTRIES: tuple[type[SourceParameters], ...] = (
+    MovementEntry,
+    MotionParameters,
+    TouchParameters,
+    ObstacleEntry,
+)
 KINDS = {entry.kind: entry for entry in ENTRIES}
 """Kinds of data, as entries are grouped."""
 
-VIEWED = ("movement", "touch")
-STAGES = {
-    kind: (f"report_{kind}", f"view_{kind}") if kind in VIEWED else (f"report_{kind}",) for kind in KINDS
-}
+STAGES = {kind: (f"report_{kind}", f"view_{kind}") for kind in KINDS}
 """Last stages of a task by kind, which bring up to date all others."""
 
 

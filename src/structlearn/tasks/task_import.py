@@ -21,7 +21,8 @@ import numpy as np
 import pandas as pd
 
 from structlearn import readers
-from structlearn.core.artefacts import publish, write_csv, write_table
+from structlearn.avoidance.avoidance_dataset import to_table
+from structlearn.core.artefacts import publish, write_csv, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import Recording, synchronise
 from structlearn.readers.demonstration import Demonstration
@@ -30,8 +31,10 @@ from structlearn.readers.runs import write_runs, write_streams
 from structlearn.readers.settings import setting_folders
 from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.touch_log import write_touch_logs
+from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
-from structlearn.tasks.task_entry import MotionEntry, ObstacleEntry
+from structlearn.tasks.obstacles.coupling_samples import RecordedSamples
+from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -43,8 +46,11 @@ WORDS = {
 }
 """What kinds of streams are called, where it is not their name."""
 
-BAGS = {"bags": "structlearn.tasks.bags"}
-"""The reader that is not a public layout."""
+OTHERS = {
+    "bags": "structlearn.tasks.bags",
+    "coupling_samples": "structlearn.tasks.obstacles.coupling_samples",
+}
+"""Readers whose modules are elsewhere."""
 
 LeftOut = dict[str, str]
 """Why files could not be read, by their names."""
@@ -86,7 +92,7 @@ def reader(task: SourceParameters) -> Callable[[Path, Any, LeftOut], Any]:
         InputError: there is no such reader, or it does not read this kind.
     """
     name, function = task.reader, f"read_{task.kind}"
-    modules = {one.name: f"{readers.__name__}.{one.name}" for one in iter_modules(readers.__path__)} | BAGS
+    modules = {one.name: f"{readers.__name__}.{one.name}" for one in iter_modules(readers.__path__)} | OTHERS
     found = getattr(importlib.import_module(modules[name]), function, None) if name in modules else None
     if found is None:
         raise InputError(f"reader '{name}': there is no {function} in structlearn/readers/{name}.py")
@@ -126,7 +132,7 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
     write_table(came_in(recordings), folder / "came_in.parquet")
 
 
-def _logs(task: MotionEntry, folder: Path, left_out: LeftOut) -> None:
+def _logs(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
     """`logs`."""
     write_log_table(read_source(task, task.source, left_out), folder / "logs.parquet")
 
@@ -142,9 +148,13 @@ def _touches(task: TouchParameters, folder: Path, left_out: LeftOut) -> None:
 
 
 def _reaches(task: ObstacleEntry, folder: Path, left_out: LeftOut) -> None:
-    """`reaches` (runs)."""
-    reaches = read_source(task, task.source, left_out)
-    runs = _on_clock(task, reaches, task.clock, left_out, refuse_jumps=False)  # the protocol names them
+    """`reaches` (runs), or `samples` of the coupling term with their `provenance`."""
+    found = read_source(task, task.source, left_out)
+    if isinstance(found, RecordedSamples):
+        write_table(to_table(found.samples), folder / "samples.parquet")
+        write_metrics(found.provenance, folder / "provenance.json")
+        return
+    runs = _on_clock(task, found, task.clock, left_out, refuse_jumps=False)  # the protocol names them
     write_runs(runs, folder / "reaches.parquet")
 
 

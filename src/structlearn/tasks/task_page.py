@@ -11,16 +11,14 @@ from structlearn.reporting.claims import Judged, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import HEADLINES, publish_report
+from structlearn.tasks.motion import motion_section
 from structlearn.tasks.movement import (
     check_section,
     corrections_section,
     cuts_section,
     primitives_section,
 )
-from structlearn.tasks.own.page import (
-    motion_section,
-    obstacles_section,
-)
+from structlearn.tasks.obstacles import representations_section, scene_section
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import FOLDER, OF_PUBLIC, OWN, PIPELINE, read_checked
 from structlearn.tasks.task_files import TaskFiles, is_public
@@ -42,7 +40,7 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     ),
     "motion": (motion_section.section,),
     "touch": (touch_section.section,),
-    "obstacles": (obstacles_section.section,),
+    "obstacles": (scene_section.section, representations_section.section),
 }
 """By kind: what makes each section, None where the task has no such part; in order."""
 

@@ -1,5 +1,6 @@
 """One .rrd file: open it, log signals and frames into it, and frame its scene."""
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -60,7 +61,10 @@ def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
     Raises:
         OSError: the file cannot be written.
     """
-    stream = rr.RecordingStream(f"structlearn: {title}", recording_id=title, send_properties=False)
+    application = (
+        f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # else rerun renames it, and says so
+    )
+    stream = rr.RecordingStream(application, recording_id=title, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     memory = stream.memory_recording()

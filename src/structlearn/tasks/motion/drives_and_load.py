@@ -1,6 +1,6 @@
-"""What an arm without torque sensors tells by its motors' currents: its drives, its bodies, a load."""
+"""Drives known by motor currents, a load or payload, and intervals of an arm's links."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,8 +15,9 @@ from structlearn.rigid_body.drives import current_delays, moving_gains, resting_
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.identification import drawn_fits, identify_load
 from structlearn.rigid_body.inertia_learner import MotionRegressor
-from structlearn.rigid_body.motion import Motion, excited, smoothed_motion
+from structlearn.rigid_body.motion import Motion, excited, joined, smoothed_motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
+from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.tasks.motion.motion_parameters import MotionParameters
@@ -34,13 +35,10 @@ LEARNED, EMPTY, CARRYING = "empty, learned from", "empty, another motion", "with
 """What the arm does while the load is followed, in their order."""
 
 FRICTION = FRICTIONS["offset"]
-"""Sensors of currents need not be zeroed."""
+"""Sensors of torques or currents need not be zeroed."""
 
-
-def joined(motions: Sequence[Motion]) -> Motion:
-    """Several motions of the same joints, one behind the other."""
-    fields = ("q", "qd", "qdd", "torque")
-    return Motion(*(np.concatenate([getattr(motion, field) for motion in motions]) for field in fields))
+PAYLOAD_COLUMNS = 4
+"""Mass and first moment of a link."""
 
 
 @dataclass(frozen=True)
@@ -297,4 +295,39 @@ def _inertia_columns(inertias: LinkInertias[np.ndarray]) -> dict[str, np.ndarray
     return columns | {
         f"i{'xyz'[row]}{'xyz'[place]}_kg_m2": inertias.inertia[..., row, place]
         for row, place in zip(*np.triu_indices(3), strict=True)
+    }
+
+
+def payload_check(robot: Robot, motion: Motion) -> dict[str, pd.DataFrame]:
+    """Measured torques beside the URDF's, under both signs, without and with a payload at the last link.
+
+    The payload's mass and first moment are fitted by least squares: for motion that is too slow to identify
+    the links, and for its rotational inertia. Forces of contact are neglected.
+
+    Returns:
+        `payload_torques`: `sign` (1: as recorded, -1: reversed), `payload` (whether one was fitted), `joint`,
+        `measured_n_m` and `model_n_m` (means), `left_n_m` (root mean square of the difference). `payloads`:
+        `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last joint's frame.
+    """
+    columns = torque_regressor(robot.tree, motion.q, motion.qd, motion.qdd)
+    model = columns @ link_parameters(robot.inertias.tensors()).numpy()
+    start = columns.shape[-1] - SYMMETRIC_COLUMNS
+    carried, measured = columns[..., start : start + PAYLOAD_COLUMNS], motion.torque
+    torques, payloads = [], []
+    for sign in (1, -1):
+        left = (sign * measured - model).ravel()
+        payload, *_ = np.linalg.lstsq(carried.reshape(-1, PAYLOAD_COLUMNS), left, rcond=None)
+        payloads.append((sign, payload[0], *(payload[1:] / payload[0])))
+        for fitted, torque in ((False, model), (True, model + carried @ payload)):
+            its = {
+                "measured_n_m": sign * measured.mean(axis=0),
+                "model_n_m": torque.mean(axis=0),
+                "left_n_m": np.sqrt(((sign * measured - torque) ** 2).mean(axis=0)),
+            }
+            joints = np.arange(1, motion.joints + 1)
+            torques.append(pd.DataFrame({"sign": sign, "payload": fitted, "joint": joints} | its))
+    names = ["sign", "mass_kg", *(f"centre_{axis}_m" for axis in "xyz")]
+    return {
+        "payload_torques": pd.concat(torques, ignore_index=True),
+        "payloads": pd.DataFrame(payloads, columns=names),
     }

@@ -21,15 +21,13 @@ from structlearn.readers.joint_log import (
     DriveLog,
     JointLog,
     Log,
-    read_joint_logs,
-    read_log_table,
     signals_of,
 )
-from structlearn.readers.stamps import AS_WRITTEN, StampPolicy
 from structlearn.rigid_body import arm_identification
 from structlearn.rigid_body.arm_identification import (
     NETWORKS,
     TRAIN,
+    Fitting,
     Identified,
     NetworkTraining,
     identify_arm,
@@ -43,7 +41,14 @@ from structlearn.rigid_body.dynamics_models import (
 )
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
-from structlearn.rigid_body.motion import Motion, block_table, excited, measured_motion
+from structlearn.rigid_body.motion import (
+    Motion,
+    block_norms,
+    block_table,
+    excited,
+    joined,
+    measured_motion,
+)
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
 from structlearn.simulation.arm import urdf_path
@@ -52,11 +57,11 @@ from structlearn.tasks.motion.drives_and_load import (
     body_intervals,
     drives_of,
     followed_loads,
-    joined,
+    payload_check,
     weighed_loads,
 )
 from structlearn.tasks.motion.motion_parameters import MotionParameters, NetworkChoiceParameters
-from structlearn.tasks.task_files import local_path
+from structlearn.tasks.task_files import is_public, local_path
 
 TEST = "test"
 """Part that is tested on, where it is not a log by its own name."""
@@ -76,40 +81,32 @@ CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)
 THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
 """At the end of a name: it is the load that was weighed, of others the mass is not known."""
 
-LOGS = "logs.parquet"
-"""Table of logs in a folder that an import left."""
-
 
 def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
-    """The robot with the inertias of its URDF, and the URDF: a path, or a file of `pybullet_data`."""
-    urdf = urdf_path(str(local_path(parameters.urdf)))
+    """The robot with the inertias of its URDF, and the URDF: a path, or a file of `pybullet_data`.
+
+    A public set may have it in a folder of its own.
+    """
+    path = local_path(parameters.urdf)
+    if is_public(parameters.urdf) and not path.is_file():
+        path = next(iter(sorted(path.parent.rglob(path.name))), path)
+    urdf = urdf_path(str(path))
     return read_urdf(urdf, parameters.locked_joints), urdf
-
-
-def logs_of(
-    parameters: MotionParameters, tree: KinematicTree, stamps: StampPolicy = AS_WRITTEN
-) -> dict[str, JointLog] | dict[str, DriveLog]:
-    """Logs by name: of an import's table, or of bags that hold joint states with efforts."""
-    source = Path(parameters.source).expanduser()
-    if parameters.drives is not None:
-        return {log.name: log for log in read_log_table(source / LOGS, DriveLog)}
-    if (source / LOGS).is_file():
-        return {log.name: log for log in read_log_table(source / LOGS)}
-    return {log.name: log for log in read_joint_logs(source, parameters.topic, tree.names, stamps)}
 
 
 def learn_motion(
     robot: Robot, logs: Mapping[str, Log], parameters: MotionParameters, source: Path, folder: Path
-) -> tuple[Identified, dict[str, pd.DataFrame]]:
+) -> tuple[Identified | None, dict[str, pd.DataFrame]]:
     """Identify an arm, and write models, its URDF and tables into a folder.
 
     Returns:
         What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
         `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `friction`, `links`,
-        `traces`, `written`: of `arm_identification`. `blocks`: of `block_table`. `gravity`: of
-        `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
+        `traces`, `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
+        of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
         `excitation`: one row, `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and what
-        is found of drives and loads: of `drives_and_load`.
+        is found of drives and loads: of `drives_and_load`. Without structures nothing is learned, and the
+        tables are those of `check_torques`.
 
     Raises:
         InputError: a log lacks a joint, is too short, has no motion or a torque that does not vary.
@@ -117,6 +114,11 @@ def learn_motion(
     """
     logs = {name: in_order(robot.tree, log) for name, log in logs.items()}
     tables: dict[str, pd.DataFrame] = {}
+    if not parameters.structures:
+        tables = check_torques(robot, logs, parameters)
+        for name, table in tables.items():
+            write_table(table, folder / f"{name}.parquet")
+        return None, tables
     if parameters.train is not None:
         parameters = logs_that_are_there(logs, parameters)
     asked = logs if parameters.train is None else moving_logs(logs, parameters)
@@ -132,19 +134,21 @@ def learn_motion(
     first = next(name for name in parts if name != TRAIN)
     if min(len(parts[TRAIN]), len(parts[first])) < parameters.block:
         raise InputError(
-            f"{parameters.source}: {len(parts[TRAIN]) / parameters.rate_hz:.1f} s to learn from and "
+            f"{', '.join(logs)}: {len(parts[TRAIN]) / parameters.rate_hz:.1f} s to learn from and "
             f"{len(parts[first]) / parameters.rate_hz:.1f} s to test on are too short for blocks of "
             f"{parameters.block_s:g} s"
         )
     networks: dict[Kind, NetworkTraining] = {}
     if parameters.networks is not None:
         networks, tables["choice"] = choose_networks(robot.tree, parts[TRAIN], parameters.networks)
-    identified = identify_arm(robot, parts, parameters.iterations, networks, parameters.structures)
+    limits = robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None
+    fitting = Fitting(parameters.iterations, limits, parameters.prior, parameters.refit_friction)
+    identified = identify_arm(robot, parts, fitting, networks, parameters.structures)
     if parameters.load is not None:
         tables |= weighed_loads(robot.tree, motions, gains, parameters)
         tables["carried"] = followed_loads(robot, motions, parameters)
     if parameters.body_draws:
-        model = identified.models[arm_identification.WRITTEN]
+        model = identified.models["cov", parameters.judged_friction]
         tables["bodies"] = body_intervals(robot, parts[TRAIN], model, parameters)
     base = base_parameters(robot.tree)
     fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *parameters.drawing)
@@ -154,6 +158,7 @@ def learn_motion(
         "motions": _motion_table(asked, {name: its for name, (_, its) in cuts.items()}, pieces, parameters),
         "errors": arm_identification.error_table(identified, parts),
         "blocks": block_table(identified.torques, parts, parameters.block),
+        "norms": block_norms(identified.torques, parts, parameters.block),
         "friction": arm_identification.friction_table(identified),
         "links": arm_identification.body_table(identified, robot),
         "traces": arm_identification.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
@@ -162,13 +167,23 @@ def learn_motion(
             {"parameter": base.formulas(robot.tree)} | bounds | {"urdf": base.values(robot.inertias)}
         ),
         "excitation": pd.DataFrame({"condition": [fit.condition], "parameters": [len(base.columns)]}),
-        "written": arm_identification.write_identified(source, folder / "identified.urdf", robot, identified),
+        "written": arm_identification.write_identified(
+            source, folder / "identified.urdf", robot, identified, parameters.judged_friction
+        ),
     }
     for (kind, friction), models in identified.models.items():
         write_dynamics_models(models, folder / f"models/{kind}_{friction}.safetensors")
     for name, table in tables.items():
         write_table(table, folder / f"{name}.parquet")
     return identified, tables
+
+
+def check_torques(
+    robot: Robot, logs: Mapping[str, Log], parameters: MotionParameters
+) -> dict[str, pd.DataFrame]:
+    """Whether torques of all logs together fit the URDF: by `gravity_check` and `payload_check`."""
+    motion = joined([cut_motion(cast("JointLog", log), parameters)[0] for log in logs.values()])
+    return {"gravity": gravity_check(robot, motion, parameters)} | payload_check(robot, motion)
 
 
 def in_order(tree: KinematicTree, log: Log) -> Log:
@@ -279,7 +294,7 @@ def _motion_table(
     pieces: Mapping[str, Mapping[str, list[Motion]]],
     parameters: MotionParameters,
 ) -> pd.DataFrame:
-    words = {(True, True): "both", (True, False): "learned from", (False, True): "asked about"}
+    words = {(True, True): "both", (True, False): "learned from", (False, True): "tested on"}
     rows = []
     for name, cut in cuts.items():
         seconds = {
@@ -302,7 +317,8 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     takes gravity out, a negative share that its sign is turned, and any other one suggests another unit.
 
     Returns:
-        `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`YES`, ...).
+        `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`YES`, ...), `limit_n_m` (of the
+        URDF).
     """
     still = Motion(motion.q, *np.zeros((3, *motion.q.shape)))
     gravity = rigid_body_torques(robot.tree, robot.inertias, still)
@@ -310,12 +326,14 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     rubbing = friction_columns(motion.qd, FRICTION)
     rows = []
     for joint, name in enumerate(robot.tree.names):
-        columns = np.column_stack([gravity[:, joint], moving[:, joint], rubbing[:, joint]])
-        share = np.linalg.lstsq(columns, motion.torque[:, joint], rcond=None)[0][0]
+        parts = np.column_stack([gravity[:, joint], moving[:, joint], rubbing[:, joint]])
+        share = np.linalg.lstsq(parts, motion.torque[:, joint], rcond=None)[0][0]
         varies = gravity[:, joint].std()
         torque = motion.torque[:, joint].std()
-        rows.append((joint + 1, name, varies, torque, share, _holds(share, varies, parameters)))
-    return pd.DataFrame(rows, columns=["joint", "name", "gravity_n_m", "torque_n_m", "share", "holds"])
+        holds, limit = _holds(share, varies, parameters), robot.model.effortLimit[joint]
+        rows.append((joint + 1, name, varies, torque, share, holds, limit))
+    columns = ["joint", "name", "gravity_n_m", "torque_n_m", "share", "holds", "limit_n_m"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def _holds(share: float, varies: float, parameters: MotionParameters) -> str:

@@ -1,11 +1,14 @@
-"""Parameters of identifying an arm from logs of its joints. Fields: `stages/tasks/params.yaml`, `motion`."""
+"""Logs of an arm's joints as a task names them. Fields: `stages/tasks/params.yaml`, `motion`."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
 
 from structlearn.core.params import Parameters
+from structlearn.readers.joint_log import DriveLog, read_log_table
+from structlearn.readers.source import SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]
 
@@ -45,10 +48,11 @@ class LoadParameters(Parameters):
     settled_s: float = Field(gt=0)
 
 
-class MotionParameters(Parameters):
-    """Identification of an arm from logs of its joints."""
+class MotionParameters(SourceParameters):
+    """Logs of an arm's joints, and its identification from them."""
 
-    source: str = Field(min_length=1)
+    kind = "motion"
+
     topic: str = Field(min_length=1)
     urdf: str = Field(min_length=1)
     locked_joints: tuple[str, ...]
@@ -64,8 +68,12 @@ class MotionParameters(Parameters):
     block_s: float = Field(gt=0)
     draws: int = Field(ge=100)
     seed: NonNegativeInt
-    structures: tuple[Literal["nostr", "symm", "spd", "tri", "cov"], ...] = Field(min_length=1)
+    structures: tuple[Literal["nostr", "symm", "spd", "tri", "cov"], ...]
     iterations: int = Field(ge=1)
+    joint_weights: Literal["variance", "limit"]
+    prior: float = Field(ge=0)
+    refit_friction: bool
+    judged_friction: Literal["coulomb", "offset"]
     body_draws: NonNegativeInt
     largest_condition: float = Field(gt=1)
     gravity_share: float = Field(gt=0, lt=1)
@@ -76,12 +84,18 @@ class MotionParameters(Parameters):
     load: LoadParameters | None
 
     @model_validator(mode="after")
-    def _drives_and_loads_are_of_named_logs(self) -> Self:
+    def _parts_fit_together(self) -> Self:
         if (self.drives is not None or self.load is not None) and None in (self.train, self.test):
             raise ValueError("drives and load need logs that are named: train and test")
         if (self.train is None) != (self.test is None):
             raise ValueError("name both logs or none: train and test")
+        if self.structures and "cov" not in self.structures:
+            raise ValueError("structures lack cov, which becomes the URDF")
         return self
+
+    def sources(self) -> dict[str, tuple[str, ...]]:
+        """All files and folders that are read, as they are written, by what they are for."""
+        return super().sources() | {"urdf": (self.urdf,)}
 
     @property
     def block(self) -> int:
@@ -92,3 +106,10 @@ class MotionParameters(Parameters):
     def drawing(self) -> tuple[int, int, int]:
         """Samples of a block, draws and seed of a bootstrap over blocks."""
         return self.block, self.draws, self.seed
+
+
+def read_logs(path: Path, parameters: MotionParameters) -> dict[str, Any]:
+    """Logs by name from the table of an import; of motor currents where the parameters name drives."""
+    if parameters.drives is not None:
+        return {log.name: log for log in read_log_table(path, DriveLog)}
+    return {log.name: log for log in read_log_table(path)}

@@ -27,8 +27,8 @@ from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.reporting.prose import capitalised, listing
 from structlearn.tasks.movement.feedback_learning import feedback_metrics, in_view, read_feedback
 from structlearn.tasks.movement.movement_parameters import MovementEntry
-from structlearn.tasks.public.page.recorded_tables import shown
 from structlearn.tasks.section import Section
+from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
 TARGET_SAMPLES = 200

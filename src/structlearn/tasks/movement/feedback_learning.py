@@ -32,7 +32,7 @@ from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import execution_cuts
-from structlearn.tasks.movement.movement_parameters import FeedbackParameters
+from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
 
 NETWORKS = "networks.safetensors"
 
@@ -61,7 +61,7 @@ def learn_feedback(
     corrections: Mapping[str, Sequence[Demonstration]],
     primitives: Sequence[PosePrimitive],
     cutting: SegmentParameters,
-    parameters: FeedbackParameters,
+    parameters: TaskFeedbackParameters,
 ) -> Feedback:
     """Expected traces from executions, coupling targets from corrections, and networks between them.
 
@@ -87,7 +87,7 @@ def learn_feedback(
 def _learned(
     datasets: Mapping[str, Mapping[Axis, CouplingDataset]],
     levels: Mapping[str, CouplingDataset],
-    parameters: FeedbackParameters,
+    parameters: TaskFeedbackParameters,
 ) -> tuple[dict[str, dict[Axis, CouplingModel]], pd.DataFrame]:
     """Final networks, and scores of those that were learned without a part and every other execution."""
     work = []
@@ -125,7 +125,7 @@ def _learned(
     return networks, pd.DataFrame(rows, columns=columns).groupby(keys, sort=False).mean().reset_index()
 
 
-def _groups(dataset: CouplingDataset, parameters: FeedbackParameters) -> np.ndarray:
+def _groups(dataset: CouplingDataset, parameters: TaskFeedbackParameters) -> np.ndarray:
     """Labels (S,) of what is left out in turn: settings, or parts of the demonstrations of a single one."""
     if len(parameters.settings) > 1:
         return dataset.setting.astype(str)
@@ -135,7 +135,7 @@ def _groups(dataset: CouplingDataset, parameters: FeedbackParameters) -> np.ndar
     return np.array([f"part {part + 1}" for part in parts])
 
 
-def _trained(work: tuple[str, Axis, str, CouplingDataset, FeedbackParameters]) -> CouplingModel:
+def _trained(work: tuple[str, Axis, str, CouplingDataset, TaskFeedbackParameters]) -> CouplingModel:
     *_, dataset, parameters = work
     return train_final(parameters.model, dataset, parameters.training, parameters.hidden)
 

@@ -30,7 +30,7 @@ class RestParameters(Parameters):
     seeds: int = Field(ge=1)
 
 
-class FeedbackParameters(CorrectionParameters, NetworkParameters):
+class TaskFeedbackParameters(CorrectionParameters, NetworkParameters):
     """Executions and corrections, and the feedback learned from them."""
 
     executions: str = Field(min_length=1)
@@ -109,7 +109,7 @@ class MovementEntry(SourceParameters):
     traces_hz: float | None = Field(gt=0)
     generalise: GeneraliseParameters
     skill: SkillParameters
-    feedback: FeedbackParameters | None
+    feedback: TaskFeedbackParameters | None
     corrections: PhaseCorrectionParameters | None
     robot: RobotParameters | None
 

@@ -32,8 +32,8 @@ from structlearn.reporting.movement_figures import fit_panel, sequence_figure, s
 from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
 from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
-from structlearn.tasks.public.page.recorded_tables import shown
 from structlearn.tasks.section import Section
+from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
 TITLES = {"nominal": "Nominal", "generalised": "New situation"}

@@ -15,7 +15,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import listing, rounded
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.public.page.recorded_tables import shown
+from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.touch.touch_calibration import CalibrationParameters
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, WORLDS
 

@@ -13,8 +13,8 @@ from structlearn.reporting.figure_style import Drawing, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import listing, rounded, with_spread
-from structlearn.tasks.public.page.recorded_tables import shown
 from structlearn.tasks.section import Section
+from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.touch.touch_names import (
     ASKED,
     COMPONENTS,

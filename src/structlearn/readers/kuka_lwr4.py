@@ -1,0 +1,57 @@
+"""Public logs of a KUKA LWR4+ on exciting trajectories, and its URDF.
+
+Files `data/KUKA/HW/measurements_{1,2}.npz` and `model/kuka_lwr4.urdf` of the repository kjyv/FloBaRoID, which
+identifies robots. Torques are those of joint sensors.
+"""
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.bag_files import natural_order
+from structlearn.readers.joint_log import JointLog, signals_of
+from structlearn.readers.text_log import read_each, source_provenance
+
+REPOSITORY = "https://github.com/kjyv/FloBaRoID"
+COMMIT = "e6c077ea5c09bceb49840f49e83450bb5979029b"
+LICENCE = "LGPL-3.0"
+
+JOINTS = tuple(f"lwr_{number}_joint" for number in range(7))
+"""Names in the arm's URDF."""
+
+
+def read_motion(
+    folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
+) -> list[JointLog]:
+    """All logs `measurements_*.npz` of a folder, or of folders there, about 200 Hz and uneven.
+
+    Raises:
+        MissingInputError: there is no log.
+        InputError: a file is no archive of arrays, or an array is missing or of another shape.
+    """
+    folder = Path(folder)
+    found = sorted(folder.rglob("measurements_*.npz"), key=lambda path: natural_order(path.as_posix()))
+    if not found:
+        raise MissingInputError(f"{folder}: holds no logs (measurements_1.npz, ...)")
+    return read_each(partial(_read, folder), found, left_out)
+
+
+def _read(folder: Path, path: Path) -> JointLog:
+    names = signals_of(JointLog)
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            times, *signals = (np.asarray(arrays[name], dtype=np.float64) for name in ("times", *names))
+    except (OSError, EOFError, ValueError, BadZipFile) as error:
+        raise InputError(f"{path}: cannot be read as arrays: {error}") from error
+    except KeyError as missing:
+        raise InputError(f"{path}: {missing.args[0]}") from missing
+    if times.ndim != 1 or not np.isfinite(times).all() or np.abs(times).max(initial=0.0) > 9e9:
+        raise InputError(f"{path}: times are no times in s")
+    stamps = np.round(1e9 * times).astype(np.int64)
+    name = "_".join(path.relative_to(folder).with_suffix("").parts)
+    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [path])
+    return JointLog(name, JOINTS, stamps, *signals, provenance=provenance)

@@ -1,0 +1,342 @@
+"""The dynamics of an arm on its task's page: models tested on held-out motion, and whether to trust them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from structlearn.reporting.document import Table
+from structlearn.reporting.findings import Findings
+from structlearn.reporting.prose import interval, rounded
+from structlearn.tasks.motion.motion_figures import motion_figures
+from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
+from structlearn.tasks.motion.motion_results import (
+    ALL_PAIRS,
+    BEST,
+    BOUNDS,
+    EMPTY,
+    FRICTIONS,
+    RIVALS,
+    URDF,
+    Drawn,
+    MotionResults,
+    chosen,
+    model_words,
+    motion_findings,
+)
+from structlearn.tasks.section import Section
+from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.task_files import TaskFiles
+
+NUMBERS = {"mass_kg": ".2f", "viscous": ".2f", "coulomb": ".2f"}
+"""How parameters of a link are written; others with three digits behind the point."""
+
+OPTIONAL = (
+    "choice",
+    "drives",
+    "drive_draws",
+    "gains",
+    "delay_curves",
+    "loads",
+    "load_draws",
+    "carried",
+    "bodies",
+)
+REQUIRED = (
+    *("motions", "errors", "blocks", "norms", "friction", "links", "traces", "gravity", "base", "excitation"),
+    "written",
+)
+"""Tables of the stage; a task has the optional ones by its parameters."""
+
+LINKS = ("mass_kg", "centre_x_m", "centre_y_m", "centre_z_m", "viscous", "coulomb")
+"""Parameters of a link that a page shows."""
+
+
+def section(files: TaskFiles) -> Section:
+    """Of a task with logs of joints."""
+    parameters = files.entry(MotionParameters)
+    first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
+    if not parameters.structures:
+        tables = {name: files.table(f"motion/{name}") for name in ("gravity", "payload_torques", "payloads")}
+        return Section(
+            "motion",
+            "Torques beside the URDF",
+            "torque_check.html.jinja",
+            facts={"origin": first.provenance},
+            find=check_findings(tables),
+            tables=check_tables(tables),
+        )
+    there = [name for name in OPTIONAL if (files.folder / f"motion/{name}.parquet").is_file()]
+    results = MotionResults({name: files.table(f"motion/{name}") for name in (*REQUIRED, *there)}, parameters)
+    urdf = f"{files.folder}/motion/identified.urdf"
+    return Section(
+        "motion",
+        "The arm's dynamics",
+        "motion.html.jinja",
+        lead="motion_lead.html.jinja",
+        facts=motion_facts(results) | {"urdf": urdf, "origin": first.provenance},
+        find=motion_findings(results),
+        tables=motion_tables(results),
+        pictures=motion_figures(results),
+    )
+
+
+def motion_facts(results: MotionResults) -> dict[str, Any]:
+    """Values for the sentences."""
+    test, motions, gravity = results.test, results["motions"], results["gravity"]
+    best, excitation = results.joint_nmse(results.tested), results["excitation"].iloc[0]
+    worst = max(best, key=lambda joint: best[joint].value)
+    seconds = motions[["learned_s", "tested_s"]].sum()
+    carried = {log: results.carried_error(log).evidence() for log in results.carried_logs}
+    facts: dict[str, Any] = {
+        "chosen": results.parameters,
+        "logs": len(motions),
+        "joints": len(results.joints),
+        "whole": {name: its.evidence() for name, its in results.whole_errors(results.best).items()},
+        "friction": FRICTIONS[results.best[1]],
+        "learned_s": seconds["learned_s"],
+        "tested_s": seconds["tested_s"],
+        "train_log": results.train_log,
+        "tested": results.tested,
+        "worst": best[worst].evidence(),
+        "worst_joint": results.names[list(best).index(worst)],
+        "best": test.loc[results.best].min(),
+        "worst_of": {"urdf": test.loc[URDF].max(), "bounds": test.loc[results.bounds].max()}
+        | {"viscous": test.loc["cov", "viscous"].max()},
+        "friction_factor": test.loc["cov", "viscous"] / test.loc[results.best],
+        "condition": excitation["condition"],
+        "base_parameters": int(excitation["parameters"]),
+        "unsure": len(results["base"].query("low < 0 < high")),
+        "blocks": best[worst].n,
+        "gravity": {word: list(its["name"]) for word, its in gravity.groupby("holds")},
+        "further": {
+            log: (
+                errors.loc[results.best].max(),
+                errors.loc[results.best].idxmax(),
+                errors.loc[results.bounds].max(),
+            )
+            for log, errors in results.errors.items()
+            if log in results.parts[2:]
+        },
+        "networks": [
+            f"{model_words(key)} {rounded(results.errors['train'].loc[key].mean(), '.2g')} "
+            f"\N{RIGHTWARDS ARROW} {rounded(test.loc[key].mean(), '.2g')}"
+            for key in (*RIVALS, ("delan", "coulomb"))
+            if key in test.index
+        ],
+        "carried": carried,
+        "first": next(iter(carried), None),
+        "urdf_difference_n_m": results["written"]["difference_n_m"].max(),
+    }
+    if "gains" in results.tables:
+        gains = results["gains"].set_index("joint")
+        facts["gain_factors"] = gains["quoted"] / gains["found"]
+        assumed = gains.index[gains["assumed"]].tolist()
+        facts["stand_in"] = {joint: results.of_drives.assumed_gains[joint] for joint in assumed}
+        facts["rest_log"] = results.rest_log
+    if carried:
+        empty = chosen(results["carried"], stage=EMPTY)
+        facts["load"] = results.load_error(ALL_PAIRS, "found").evidence()
+        facts["load_kg"] = results.load_kg(ALL_PAIRS, "found").evidence()
+        quoted = not chosen(results["loads"], gains="quoted").empty
+        facts["quoted_percent"] = results.load_error(ALL_PAIRS, "quoted").value if quoted else np.nan
+        facts["largest_empty_kg"] = empty["mass_kg"].abs().max()
+    return facts
+
+
+def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
+    """Of logs that are too slow to identify an arm."""
+    find, signs = Findings("joints"), {-1: "reversed", 1: "as_recorded"}
+    torques, payloads = tables["payload_torques"], tables["payloads"].set_index("sign")["mass_kg"]
+    left = torques[torques["payload"]].groupby("sign")["left_n_m"]
+    worst = {word: (left.max()[sign], left.size()[sign]) for sign, word in signs.items()}
+    find.exact("torque_left", worst, unit="N m", headline=True)
+    find.exact(
+        "payload", {word: (payloads[sign], 1) for sign, word in signs.items()}, unit="kg", headline=True
+    )
+    return find
+
+
+def check_tables(tables: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
+    """Tables keyed by name, likewise."""
+    return {
+        "payload_torques": shown(tables["payload_torques"]),
+        "payloads": shown(tables["payloads"]),
+        "motion_gravity": _gravity(tables["gravity"]),
+    }
+
+
+def motion_tables(results: MotionResults) -> dict[str, Table]:
+    """Tables keyed by name."""
+    tables = {
+        "motion_joints": _joints(results),
+        "motion_errors": _errors(results),
+        "motion_whole": _whole(results),
+        "motion_logs": _logs(results),
+        "motion_gravity": _gravity(results["gravity"]),
+        "motion_base": shown(results["base"].rename(columns={"urdf": "URDF"})),
+        "motion_bodies": _bodies(results),
+    }
+    if results.parts[2:]:
+        tables["motion_further"] = _further(results)
+    if "choice" in results.tables:
+        tables["motion_choice"] = shown(results["choice"])
+    if "gains" in results.tables:
+        tables["motion_drives"] = _drives(results)
+    if results.carried_logs:
+        tables |= {"motion_loads": _loads(results), "motion_followed": _followed(results)}
+    return tables
+
+
+def _text(found: Drawn, number: str) -> str:
+    if np.isnan(found.value):
+        return "none"
+    its = found.evidence()
+    return f"{rounded(its.value, number)} {interval(its.low, its.high, number)}"
+
+
+def _joints(results: MotionResults) -> Table:
+    """NMSE of every joint, with intervals."""
+    columns = {"joint": results.joints, "name": results.names}
+    for key in (URDF, results.bounds, results.best):
+        columns[model_words(key)] = [
+            _text(its, ".2g") for its in results.joint_nmse(results.tested, key).values()
+        ]
+    return Table(pd.DataFrame(columns))
+
+
+def _errors(results: MotionResults) -> Table:
+    wide = results.test
+    numbers = wide.add_prefix("joint_").assign(mean=wide.mean(axis=1)).reset_index(drop=True)
+    numbers.insert(0, "model", [model_words(key) for key in wide.index])
+    plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS).tolist())
+    return shown(numbers, plain)
+
+
+def _whole(results: MotionResults) -> Table:
+    """Errors of all joints together, with intervals."""
+    names = {
+        "limit_percent": "NRMS (% of the limits)",
+        "relative_percent": "relative (%)",
+        "norm_n_m": "norm (N m)",
+    }
+    numbers = {"limit_percent": ".3f"}
+    rows = [
+        {"model": model_words(key)}
+        | {
+            names[name]: _text(its, numbers.get(name, ".2f"))
+            for name, its in results.whole_errors(key).items()
+        }
+        for key in (
+            URDF,
+            *((kind, friction) for friction in ("coulomb", "offset") for kind in (BOUNDS, BEST)),
+        )
+    ]
+    return Table(pd.DataFrame(rows))
+
+
+def _further(results: MotionResults) -> Table:
+    rows = [
+        {"log": log, "model": model_words(key)} | results.errors[log].loc[key].add_prefix("joint_").to_dict()
+        for log in results.parts[2:]
+        for key in (URDF, *RIVALS, results.best, results.bounds)
+        if key in results.errors[log].index
+    ]
+    return shown(pd.DataFrame(rows))
+
+
+def _logs(results: MotionResults) -> Table:
+    columns = ["log", "part", "start_s", "end_s", "length_s", "learned_s", "tested_s"]
+    frame = results["motions"][columns]
+    words = {"start_s": "from (s)", "end_s": "to (s)", "length_s": "length (s)"}
+    words |= {"learned_s": "learned from (s)", "tested_s": "tested on (s)"}
+    return Table(frame, dict.fromkeys(words, ".1f"), words)
+
+
+def _gravity(gravity: pd.DataFrame) -> Table:
+    columns = {
+        "gravity_n_m": "URDF's gravity, std (N m)",
+        "torque_n_m": "torque, std (N m)",
+        "share": "share of gravity in the torque",
+        "holds": "contains gravity",
+    }
+    frame = gravity.drop(columns="joint").rename(columns={"name": "joint"})[["joint", *columns]]
+    return Table(frame, dict.fromkeys(list(columns)[:3], ".2f"), columns)
+
+
+def _bodies(results: MotionResults) -> Table:
+    """Links as written, a column per parameter, with half a 95 % interval where fits were drawn."""
+    if "bodies" in results.tables:
+        its = results["bodies"]
+    else:
+        key = {"model": BEST, "friction": results.parameters.judged_friction}
+        links = chosen(results["links"], **key).rename(columns={"true_mass_kg": "urdf"})
+        values = [name for name in LINKS if name in links]
+        its = links.melt(["link", "urdf"], values, "parameter")
+        rubbing = chosen(results["friction"], **key).rename(columns={"term": "parameter"})
+        rubbing = rubbing.assign(link=[links["link"].iloc[joint - 1] for joint in rubbing["joint"]])
+        its = pd.concat([its, rubbing]).assign(half_width=np.nan)
+    its = its[its["parameter"].isin(LINKS)]
+    text = []
+    for row in its.itertuples():
+        form = NUMBERS.get(row.parameter, ".3f")
+        width = f" ± {row.half_width:{form}}" if np.isfinite(row.half_width) else ""
+        text.append(f"{rounded(row.value, form)}{width}")
+    wide = its.assign(text=text).pivot_table(
+        index="link", columns="parameter", values="text", aggfunc="first", sort=False
+    )
+    urdf = its[its["parameter"] == "mass_kg"].set_index("link")["urdf"]
+    frame = wide.assign(urdf_mass_kg=[rounded(urdf[link], ".2f") for link in wide.index]).reset_index()
+    table = shown(frame)
+    words = {"urdf_mass_kg": "URDF's mass (kg)", "viscous": "viscous (N m s/rad)", "coulomb": "Coulomb (N m)"}
+    return Table(frame, table.formats, {**table.headings, **words})
+
+
+def _drives(results: MotionResults) -> Table:
+    """Gains and delays of every joint, with intervals as text."""
+    rows = []
+    logs = {results.train_log: "learned from", results.tested: "tested on"}
+    for row in results["gains"].itertuples():
+        its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
+        if (rest := results.rest_log) is not None:
+            at_rest = results.drive("gain at rest", rest, row.joint)
+            its["at rest"] = "assumed" if row.assumed else _text(at_rest, ".3f")
+        its["used"] = rounded(row.found, ".3f")
+        for log, words in logs.items():
+            its[f"in motion, {words}"] = _text(results.drive("gain in motion", log, row.joint), ".3f")
+            delay = results.drive("delay", log, row.joint).scaled(1e3)
+            its[f"delay (ms), {words}"] = _text(delay, ".1f")
+        rows.append(its)
+    return Table(pd.DataFrame(rows))
+
+
+def _loads(results: MotionResults) -> Table:
+    rows = [
+        {
+            "logs": row.pair,
+            "gains": row.gains,
+            "mass (kg)": _text(results.load_kg(row.pair, row.gains), ".3f"),
+            "error (%)": _text(results.load_error(row.pair, row.gains), ".1f"),
+            "centre (m)": ", ".join(rounded(getattr(row, f"centre_{axis}_m"), ".3f") for axis in "xyz"),
+        }
+        for row in results["loads"].itertuples()
+    ]
+    return Table(pd.DataFrame(rows))
+
+
+def _followed(results: MotionResults) -> Table:
+    rows = []
+    for log in results.carried_logs:
+        its, error = results.settled(log), results.carried_error(log).evidence()
+        rows.append(
+            {
+                "log": log,
+                "settled_s": float(len(its) * results.of_load.batch / results.parameters.rate_hz),
+                "mass_kg": its["mass_kg"].mean(),
+                "least_kg": its["mass_kg"].min(),
+                "most_kg": its["mass_kg"].max(),
+                "error (%)": f"{rounded(error.value, '.1f')} {interval(error.low, error.high)}",
+            }
+        )
+    return shown(pd.DataFrame(rows), settled_s=".0f", least_kg=".2f", most_kg=".2f")

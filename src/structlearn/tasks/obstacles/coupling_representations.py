@@ -1,0 +1,210 @@
+"""Representations of the coupling term past obstacles, and what the phase adds to them (IV.8).
+
+Cross-validation over blocks of consecutive samples. Errors are pooled: squared errors of all held-out samples
+over the variance of all targets, axis by axis. Where samples were shuffled before they were published, those
+next to a held-out one in time may be in the training blocks: errors are those of new samples of known
+demonstrations, not of new demonstrations.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
+from structlearn.avoidance.avoidance_network import averaged, selected_inputs
+from structlearn.avoidance.features import CouplingModel
+from structlearn.avoidance.levenberg_marquardt import VALIDATION
+from structlearn.avoidance.network_training import COLUMNS, NetworkParameters, stacked, train_member
+from structlearn.avoidance.rai_2014 import fit_human_inspired
+from structlearn.avoidance.scene_models import (
+    reach_scenes,
+    samples_of_nearest,
+    scene_states,
+    straight_baseline,
+)
+from structlearn.avoidance.scene_people import ScenePeopleParameters, reaches_past_obstacles
+from structlearn.core.errors import MissingInputError
+from structlearn.core.metrics import mean_interval, nmse
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
+from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.readers.demonstration import Demonstration
+
+INPUTS = tuple(COLUMNS)
+
+
+class RepresentationParameters(Parameters):
+    """Blocks left out, and the models compared."""
+
+    folds: int = Field(ge=2)
+    ridge_decay: float = Field(gt=0)
+    network: NetworkParameters
+    pmnn: TrainingParameters
+    pmnn_hidden: tuple[int, ...]
+
+
+RIDGE, HUMAN_INSPIRED, STOPPED, NETWORK, ENSEMBLE, PMNN = (
+    "ridge",
+    "human_inspired",
+    "network_validation",
+    "network",
+    "ensemble",
+    "pmnn",
+)
+REPRESENTATIONS = (
+    (HUMAN_INSPIRED, "features"),
+    (STOPPED, "features"),
+    *((name, inputs) for name in (RIDGE, NETWORK, ENSEMBLE) for inputs in INPUTS),
+    (PMNN, "phase"),
+)
+"""Representations and what they see beside the features (`models.COLUMNS`)."""
+
+
+@dataclass(frozen=True)
+class RepresentationResults:
+    """Outcome of the cross-validation.
+
+    Attributes:
+        scores: per `representation`, its `inputs` and `axis`: held-out `nmse` over all samples, and `train`,
+            the mean of the training errors over the folds.
+        folds: likewise per `fold`: held-out squared error over the variance of all targets, `nmse`, and the
+            number of held-out `samples`.
+        phase_worth: per `representation`, `inputs` with the phase, and `axis`: `gain`, mean over folds of the
+            held-out error without it minus that with it, and `half_width` of its 95 % interval.
+    """
+
+    scores: pd.DataFrame
+    folds: pd.DataFrame
+    phase_worth: pd.DataFrame
+
+
+def samples_of_reaches(runs: Sequence[Demonstration], parameters: ScenePeopleParameters) -> AvoidanceDataset:
+    """Samples of the coupling term of reaches past obstacles, with the published features of the nearest."""
+    reaches, _ = reaches_past_obstacles(runs, parameters)
+    baseline = straight_baseline(reaches, parameters.straight_share)
+    states = scene_states([reach.path for reach in reaches], baseline, parameters.keep_every)
+    return samples_of_nearest(states, reach_scenes(reaches, parameters))
+
+
+def compare_representations(
+    dataset: AvoidanceDataset, parameters: RepresentationParameters
+) -> RepresentationResults:
+    """Cross-validate every representation.
+
+    Raises:
+        MissingInputError: there are fewer than two samples a fold.
+    """
+    if len(dataset) < 2 * parameters.folds:
+        raise MissingInputError(f"{len(dataset)} samples are too few for {parameters.folds} folds")
+    work = [
+        (dataset, block, (fold, name, inputs), parameters)
+        for name, inputs in _FITS
+        for fold, block in enumerate(np.array_split(np.arange(len(dataset)), parameters.folds))
+    ]
+    tables = parallel_map(_held_out, work, "representations of the coupling term")
+    errors = pd.concat(tables, ignore_index=True)
+    keys = ["representation", "inputs", "axis"]
+    summed = errors.groupby(keys, sort=False)[["squared", "weighted_train"]].sum()
+    scores = summed.rename(columns={"squared": "nmse", "weighted_train": "train"}).reset_index()
+    scores["train"] /= parameters.folds
+    sizes = [len(block) for block in np.array_split(np.arange(len(dataset)), parameters.folds)]
+    folds = errors[[*keys, "fold"]].assign(
+        nmse=errors["squared"] * parameters.folds, samples=errors["fold"].map(dict(enumerate(sizes)))
+    )
+    order = {key: place for place, key in enumerate(REPRESENTATIONS)}
+    places = [order[pair] for pair in zip(scores["representation"], scores["inputs"], strict=True)]
+    scores = scores.iloc[np.argsort(places, kind="stable")].reset_index(drop=True)
+    return RepresentationResults(scores, folds, _phase_worth(folds))
+
+
+_FITS = (
+    *((ENSEMBLE, inputs) for inputs in reversed(INPUTS)),
+    (PMNN, "phase"),
+    (HUMAN_INSPIRED, "features"),
+    (STOPPED, "features"),
+    *((RIDGE, inputs) for inputs in INPUTS),
+)
+"""Longest first. The ensemble's first member is the network."""
+
+
+def _held_out(
+    work: tuple[AvoidanceDataset, np.ndarray, tuple[int, str, str], RepresentationParameters],
+) -> pd.DataFrame:
+    """Errors of one fit on one fold: `squared` is its share in the error over all samples."""
+    dataset, block, (fold, name, inputs), parameters = work
+    held_out = np.zeros(len(dataset), dtype=bool)
+    held_out[block] = True
+    training, rest = dataset.where(~held_out), dataset.where(held_out)
+    rows = []
+    for fitted, model in _fitted(name, inputs, training, fold, parameters).items():
+        error = np.square(_predicted(model, rest) - rest.target).sum(axis=0)
+        shares = error / (dataset.target.var(axis=0) * len(dataset))
+        train = nmse(_predicted(model, training), training.target)
+        for axis, squared, weighted in zip(AXES, shares, train, strict=True):
+            rows.append((fitted, inputs, axis, fold, squared, weighted))
+    columns = ["representation", "inputs", "axis", "fold", "squared", "weighted_train"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _fitted(
+    name: str,
+    inputs: str,
+    training: AvoidanceDataset,
+    fold: int,
+    parameters: RepresentationParameters,
+) -> dict[str, CouplingModel]:
+    """Coupling models of one fit by the name of their representation."""
+    if name == RIDGE:
+        return {name: _ridge(training, inputs, parameters.ridge_decay)}
+    if name == HUMAN_INSPIRED:
+        return {name: fit_human_inspired(training.features, training.target)}
+    if name == PMNN:
+        from structlearn.avoidance.learned_models import train_phase_modulated  # loads torch
+
+        return {name: train_phase_modulated(training, parameters.pmnn, parameters.pmnn_hidden)}
+    network = parameters.network.model_copy(update={"inputs": inputs})
+    if name == STOPPED:
+        stopped = network.training.model_copy(update={"rule": VALIDATION})
+        network = network.model_copy(update={"training": stopped})
+        return {name: stacked([train_member(training, network, (fold, 0))], [training], network)}
+    members = [train_member(training, network, (fold, member)) for member in range(network.members)]
+    return {
+        NETWORK: stacked(members[:1], [training], network),
+        ENSEMBLE: stacked([averaged(members)], [training], network),
+    }
+
+
+def _ridge(training: AvoidanceDataset, inputs: str, decay: float) -> CouplingModel:
+    from sklearn.linear_model import Ridge
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    columns = COLUMNS[inputs]
+    regression = make_pipeline(StandardScaler(), Ridge(alpha=decay))
+    seen = selected_inputs(training.features, training.phase, training.phase_velocity, columns)
+    regression.fit(seen, training.target)
+    return lambda features, phase, phase_velocity: regression.predict(
+        selected_inputs(features, phase, phase_velocity, columns)
+    )
+
+
+def _predicted(model: CouplingModel, dataset: AvoidanceDataset) -> np.ndarray:
+    return model(dataset.features, dataset.phase, dataset.phase_velocity)
+
+
+def _phase_worth(folds: pd.DataFrame) -> pd.DataFrame:
+    """Gains of seeing the phase, in pairs over the folds."""
+    rows = []
+    by_key = {
+        key: its.sort_values("fold")["nmse"].to_numpy()
+        for key, its in folds.groupby(["representation", "inputs", "axis"])
+    }
+    for (name, inputs, axis), errors in by_key.items():
+        without = by_key.get((name, "features", axis))
+        if inputs != "features" and without is not None:
+            gain, half_width = mean_interval(without - errors)
+            rows.append((name, inputs, axis, gain, half_width))
+    return pd.DataFrame(rows, columns=["representation", "inputs", "axis", "gain", "half_width"])

@@ -1,0 +1,116 @@
+"""Reader of public samples of the coupling term past obstacles: three text files in, one dataset out.
+
+Samples of many demonstrations, drawn at random and shuffled, in the local frame: 17 features, three
+coupling terms, 25 phase kernels times the phase velocity. They have no times and no demonstration numbers;
+the phase is found again from the kernels.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from structlearn.avoidance import features
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.primitives import canonical, kernels
+from structlearn.readers.clmc import COMMIT, LICENCE, REPOSITORY
+from structlearn.readers.text_log import read_table, source_provenance
+
+FOLDER = "obs_avoid/pmnn_unroll_test_dataset"
+FILES = {
+    "features": ("subsampled_test_unroll_prim_1_X_raw_obs_avoid.txt", 17),
+    "target": ("subsampled_test_unroll_prim_1_Ct_target_obs_avoid.txt", 3),
+    "modulation": (
+        "subsampled_test_unroll_prim_1_normalized_phase_PSI_mult_phase_V_obs_avoid.txt",
+        kernels.KERNEL_COUNT,
+    ),
+}
+"""Names and columns."""
+
+LARGEST_PHASE_ERROR = 0.2
+"""Between the kernels of a sample, up to 4.6, and those of the nearest time. The files are within 0.05."""
+
+GRID = np.linspace(0.0, 1.05, 4201)
+"""Times of a movement of duration one at which the phase is looked for."""
+
+
+class RecordedSamples(NamedTuple):
+    """Samples of the coupling term, and where they come from."""
+
+    samples: AvoidanceDataset
+    provenance: Mapping[str, str]
+
+
+def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str]) -> RecordedSamples:
+    """Reader of a task, see `task_import`."""
+    samples = read_coupling_samples(folder)
+    files = list(sample_files(folder).values())
+    return RecordedSamples(samples, source_provenance(REPOSITORY, COMMIT, LICENCE, Path(folder), files))
+
+
+def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
+    """The samples as a dataset of one scenario in which every row is a demonstration of its own.
+
+    `time` is the fraction of the movement.
+
+    Raises:
+        MissingInputError: none of the files is there.
+        InputError: one of them is missing, no table of its columns, or has another number of rows than its
+            fellows; the distance to the centre is not that of the centre's vector, or no time of a movement
+            has the phase kernels.
+    """
+    paths = sample_files(folder)
+    if not any(path.exists() for path in paths.values()):
+        raise MissingInputError(f"{Path(folder) / FOLDER}: holds no samples of obstacle avoidance")
+    tables = {name: read_table(paths[name], columns) for name, (_, columns) in FILES.items()}
+    count = len(tables["features"])
+    for name, table in tables.items():
+        if len(table) != count:
+            raise InputError(f"{paths[name]}: has {len(table)} rows, {paths['features'].name} has {count}")
+    seen = tables["features"]
+    distance = np.linalg.norm(seen[:, features.TO_CENTRE], axis=1)
+    wrong = np.flatnonzero(np.abs(distance - seen[:, features.CENTRE_DISTANCE]) > 1e-6)
+    if len(wrong):
+        raise InputError(
+            f"{paths['features']}: row {wrong[0]}: distance to the centre is "
+            f"{seen[wrong[0], features.CENTRE_DISTANCE]:.6g} m, its vector says {distance[wrong[0]]:.6g} m"
+        )
+    time, error = phase_times(tables["modulation"])
+    if error.max() > LARGEST_PHASE_ERROR:
+        raise InputError(
+            f"{paths['modulation']}: row {error.argmax()}: no time of a movement has these phase kernels "
+            f"(the nearest is {error.max():.3g} off)"
+        )
+    p, _ = canonical.phase(time, canonical.time_constant(1.0))
+    return AvoidanceDataset(
+        features=seen,
+        target=tables["target"],
+        phase=p,
+        phase_velocity=tables["modulation"].sum(axis=1),  # kernels are normalised: their sum is u
+        scenario=np.zeros(count, dtype=int),
+        demonstration=np.arange(count),
+        time=time,
+    )
+
+
+def sample_files(folder: str | Path) -> dict[str, Path]:
+    """Path of each table, by its name in `FILES`."""
+    return {name: Path(folder) / FOLDER / file for name, (file, _) in FILES.items()}
+
+
+def phase_times(modulation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times whose phase kernels are nearest to given ones.
+
+    Args:
+        modulation: (S, N) normalised phase kernels times the phase velocity.
+
+    Returns:
+        time: (S,) as a fraction of the movement.   error: (S,) Euclidean distance of the kernels.
+    """
+    p, u = canonical.phase(GRID, canonical.time_constant(1.0))
+    grid = kernels.features(p, u, modulation.shape[1])
+    squared = (modulation**2).sum(axis=1)[:, None] - 2.0 * modulation @ grid.T + (grid**2).sum(axis=1)
+    nearest = squared.argmin(axis=1)
+    return GRID[nearest], np.linalg.norm(modulation - grid[nearest], axis=1)

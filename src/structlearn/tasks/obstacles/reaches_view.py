@@ -1,0 +1,93 @@
+"""Recording of reaches past obstacles: the recorded hand and those of models in the same scenes."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.palette import BLACK, DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_WAYS, Look
+from structlearn.viewer.notes import legend, notes_view, send_notes
+from structlearn.viewer.rrd import (
+    entity,
+    eye_view,
+    layout,
+    plot,
+    recording,
+    rgba,
+    send_curve,
+    send_floor_axes,
+    send_moving_frame,
+    solid_boxes,
+    time_column,
+)
+
+LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
+    way: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer's ground is black
+    for way, look in SCENE_WAYS.items()
+    if way in ("none", "text", "scene", "planned")  # all six would hide each other
+}
+
+EYE_M = np.array([0.0, -0.55, 0.75])
+"""From the middle of a scene to the eye: behind the person, from above, so that gaps are seen."""
+
+
+def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataFrame], title: str) -> None:
+    """Write the reaches that the page shows, a tab for each scene, as a recording.
+
+    `tables`: `paths` and `shapes` of `avoidance.scene_folds.SceneResults`.
+    """
+    with recording(path, title) as stream:
+        send_notes(stream, _note(title))
+        tabs = []
+        for name, paths in tables["paths"].groupby("reach", sort=False):
+            shapes = tables["shapes"].query("reach == @name")
+            middle, floor = _send_shapes(stream, name, shapes)
+            for way, look in LOOKS.items():
+                its = paths[paths["way"] == way]
+                _send_way(stream, name, look, its, shapes[shapes["box"]])
+            scene = eye_view(name, [f"{entity(name)}/**"], middle, EYE_M, floor)
+            clearance = plot("distance to the nearest obstacle (mm)", [f"{entity('distance', name)}/**"])
+            beside = rrb.Vertical(notes_view(), clearance)
+            tabs.append(rrb.Horizontal(scene, beside, column_shares=[2, 1], name=name))
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+
+
+def _note(title: str) -> str:
+    return (
+        f"# {title}\n\nObstacles and the hand called *recorded* were recorded. The other hands are computed: "
+        "models that learned from other people move them through this scene, in the time that the person "
+        "took. Obstacles are filled, walls are outlined; a square of the floor is 0.1 m wide.\n\n"
+        + legend({look.name: look.colour for look in LOOKS.values()})
+    )
+
+
+def _send_shapes(stream: rr.RecordingStream, name: str, shapes: pd.DataFrame) -> tuple[np.ndarray, float]:
+    """Log obstacles, walls and axes; returns the obstacles' middle (3,) m and the floor's height."""
+    sizes, centres = (shapes[list(columns)].to_numpy() for columns in (EXTENT, PLACE))
+    solid = shapes["box"].to_numpy(bool)
+    stream.log(entity(name, "obstacles"), solid_boxes(sizes[solid], centres[solid], [GREY]), static=True)
+    walls = rr.Boxes3D(sizes=sizes[~solid], centers=centres[~solid], colors=rgba([LIGHT_GREY]))
+    stream.log(entity(name, "walls"), walls, static=True)
+    floor = send_floor_axes(stream, entity(name, "axes"), (centres - 0.5 * sizes)[solid])
+    return centres[solid].mean(axis=0), floor
+
+
+EXTENT, PLACE = ("width_m", "depth_m", "height_m"), ("x_m", "y_m", "z_m")
+
+
+def _send_way(
+    stream: rr.RecordingStream, name: str, look: Look, its: pd.DataFrame, boxes: pd.DataFrame
+) -> None:
+    """Log a hand over time, its whole path as a line, and its distance from the obstacles' extents."""
+    points, time = its[list(PLACE)].to_numpy(), its["time_s"].to_numpy()
+    width = 1.0 if look.colour == LIGHT_GREY else 2.0
+    line = rr.LineStrips3D([points], colors=rgba([look.colour]), radii=-width)
+    path = entity(name, look.name)
+    stream.log(f"{path}/path", line, static=True)
+    send_moving_frame(stream, f"{path}/hand", [time_column(time)], points, None, look.colour, 0.0)
+    beyond = np.abs(points[:, None] - boxes[list(PLACE)].to_numpy()) - 0.5 * boxes[list(EXTENT)].to_numpy()
+    apart = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1).min(axis=1)
+    send_curve(stream, entity("distance", name, look.name), time, 1e3 * apart, look.name, look.colour)

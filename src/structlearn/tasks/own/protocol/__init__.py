@@ -1,1 +1,0 @@
-"""Experiments and scores on your own recordings."""

@@ -1,1 +1,0 @@
-"""The page of the recorded data by sets: of each its numbers, claims, sentences, tables and figures."""

@@ -1,1 +1,0 @@
-"""Recordings of the recorded data, to look at."""

@@ -1,0 +1,279 @@
+"""Logs of an arm of one's own: a made-up arm of three joints, known by what its URDF does not say."""
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+from committed import TASK_FILE
+from pydantic import ValidationError
+from readers_bags import STORE
+from rigid_body_robots import joint, link
+
+from structlearn.core.errors import InputError
+from structlearn.core.minimum_jerk import progress
+from structlearn.readers import panda
+from structlearn.readers.joint_log import JointLog, write_log_table
+from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.dynamics_models import rigid_body_torques
+from structlearn.rigid_body.friction import friction_columns
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.regressor import link_parameters, torque_regressor
+from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
+from structlearn.tasks import bags
+from structlearn.tasks.motion.joint_motion import learn_motion
+from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
+
+
+def parameters(**changes) -> MotionParameters:
+    """The defaults for a task's logs, quicker."""
+    defaults = yaml.load(TASK_FILE.read_text(), yaml.CSafeLoader)["defaults"]["motion"]
+    quick = {"source": "logs", "urdf": "arm.urdf", "rate_hz": 50.0, "smoothing_hz": 20.0, "rest_rad_s": 0.01}
+    quick |= {"draws": 100, "iterations": 200, "gravity_n_m": 0.2}
+    return MotionParameters.model_validate(defaults | quick | changes)
+
+
+JOINTS = ("turn", "lift", "bend")
+ARM = "\n".join(
+    [
+        '<robot name="arm"><link name="base"/>',
+        *(link(name, mass) for name, mass in zip("abc", (3.0, 2.0, 1.0), strict=True)),
+        joint("turn", "revolute", "base", "a", "0 0 1", 'xyz="0 0 0.2"'),
+        joint("lift", "revolute", "a", "b", "0 1 0", 'xyz="0 0.05 0.2"'),
+        joint("bend", "revolute", "b", "c", "0 1 0", 'xyz="0.3 0 0"'),
+        "</robot>",
+    ]
+)
+FRICTION = np.array([[0.3, 0.5], [0.4, 0.3], [0.2, 0.2]])
+"""Viscous and Coulomb, by joint."""
+
+
+def heavier(inertias: LinkInertias) -> LinkInertias:
+    """What really moves: links a third heavier than the URDF says, and larger."""
+    return LinkInertias(1.3 * inertias.mass, 1.4 * inertias.first_moment, 1.5 * inertias.inertia)
+
+
+def made_up_log(robot: Robot, name: str, seed: int, seconds: float = 24.0, load_kg: float = 0.0) -> JointLog:
+    """Sines on every joint, at a rest before; joints stand in another order than in the URDF.
+
+    A load is a point at (0.2, 0, 0.1) m on the last link.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, seconds, 0.01)
+    after = np.clip(time - 1.5, 0.0, None)[:, None, None]
+    rates, sizes, phases = 2.0 + 3.0 * rng.random((3, 3)), 0.3 * rng.random((3, 3)), 6.0 * rng.random((3, 3))
+    q = progress(np.minimum(after[..., 0] / 2.0, 1.0)) * (sizes * np.sin(rates * after + phases)).sum(axis=-1)
+    qd = np.gradient(q, time, axis=0)
+    motion = Motion(q, qd, np.gradient(qd, time, axis=0), np.zeros_like(q))
+    its, point = heavier(robot.inertias), np.array([0.2, 0.0, 0.1])
+    mass, moment, inertia = its.mass.copy(), its.first_moment.copy(), its.inertia.copy()
+    apart = point - moment[-1] / mass[-1]
+    both = mass[-1] * load_kg / (mass[-1] + load_kg)
+    inertia[-1] += both * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+    mass[-1] += load_kg
+    moment[-1] += load_kg * point
+    torque = rigid_body_torques(robot.tree, LinkInertias(mass, moment, inertia), motion)
+    torque = torque + np.einsum("njt,jt->nj", friction_columns(qd, ("viscous", "coulomb")), FRICTION)
+    torque += 0.02 * rng.standard_normal(torque.shape)
+    stamps = (10**9 + np.round(1e9 * time)).astype(np.int64)
+    names = ("gripper", *JOINTS[::-1])
+    return JointLog(name, names, stamps, *(np.hstack([q[:, :1], its[:, ::-1]]) for its in (q, qd, torque)))
+
+
+@lru_cache
+def arm() -> tuple[Robot, str]:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "arm.urdf"
+        path.write_text(ARM)
+        return read_urdf(path), ARM
+
+
+def identified(folder: Path, logs: list[JointLog], **changes) -> SimpleNamespace:
+    """Tables by name."""
+    source = folder / "arm.urdf"
+    source.write_text(ARM)
+    named = {log.name: log for log in logs}
+    return SimpleNamespace(**learn_motion(arm()[0], named, parameters(**changes), source, folder)[1])
+
+
+@pytest.fixture(scope="module")
+def several(tmp_path_factory):
+    """Three logs, the last of which is tested on."""
+    folder = tmp_path_factory.mktemp("several")
+    logs = [made_up_log(arm()[0], f"log {seed}", seed) for seed in range(3)]
+    return identified(folder, logs), folder
+
+
+def test_what_moves_is_found_and_predicts_the_last_log(several):
+    results, _ = several
+    errors = results.errors.query("part == 'test'").set_index(["model", "friction", "joint"]).sort_index()
+    assert set(results.errors["joint"]) == {1, 2, 3}
+    assert errors.loc["cov", "coulomb"]["nmse"].max() < 0.01
+    assert errors.loc["urdf", "none"]["nmse"].min() > 0.05
+    assert errors.loc["cov", "viscous"]["nmse"].max() > 2.0 * errors.loc["cov", "coulomb"]["nmse"].max()
+    rows = results.motions.set_index("log")
+    assert rows.loc["log 2", "learned_s"] == 0.0
+    assert rows.loc["log 2", "tested_s"] == pytest.approx(22.3, abs=0.5)  # without the rest before
+    rubbing = results.friction.query("model == 'cov' and friction == 'coulomb'")
+    found = rubbing.pivot_table(index="joint", columns="term", values="value")
+    np.testing.assert_allclose(found[["viscous", "coulomb"]], FRICTION, atol=0.05)
+
+
+def test_base_parameters_come_with_intervals_that_hold_the_truth(several):
+    results, _ = several
+    robot = arm()[0]
+    true = base_parameters(robot.tree).values(heavier(robot.inertias))
+    assert results.excitation["condition"][0] < parameters().largest_condition
+    assert np.abs(results.base["value"] - true).max() < 0.05
+    inside = (results.base["low"] - 0.02 <= true) & (true <= results.base["high"] + 0.02)
+    assert inside.all()
+
+
+def test_the_written_urdf_holds_what_was_found(several):
+    results, folder = several
+    assert results.written["difference_n_m"].max() < 1e-9
+    again = read_urdf(folder / "identified.urdf")
+    base = base_parameters(again.tree)
+    true = base.values(heavier(arm()[0].inertias))
+    assert np.abs(base.values(again.inertias) - true).max() < 0.1
+
+
+def test_gravity_that_the_driver_takes_out_is_told(several, tmp_path):
+    results, _ = several
+    holds = results.gravity.set_index("name")["holds"]
+    assert holds["turn"] == "not tested"
+    assert holds["lift"] == holds["bend"] == "yes"
+    robot = arm()[0]
+    log = made_up_log(robot, "lone", 5)
+    still = Motion(log.positions[:, :0:-1], *np.zeros((3, len(log.stamps), 3)))
+    gravity = rigid_body_torques(robot.tree, heavier(robot.inertias), still)
+    without = log.torques.copy()
+    without[:, :0:-1] -= gravity
+    found = identified(tmp_path, [replace(log, torques=without)]).gravity.set_index("name")["holds"]
+    assert found["lift"] == "no"
+    turned = identified(tmp_path, [replace(log, torques=-log.torques)]).gravity.set_index("name")
+    assert turned.loc["lift", "share"] < -0.7
+
+
+def test_of_a_lone_log_every_fourth_block_is_held_out(tmp_path):
+    results = identified(tmp_path, [made_up_log(arm()[0], "lone", 5)])
+    row = results.motions.iloc[0]
+    moving = row["end_s"] - row["start_s"]
+    assert row["tested_s"] == pytest.approx(0.25 * moving, abs=2.0)
+    assert row["tested_s"] + row["learned_s"] == pytest.approx(moving)
+    errors = results.errors.query("part == 'test' and model == 'cov' and friction == 'coulomb'")
+    assert errors["nmse"].max() < 0.02
+
+
+def test_a_motion_that_excites_little_has_a_large_condition_number(tmp_path):
+    log = made_up_log(arm()[0], "small", 3)
+    positions = log.positions * [0.01, 0.01, 1.0, 0.01]  # the gripper, then bend, lift and turn
+    velocities = log.velocities * [0.01, 0.01, 1.0, 0.01]
+    small = replace(log, positions=positions, velocities=velocities)
+    assert identified(tmp_path, [small]).excitation["condition"][0] > parameters().largest_condition
+
+
+def test_a_log_that_is_too_short_or_lacks_a_joint_is_refused(tmp_path):
+    log = made_up_log(arm()[0], "short", 0, seconds=3.0)
+    with pytest.raises(InputError, match=r"^short: .* are too short for blocks of 2 s$"):
+        identified(tmp_path, [log])
+    with pytest.raises(InputError, match=r"short: the log lacks the robot's joints bend"):
+        identified(tmp_path, [replace(log, joints=("gripper", "other", "lift", "turn"))])
+
+
+def test_a_load_of_known_weight_is_weighed_with_torques_too(tmp_path):
+    """What the public UR10e has is an option: named logs, networks, a load; here without motor currents."""
+    logs = [made_up_log(arm()[0], name, 3, load_kg=load) for name, load in (("a", 0.0), ("aLoad", 0.8))]
+    logs += [made_up_log(arm()[0], "b", 4)]
+    load = {"pairs": [], "known_kg": 0.8, "structure": "cov", "batch": 200, "memory_s": 5.0}
+    load |= {"iterations": 20, "settled_s": 5.0}
+    results = identified(tmp_path, logs, train="a", test="b", load=load, body_draws=3)
+    found = results.loads.set_index(["pair", "gains"])
+    assert found.loc[("aLoad", "found"), "mass_kg"] == pytest.approx(0.8, rel=0.1)
+    assert found.loc[("aLoad", "found"), "centre_x_m"] == pytest.approx(0.2, abs=0.03)
+    assert set(results.motions["part"]) == {"learned from", "with the load", "tested on"}
+    assert set(results.errors["part"]) == {"train", "b"}
+    assert {"mass_kg", "viscous"} <= set(results.bodies["parameter"])
+    assert set(results.carried["stage"]) == {"empty, learned from", "empty, another motion", "with the load"}
+    with pytest.raises(ValidationError, match="drives and load need logs that are named"):
+        parameters(load=load)
+
+
+def as_db3(log: JointLog, folder: Path) -> None:
+    """The log as `ros2 bag record` left it before MCAP."""
+    from rosbags.rosbag2 import Writer
+
+    state = STORE.types["sensor_msgs/msg/JointState"]
+    header, time = STORE.types["std_msgs/msg/Header"], STORE.types["builtin_interfaces/msg/Time"]
+    with Writer(folder / log.name, version=9) as writer:
+        topic = writer.add_connection("/joint_states", state.__msgtype__, typestore=STORE)
+        for row, stamp in enumerate(log.stamps.tolist()):
+            its = (log.positions[row], log.velocities[row], log.torques[row])
+            message = state(header(time(stamp // 10**9, stamp % 10**9), ""), list(log.joints), *its)
+            writer.write(topic, stamp, STORE.serialize_cdr(message, state.__msgtype__))
+
+
+def test_a_labs_bag_and_a_public_log_become_tables_of_one_form(tmp_path):
+    """From an older bag by the reader of a lab, and from the Panda's text files by that of a public set."""
+    path, public = tmp_path / "arm.urdf", tmp_path / "public"
+    path.write_text(ARM)
+    log = made_up_log(arm()[0], "take", 5, seconds=4.0)
+    as_db3(log, tmp_path / "bags")
+    lab = parameters(urdf=str(path))
+    public.mkdir()
+    count = len(log.stamps)
+    np.savetxt(public / "run_time.txt", log.time)
+    for word in ("positions", "velocity", "torques"):
+        np.savetxt(public / f"run_{word}.txt", np.arange(7.0 * count))
+    tables = {}
+    for name, found in (
+        ("lab", bags.read_motion(tmp_path / "bags", lab, {})),
+        ("panda", panda.read_motion(public)),
+    ):
+        write_log_table(found, tmp_path / f"{name}.parquet")
+        (tables[name],) = read_logs(tmp_path / f"{name}.parquet", lab).values()
+    assert type(tables["lab"]) is type(tables["panda"]) is JointLog
+    assert set(tables["lab"].joints) == set(JOINTS)  # the gripper is none of the URDF's
+    columns = [1 + JOINTS[::-1].index(joint) for joint in tables["lab"].joints]
+    for signal in ("positions", "velocities", "torques"):
+        assert getattr(tables["panda"], signal).shape == (count, 7)
+        np.testing.assert_array_equal(getattr(tables["lab"], signal), getattr(log, signal)[:, columns])
+
+
+def test_offsets_and_a_prior_are_options(tmp_path):
+    """Of sensors that are not zeroed the model with an offset is judged, and its URDF has the right links."""
+    logs = [made_up_log(arm()[0], f"log {seed}", seed) for seed in range(2)]
+    logs = [replace(log, torques=log.torques + 2.0) for log in logs]
+    options = {"judged_friction": "offset", "refit_friction": True, "joint_weights": "limit", "prior": 1e-6}
+    results = identified(tmp_path, logs, **options)
+    errors = results.errors.query("part == 'test' and model == 'cov'").groupby("friction")["nmse"].max()
+    assert errors["offset"] < 0.02 < errors["coulomb"]
+    base = base_parameters(arm()[0].tree)
+    true = base.values(heavier(arm()[0].inertias))
+    assert np.abs(base.values(read_urdf(tmp_path / "identified.urdf").inertias) - true).max() < 0.1
+    with pytest.raises(ValidationError, match="structures lack cov"):
+        parameters(structures=["tri"])
+
+
+def test_sign_and_payload_of_slow_motion_are_found(tmp_path):
+    point, robot = np.array([0.05, -0.02, 0.1]), arm()[0]
+    time = 0.1 * np.arange(200)
+    q = 0.3 + 0.2 * np.sin(0.3 * time[:, None] + np.arange(3))
+    qd = 0.06 * np.cos(0.3 * time[:, None] + np.arange(3))
+    motion = Motion(q, qd, np.gradient(qd, 0.1, axis=0, edge_order=2), np.zeros_like(q))
+    carried = link_parameters(robot.inertias.tensors()).numpy()
+    carried[20:24] += 2.0 * np.append(1.0, point)
+    torque = torque_regressor(robot.tree, motion.q, motion.qd, motion.qdd) @ carried
+    stamps = (1e9 * time).astype(np.int64)
+    log = JointLog("slow", JOINTS, stamps, q, qd, -torque)
+    its = identified(tmp_path, [log], structures=[], rate_hz=10.0, smoothing_hz=10.0, rest_rad_s=None)
+    found = its.payloads.set_index("sign").loc[-1]
+    assert found["mass_kg"] == pytest.approx(2.0, rel=1e-3)
+    np.testing.assert_allclose(found[["centre_x_m", "centre_y_m", "centre_z_m"]], point, atol=1e-3)
+    left = its.payload_torques.groupby(["sign", "payload"])["left_n_m"].max()
+    assert left[-1, True] < 1e-3 < left[-1, False] < left[1, False]
+    assert set(its.gravity["holds"]) <= {"no", "not tested"}

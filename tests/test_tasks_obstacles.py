@@ -1,0 +1,421 @@
+"""Reaches past obstacles: cutting, folds, learning, page and recording, made up and public."""
+
+from dataclasses import replace
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+import pandas as pd
+import pytest
+from committed import committed
+from readers_bags import recorded_data
+from viewer_files import colour_of, contents, note
+
+from structlearn.avoidance import scene_folds, scene_models
+from structlearn.avoidance.features import features
+from structlearn.avoidance.scene_folds import MODELS, WAYS
+from structlearn.avoidance.scene_models import SCENE, TEXT, displaced_states, samples_of_scene, scene_states
+from structlearn.avoidance.scene_people import (
+    ScenePeopleParameters,
+    folds_of_people,
+    learn_past_obstacles,
+    reaches_past_obstacles,
+)
+from structlearn.avoidance.scene_unroll import nearest_seen, unroll_through
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.metrics import wilson_interval
+from structlearn.core.minimum_jerk import progress
+from structlearn.primitives.position import fit_position
+from structlearn.readers import synchronise
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.reaches_past_boxes import read_obstacles
+from structlearn.readers.recording import NamedShape
+from structlearn.reporting.claims import read_claims
+from structlearn.tasks.obstacles.coupling_representations import samples_of_reaches
+from structlearn.tasks.obstacles.reaches_view import write_reaches_past_obstacles
+from structlearn.tasks.obstacles.scene_section import LOOKS, SceneWays, scene_findings, scene_pictures
+
+BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
+QUICK = {"folds": 2, "network": {"members": 1, "training": {"iterations": 4}}}
+QUICK |= {"text_network": {"training": {"iterations": 4}}}
+PARAMETERS = committed(ScenePeopleParameters, "defaults.obstacles", tuned_on=["p0"], **BOXES, **QUICK)
+RATE_HZ, REST_S, MOVE_S = 90.0, 0.6, 1.5
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+WALLS = [
+    NamedShape(f"boundary {side}", "cube", np.array([x, -0.05, 0.8]), UPRIGHT, np.array([0.02, 0.6, 0.13]))
+    for side, x in (("left", -0.36), ("right", 0.36))
+]
+
+
+def made_up_trial(person, number, bow=0.0, x=0.0, move_s=MOVE_S, late_s=0.2):
+    """A hand that rests, reaches 0.4 m forward with a bow of so many m to the right, and rests."""
+    time = np.arange(0.0, move_s + 2 * REST_S, 1.0 / RATE_HZ)
+    share = progress(np.clip((time - REST_S) / move_s, 0.0, 1.0))
+    side = 0.03 * number + bow * np.sin(np.pi * share)
+    position = np.column_stack([side, -0.25 + 0.4 * share, 0.78 + 0.02 * np.sin(np.pi * share)])
+    box = NamedShape("box A", "cube", np.array([x, -0.05, 0.79]), UPRIGHT, np.array([0.1, 0.05, 0.12]))
+    known = {"person": person, "moved_s": f"{REST_S + late_s}", "reached_s": f"{REST_S + move_s}"}
+    known["origin"] = "recorded"
+    return Demonstration(f"{person}_{number}", time, position, provenance=known, shapes=(box, *WALLS))
+
+
+@lru_cache
+def made_up_reaches():
+    """Three people, each with a blocked reach, a free one and another blocked one."""
+    trials = []
+    for place in range(3):
+        bow = 0.12 + 0.01 * place
+        trials += [
+            made_up_trial(f"p{place}", 0, bow),
+            made_up_trial(f"p{place}", 1, 0.01, x=-0.2),
+            made_up_trial(f"p{place}", 2, -bow, x=0.08),
+        ]
+    return reaches_past_obstacles(trials, PARAMETERS)
+
+
+@lru_cache
+def made_up_results():
+    reaches, left_out = made_up_reaches()
+    folds = folds_of_people(reaches, PARAMETERS)
+    return scene_folds.judge_folds(reaches, left_out, folds, PARAMETERS)
+
+
+def test_a_reach_begins_at_its_onset_and_ends_at_the_target():
+    (reach,), left_out = reaches_past_obstacles([made_up_trial("p1", 0, 0.1)], PARAMETERS)
+    assert left_out.empty
+    speed = np.gradient(progress(np.linspace(0.0, 1.0, 2001)))
+    begins = MOVE_S * np.argmax(speed > PARAMETERS.reaches.onset_share * speed.max()) / 2000
+    assert reach.duration_s == pytest.approx(MOVE_S - begins, abs=0.04)
+    assert np.allclose(reach.in_base_frame[-1], [0.0, 0.15, 0.78], atol=2e-3)
+    assert np.allclose(reach.path.position[0], 0.0)
+    assert np.allclose(reach.goal[1:], 0.0)  # x points to the goal
+    assert (len(reach.obstacles), len(reach.walls)) == (1, 2)
+    peak = np.abs(reach.path.velocity).max()
+    assert (
+        np.abs(np.gradient(reach.path.position, reach.path.time, axis=0) - reach.path.velocity).max()
+        < 0.1 * peak
+    )
+
+
+def test_jumps_and_long_reaches_are_left_out_with_their_reason():
+    long = made_up_trial("p1", 1, move_s=6.0, late_s=2.0)
+    jumping = made_up_trial("p2", 2)
+    position = jumping.position.copy()
+    position[100] += 0.2
+    reaches, left_out = reaches_past_obstacles([long, replace(jumping, position=position)], PARAMETERS)
+    assert reaches == []
+    assert left_out["trial"].tolist() == ["p1_1", "p2_2"]
+    assert left_out["reason"][0].startswith("takes 5.")
+    assert left_out["reason"][1].startswith("tracking jumps, 31")
+
+
+def test_times_that_are_not_of_the_recording_make_no_reach():
+    trial = made_up_trial("p1", 0)
+    late = replace(trial, provenance=trial.provenance | {"moved_s": "100", "reached_s": "101"})
+    reaches, left_out = reaches_past_obstacles([late], PARAMETERS)
+    assert (reaches, left_out["reason"].tolist()) == ([], ["does not move before it ends"])
+
+
+def test_a_recording_that_begins_late_begins_with_its_slowest_sample():
+    trial = made_up_trial("p1", 0)
+    first = int((REST_S + 0.15 * MOVE_S) * RATE_HZ)
+    known = trial.provenance | {
+        key: f"{float(trial.provenance[key]) - trial.time[first] + 0.1}" for key in ("moved_s", "reached_s")
+    }
+    late = replace(
+        trial, time=trial.time[first:] - trial.time[first], position=trial.position[first:], provenance=known
+    )
+    (reach,), _ = reaches_past_obstacles([late], PARAMETERS)
+    assert reach.in_base_frame[0] == pytest.approx(late.position[0], abs=2e-3)
+
+
+def test_trials_must_say_whose_they_are_and_have_obstacles():
+    trial = made_up_trial("p1", 0)
+    with pytest.raises(InputError, match="p1_0: has no obstacles, nor have the others; name"):
+        reaches_past_obstacles([replace(trial, shapes=WALLS)], PARAMETERS)
+    with pytest.raises(InputError, match="p1_0: its provenance does not say whose"):
+        reaches_past_obstacles([replace(trial, provenance={})], PARAMETERS)
+    reaches, left_out = reaches_past_obstacles([trial, replace(trial, name="free", shapes=())], PARAMETERS)
+    assert [reach.name for reach in reaches] == ["p1_0"]
+    assert left_out[["trial", "reason"]].to_numpy().tolist() == [["free", "has no obstacles"]]
+
+
+def test_a_reach_of_which_no_times_are_known_is_the_motion_between_rests():
+    trial = made_up_trial("p1", 0, 0.1)
+    (reach,), _ = reaches_past_obstacles([replace(trial, provenance={"person": "p1"})], PARAMETERS)
+    assert reach.duration_s == pytest.approx(MOVE_S, abs=0.2)
+    assert reach.in_base_frame[[0, -1]] == pytest.approx(trial.position[[0, -1]], abs=5e-3)
+
+
+def test_nobody_is_judged_by_what_was_learned_from_them():
+    results = made_up_results()
+    assert set(results.reaches["person"]) == {"p1", "p2"}  # p0 is only learned from
+    assert results.reaches.groupby("person")["fold"].nunique().eq(1).all()
+    assert results.reaches.groupby("way").size().eq(6).all()
+    assert set(results.reaches["way"]) == set(scene_folds.WAYS)
+
+
+def test_few_people_are_left_out_one_at_a_time():
+    reaches, _ = made_up_reaches()
+    more = PARAMETERS.model_copy(update={"folds": 3})
+    assert folds_of_people(reaches, more) == [["p1"], ["p2"]]
+    assert folds_of_people(reaches[:6], more) == [["p1"]]  # p0 is learned from
+    assert folds_of_people(reaches[3:], more) == [["p1"], ["p2"]]
+    anybody = more.model_copy(update={"tuned_on": ()})  # dealt out by how straight they reach
+    assert folds_of_people(reaches, anybody) == [["p0"], ["p1"], ["p2"]]
+    for few in (reaches[:3], reaches[3:6]):
+        with pytest.raises(MissingInputError, match=r"reaches of 1 people, \d of them on whom nothing"):
+            folds_of_people(few, more)
+
+
+def test_scores_tell_blocked_from_free_and_the_sides():
+    rows = made_up_results().reaches.set_index(["way", "reach"])
+    none = rows.loc["none"]
+    assert none["blocked"].tolist() == [True, False, True] * 2
+    assert none["hit"].tolist() == [True, False, True] * 2
+    assert none["clearance_mm"].to_numpy()[[1, 4]].min() > 100
+    planned = rows.loc["planned"]
+    assert not planned["hit"].any()
+    assert planned["left_mm"].max() < 1e-6
+    assert planned.loc["p1_1", "same_gaps"]
+    assert rows.loc["scene", "left_mm"].max() < 1e3 * PARAMETERS.end_limit_m + 5.0
+
+
+def test_a_person_is_the_same_as_themselves():
+    reaches, _ = made_up_reaches()
+    own = np.array([reach.in_base_frame for reach in reaches])
+    rows = scene_folds.scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
+    assert rows["same_gaps"].all()
+    assert rows["path_mm"].max() == 0.0
+    pairs = scene_folds.beside_each_other(reaches)
+    assert len(pairs) == 9  # three scenes, three pairs of people
+    assert pairs["path_mm"].max() < 30.0
+    assert pairs["same_gaps"].all()
+
+
+def test_the_text_sees_the_nearest_box():
+    reaches, _ = made_up_reaches()
+    scenes = scene_models.reach_scenes(reaches, PARAMETERS)
+    rng = np.random.default_rng(0)
+    position, velocity = rng.normal(0.1, 0.1, (2, len(reaches), 3))
+    clouds = np.stack([scenes.clouds[:, 0] + [0.0, 0.5, 0.0], scenes.clouds[:, 0]], axis=1)
+    seen = nearest_seen(position, velocity, clouds)
+    near = clouds[:, 1]
+    expected = features(position, velocity, 1.0, near, near.mean(axis=1))
+    assert np.allclose(seen.features, expected)
+    assert np.allclose(seen.first_x, near[..., 0].min(axis=1))
+
+
+def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstration():
+    reaches, _ = made_up_reaches()
+    baseline = scene_models.straight_baseline(reaches, PARAMETERS.straight_share)
+    goals, samples = np.array([reach.goal for reach in reaches]), PARAMETERS.reaches.samples
+    alone = unroll_through(baseline, goals, None, samples)
+    one = baseline.unroll(1.0 / (samples - 1), start=np.zeros(3), goal=goals[0], duration=1.0)
+    assert np.allclose(alone.position[0], one.position)
+    states = scene_states([reach.path for reach in reaches], baseline, 1)
+    target = states.target.reshape(len(reaches), samples, 3)
+    shown = unroll_through(baseline, goals, lambda k, x, v: target[:, k], samples)
+    own = np.array([reach.path.position for reach in reaches])
+    assert np.abs(shown.position - own).max() < 0.015  # of 0.12; it begins as the baseline's reaches did
+    assert np.abs(alone.position - own).max() > 0.1
+    pushed = unroll_through(baseline, goals, lambda k, x, v: np.full(x.shape, 40.0), samples, 0.02, 20.0)
+    left = np.linalg.norm(pushed.position[:, -1] - alone.position[:, -1], axis=1)
+    assert left.max() < 0.02 + 1e-9
+    assert np.abs(pushed.position - alone.position).max() > 0.05
+
+
+def test_where_no_reach_is_straight_the_straightest_is_the_baseline():
+    reaches, _ = made_up_reaches()
+    bent = [reach for reach in reaches if reach.name.endswith("_0")]
+    alone = scene_models.straight_baseline(bent[:1], PARAMETERS.straight_share)  # its bow is the smallest
+    both = scene_models.straight_baseline(bent, PARAMETERS.straight_share)
+    assert np.array_equal(alone.unroll(0.01, duration=1.0).position, both.unroll(0.01, duration=1.0).position)
+
+
+def test_states_elsewhere_lead_back():
+    reaches, _ = made_up_reaches()
+    baseline = fit_position([reach.path for reach in reaches]).local
+    states = scene_states([reach.path for reach in reaches], baseline, 10)
+    beside = displaced_states(states, PARAMETERS.network, 60.0, (0, 0))
+    count = len(states.time)
+    assert len(beside.time) == 2 * count
+    assert np.array_equal(beside.position[:count], states.position)
+    off = beside.position[count:] - states.position
+    assert np.allclose(beside.target[count:], states.target - 60.0 * off)
+    assert 0.5 < off.std() / PARAMETERS.network.displaced_m < 1.5
+    few = PARAMETERS.network.model_copy(update={"demonstrations": 2})
+    assert len(np.unique(displaced_states(states, few, 60.0, (0, 0)).scene)) == 2
+    scenes = scene_models.reach_scenes(reaches, PARAMETERS)
+    dataset = samples_of_scene(states, scenes, PARAMETERS.look_ahead.ahead_m)
+    one = states.where(states.scene == 4)
+    alone = samples_of_scene(one, scenes, PARAMETERS.look_ahead.ahead_m)
+    assert np.array_equal(dataset.features[states.scene == 4], alone.features)
+
+
+def test_pictures_are_chosen_by_the_scene_alone():
+    results = made_up_results()
+    assert results.paths["reach"].unique().tolist() == ["p1_0", "p1_2", "p2_0", "p2_2"]
+    shuffled = results.reaches.assign(hit=~results.reaches["hit"]).sample(frac=1.0, random_state=0)
+    assert scene_folds.shown_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
+
+
+def recordings():
+    """Reaches of a task, each a person of its own: blocked and free ones in turn, their times not known."""
+    blocked = [made_up_trial(f"blocked {n}", n, 0.12 + 0.01 * n, x=0.03 * n) for n in range(3)]
+    free = [made_up_trial(f"free {n}", n, 0.01, x=0.03 * n + 0.3) for n in range(3)]
+    runs = [one for pair in zip(blocked, free, strict=True) for one in pair]
+    crates = [(replace(one.shapes[0], name="crate"),) for one in runs]
+    names = [one.provenance["person"] for one in runs]
+    return [
+        replace(one, name=name, shapes=shapes, provenance={"person": name})
+        for one, name, shapes in zip(runs, names, crates, strict=True)
+    ]
+
+
+def test_reaches_of_a_task_are_learned_from_without_times_and_people():
+    parameters = committed(ScenePeopleParameters, "defaults.obstacles", **QUICK)
+    rows = learn_past_obstacles(recordings(), parameters).reaches
+    assert rows.groupby("way").size().eq(6).all()
+    assert rows.groupby("person")["fold"].nunique().eq(1).all()
+    assert set(rows["fold"]) == {0, 1}
+    assert rows.set_index("way").loc["none", "hit"].sum() == 3
+    samples = samples_of_reaches(recordings(), parameters)  # what representations are compared on
+    assert len(np.unique(samples.demonstration)) == 6
+    assert samples.features.shape == (len(samples), 17)
+    with pytest.raises(InputError, match=r"^reaches of 1 people, 1 of them"):
+        learn_past_obstacles(recordings()[:1], parameters)
+
+
+PEOPLE, REACHES = 12, 20
+
+
+@lru_cache
+def made_up_ways(good=True):
+    """Reaches in which every claim holds, or none does.
+
+    Person 1 touches a box once and takes another gap: if nobody did, how people differ would be unknown.
+    """
+    touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11}
+    if good:
+        touching |= {TEXT: 0, "text_ensemble": 8, SCENE: 0, "planned": 0}
+    else:
+        touching |= {TEXT: 12, "text_ensemble": 5, SCENE: 9}
+    path = dict.fromkeys(WAYS, 40.0) | {SCENE: 15.0 if good else 45.0}
+    left = dict.fromkeys(WAYS, 3.0) | ({} if good else {TEXT: 500.0, SCENE: 90.0})
+    rows = [
+        {
+            "way": way,
+            "reach": f"p{person}_{number}",
+            "person": f"p{person}",
+            "fold": person % 4,
+            "blocked": number < 12,
+            "hit": number < touching[way] - (person % 3 == 0 and touching[way] > 1) + (person == 1),
+            "hit_wall": False,
+            "clearance_mm": 30.0,
+            "left_mm": left[way],
+            "path_mm": path[way] + 0.1 * person * (way == SCENE),
+            "same_gaps": (good and (person, number) != (1, 0)) or way != SCENE or number > 5,
+        }
+        for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))
+    ]
+    errors = [(way, axis, 4.0, 8.0, fold) for way in MODELS for axis in "xyz" for fold in range(4)]
+    time = np.linspace(0.0, 1.5, 20)
+    paths = [
+        pd.DataFrame({"reach": reach, "way": way, "time_s": time, "x_m": 0.1, "y_m": time / 3, "z_m": 0.8})
+        for reach in ("p0_1", "p1_1", "p2_1")
+        for way in ("recorded", *WAYS)
+    ]
+    shapes = [
+        (reach, box, 0.2 * box, -0.05, 0.79, 0.1, 0.05, 0.12)
+        for reach in ("p0_1", "p1_1", "p2_1")
+        for box in (True, True, False)
+    ]
+    extent = ["x_m", "y_m", "z_m", "width_m", "depth_m", "height_m"]
+    return SceneWays(
+        {
+            "reaches": pd.DataFrame(rows),
+            "errors": pd.DataFrame(errors, columns=["way", "axis", "squared", "variance", "fold"]),
+            "people": pd.DataFrame(
+                [("p0", "p1", "p0_1", 28.0, True)],
+                columns=["first", "second", "reach", "path_mm", "same_gaps"],
+            ),
+            "left_out": pd.DataFrame({"trial": ["p0_9"], "person": ["p0"], "reason": ["takes 5.0 s"]}),
+            "paths": pd.concat(paths, ignore_index=True),
+            "shapes": pd.DataFrame(shapes, columns=["reach", "box", *extent]),
+        }
+    )
+
+
+def verdicts(root, found):
+    claims, find = read_claims(root / "stages/tasks/claims/boxes.yaml"), scene_findings(found)
+    return {claim.evidence: claim.verdict(find[claim.evidence]) for claim in claims}
+
+
+def test_claims_follow_the_tables(root):
+    assert set(verdicts(root, made_up_ways()).values()) == {"yes"}
+    assert "yes" not in verdicts(root, made_up_ways(good=False)).values()
+
+
+def test_where_no_reach_touches_an_obstacle_people_are_few(root):
+    """Of 12 people none touches: up to 22 % of others may, however many reaches there were."""
+    clean = made_up_ways()["reaches"].assign(hit=False)
+    found = SceneWays(made_up_ways().tables | {"reaches": clean})
+    assert scene_findings(found)["hits"].high == pytest.approx(1 - 0.05 ** (1 / PEOPLE))
+    words = verdicts(root, found)
+    rates = {"text_hits", "hits", "hits_blocked", "text_hits_fewer", "text_hits_fewer_than_rai"}
+    assert {words[name] for name in (*rates, "features_alone")} == {"undecided"}
+
+
+def test_findings_pool_reaches_and_cluster_people():
+    find = scene_findings(made_up_ways())
+    assert find["hits"].value == 1 / 240
+    assert find["hits"].high == wilson_interval(1, 240)[1]  # wider than by people's rates
+    hits = made_up_ways().of("none").groupby("person")["hit"].mean()
+    assert find["none_hits"].value == pytest.approx(hits.mean())
+    assert find["none_hits"].low < hits.mean() < find["none_hits"].high
+    assert find["goal"].value == 3.0
+    assert find["path"].value == pytest.approx(15.0 + 0.1 * np.arange(PEOPLE).mean())
+    assert find["nmse_x"].value == 0.5
+
+
+def test_one_person_alone_in_scenes_of_their_own_without_a_blocked_reach(root):
+    tables = dict(made_up_ways().tables)
+    reaches = tables["reaches"].query("person == 'p1' and not blocked")
+    tables |= {name: tables[name][:0] for name in ("people", "left_out", "paths", "shapes")}
+    found = SceneWays(tables | {"reaches": reaches})
+    assert set(scene_pictures(found)) == {"obstacles_rates"}
+    words = verdicts(root, found)
+    assert words["hits_blocked"] == "not tested"
+    assert words["path"] == "undecided"  # one person has no interval
+    assert "people_apart" not in scene_findings(found)
+
+
+def test_the_recording_shows_every_scene_and_way(tmp_path):
+    path = tmp_path / "obstacles.rrd"
+    write_reaches_past_obstacles(path, made_up_ways().tables, "boxes: reaches past obstacles")
+    rows, entities, _ = contents(path)
+    name = LOOKS["scene"].name.replace(" ", "\\ ")
+    assert colour_of(path, f"/p0_1/{name}/path", "LineStrips3D") == LOOKS["scene"].colour
+    for reach in ("p0_1", "p1_1", "p2_1"):
+        assert {f"/{reach}/{part}" for part in ("obstacles", "walls", "axes", "recorded/hand")} <= entities
+    assert rows["/p0_1/recorded/hand"] == rows["/distance/p0_1/recorded"] == 20
+    assert "recorded" in note(path)
+
+
+def test_recorded_people_pass_beside_the_boxes():
+    """What the reaches show without any model: nobody touches, gaps are a matter of the scene."""
+    public = committed(ScenePeopleParameters, "defaults.obstacles", **BOXES)
+    recordings = read_obstacles(recorded_data("reaches_past_boxes"), None)
+    trials = [synchronise(one, refuse_jumps=False) for one in recordings]  # the stage names them
+    reaches, left_out = reaches_past_obstacles(trials, public)
+    assert len(reaches) == 269
+    assert len(left_out) == 17
+    clearance = [
+        min(box.signed_distance(one.in_base_frame).min() for box in one.obstacles) for one in reaches
+    ]
+    assert min(clearance) > 0.0125
+    pairs = scene_folds.beside_each_other(reaches)
+    assert len(pairs) == 415
+    assert pairs["same_gaps"].all()
+    assert pairs["path_mm"].mean() == pytest.approx(29.2, abs=0.5)
