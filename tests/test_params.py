@@ -111,7 +111,7 @@ def test_a_dotted_key_is_one_further_down(tmp_path):
             read_parameters(path, key, FilterParameters)
 
 
-FILES = ("params.yaml", "stages/recorded/params.yaml", "stages/tasks/params.yaml")
+FILES = ("params.yaml", "stages/tasks/params.yaml")
 
 
 def read_by(script: Path) -> Iterator[tuple[str, type[Parameters]]]:
