@@ -88,6 +88,9 @@ from structlearn.tasks.movement.phase_corrections import _split, corrected_runs,
 from structlearn.tasks.obstacles import coupling_representations
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
 from structlearn.tasks.touch import skin_readings, skin_touches, surface_traces, touch_transfer
+from structlearn.tasks.touch.surface_traces import deviations_from_expected
+from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
+from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
 from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
@@ -233,7 +236,7 @@ def corrections(monkeypatch, tmp_path):
     return Case(learn, higher(), higher(left_out[0]), higher(learned[0]))
 
 
-SLIDES = committed_entry("slides", surfaces={"material": "mat", "left_out": ["mat_3"]}).surfaces
+SLIDES = committed_entry("slides", surfaces={"material": "mat", "left_out": ("mat_3",)}).surfaces
 
 
 def slid(changed: str = "") -> list[Demonstration]:
@@ -247,18 +250,20 @@ def slid(changed: str = "") -> list[Demonstration]:
 
 @of_stage("tasks/touch")
 def expected_of_slides(monkeypatch, tmp_path):
-    def expected(its):
-        return surface_traces.deviations_from_expected(its, SLIDES)[0]
-
-    return [Case(expected, slid(), slid(held_out), slid("mat_2")) for held_out in ("mat_3", "cork_1")]
+    return [
+        Case(lambda its: deviations_from_expected(its, SLIDES)[0], slid(), slid(held_out), slid("mat_2"))
+        for held_out in ("mat_3", "cork_1")
+    ]
 
 
 @of_stage("tasks/touch")
 def slides_left_out(monkeypatch, tmp_path):
-    def left_out(its):
-        return surface_traces.leave_one_out(its, SLIDES)
-
-    learn = each(monkeypatch, surface_traces, "fit_expected_traces", left_out)
+    learn = each(
+        monkeypatch,
+        surface_traces,
+        "fit_expected_traces",
+        lambda its: surface_traces.leave_one_out(its, SLIDES),
+    )
     return Case(lambda its: learn(its)[1], slid(), slid("mat_2"), slid("mat_1"))
 
 
@@ -634,7 +639,7 @@ def latent_spaces(monkeypatch, tmp_path):
 def recorded_touch(monkeypatch, tmp_path):
     """What was learned of two slides while the two others were left out, and its units."""
     toy = test_touch_transfer
-    names = (test_touch_transfer.SLIDES, test_touch_transfer.MAGNITUDES)
+    names = (SLIDE_SET, MAGNITUDES)
     data = [toy.touch_set(name, ("a", "a", "b", "b"), seed) for seed, name in enumerate(names)]
 
     def changed(trial):
@@ -645,7 +650,7 @@ def recorded_touch(monkeypatch, tmp_path):
     def learn(sets):
         return touch_transfer.learn_transfer(sets, toy.SKIN, toy.FEW)
 
-    (first, *_), *_ = touch_transfer.parts_left_out(data[0], toy.FEW.folds)[touch_transfer.NEW_TRIALS]
+    (first, *_), *_ = touch_transfer.parts_left_out(data[0], toy.FEW.folds)[NEW_TRIALS]
     spaces = each(monkeypatch, touch_transfer, "learn_spaces", learn)
     yield Case(lambda its: spaces(its)[0], data, changed(first), changed(first + 1))
     units = each(monkeypatch, touch_transfer, "own_units", learn)

@@ -45,7 +45,7 @@ from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page import findings as own
 from structlearn.testbeds.scraping.page import scraping_report as module
 from structlearn.testbeds.scraping.page.feedback_results import dominant_features, sharing_over_phase
-from structlearn.testbeds.scraping.page.findings import People, share_left
+from structlearn.testbeds.scraping.page.findings import ScrapingPeople, share_left
 from structlearn.testbeds.scraping.page.scraping_report import ScrapingResults
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 
@@ -103,7 +103,7 @@ def feedback_evidence(results, count=5, **changes):
     """What a study of people like that of the results finds."""
     study = people(rows(own.feedback_of_one, results).numbers(), count, **changes)
     settings = results.board.settings_deg
-    return rows(own.feedback_of_people, People(study, PRIMITIVES), ADAPTED, settings)
+    return rows(own.feedback_of_people, ScrapingPeople(study, own.OURS, PRIMITIVES), ADAPTED, settings)
 
 
 def refinement_evidence(results, text=None):
@@ -111,7 +111,7 @@ def refinement_evidence(results, text=None):
     study = forms(refinement_numbers(results), refinement_numbers(text or results))
     find = Findings()
     for form in (own.TEXT, own.OURS):
-        own.refinement_of_people(find, People(study, PRIMITIVES, form), results)
+        own.refinement_of_people(find, ScrapingPeople(study, form, PRIMITIVES), results)
     return find
 
 
@@ -242,7 +242,7 @@ def test_a_claim_about_one_primitive_is_not_one_about_both(feedback):
         "ffnn_phase_prim2_generalization_nmse_best_step": numbers["ffnn_prim2_generalization_nmse_best_step"]
     }
     study = people(numbers, **same)
-    evidence = rows(own.feedback_of_people, People(study, PRIMITIVES), ADAPTED, [])
+    evidence = rows(own.feedback_of_people, ScrapingPeople(study, own.OURS, PRIMITIVES), ADAPTED, [])
     found = reporting_verdicts.cases(
         module.PACKAGE, defaultdict(lambda: UNKNOWN, evidence), "feedback_claims.yaml"
     )["phase_helps"]
@@ -285,7 +285,7 @@ def test_people_are_judged_where_they_were_studied(made, feedback, segmentation)
 
 def test_a_number_that_was_not_studied_is_not_tested(feedback):
     study = people({"force_largest_error_percent": 1.0})
-    found = rows(own.feedback_of_people, People(study, PRIMITIVES), ADAPTED, [0.0])
+    found = rows(own.feedback_of_people, ScrapingPeople(study, own.OURS, PRIMITIVES), ADAPTED, [0.0])
     assert found["force_held"].value == pytest.approx(1.0, rel=0.1)
     assert {one for one in found if one != "force_held"} & set(found.numbers()) == set()
 

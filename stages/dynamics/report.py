@@ -1,10 +1,11 @@
-"""The report of the dynamics testbed: figures, tables, metrics and the page that shows them."""
+"""The report of the dynamics testbed: figures, tables, findings and the page that shows them."""
 
 import pandas as pd
 
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.reporting.claims import quoted_claims
+from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.rigid_body.model_names import COULOMB, ROBOT
 from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
@@ -13,8 +14,10 @@ from structlearn.rigid_body.training_grid import TEXT, DynamicsTrainingParameter
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
-from structlearn.testbeds.dynamics.page.figures import arm_still
-from structlearn.testbeds.dynamics.page.page import publish_dynamics
+from structlearn.testbeds.dynamics.page.figures import arm_still, drawings
+from structlearn.testbeds.dynamics.page.findings import findings
+from structlearn.testbeds.dynamics.page.page import dynamics_page
+from structlearn.testbeds.dynamics.page.tables import tables
 from structlearn.testbeds.dynamics.protocol.scored_results import (
     DynamicsResults,
     friction_table,
@@ -81,7 +84,10 @@ def main() -> None:
         trials=None if study is None else study.table,
     )
     still = arm_still(str(urdf_path(arm.urdf)), robot.tree, results.motion)
-    publish_dynamics(results, still, parameters, "reports/dynamics", quoted_claims())
+    find, shown = findings(results), tables(results)
+    page = dynamics_page(results, find, shown, parameters)
+    drawn = {"still": still, **drawings(results)}
+    publish_report("reports/dynamics", {"index": page}, drawn, shown, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

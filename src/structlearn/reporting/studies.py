@@ -122,6 +122,23 @@ class Study:
         return Table(pd.DataFrame(rows))
 
 
+@dataclass(frozen=True)
+class People:
+    """One number per person, of a study that ran all of a testbed for each: by the keys of its findings."""
+
+    study: Study | None  # None where it was not run with these parameters
+    variant: str
+
+    def numbers(self, key: str) -> np.ndarray | None:
+        """(P,) of one key; None where it is not known."""
+        return self.study.values(self.variant, key) if self.study and key in self.study.table else None
+
+    @property
+    def count(self) -> int:
+        """Number of people; 0 where the study was not run."""
+        return len(self.study.values(self.variant, "repeat")) if self.study else 0
+
+
 def read_description(name: str, folder: Path = DESCRIPTIONS) -> Description:
     """A study by its name, e.g. `scraping/people`.
 

@@ -1,22 +1,17 @@
 """The page of the dynamics testbed: what its sentences name, and where that comes from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from structlearn.core.params import Parameters
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
-from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.model_names import COULOMB, model_name
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.figures import drawings
-from structlearn.testbeds.dynamics.page.findings import findings, published, unmet
-from structlearn.testbeds.dynamics.page.tables import tables
+from structlearn.testbeds.dynamics.page.findings import published, unmet
 from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
@@ -26,23 +21,6 @@ SOURCES = {
     "scores": Source("data/dynamics/tracking", "dynamics_track"),
     "online": Source("data/dynamics/online", "dynamics_online"),
 }
-
-
-def publish_dynamics(
-    results: DynamicsResults,
-    still: np.ndarray,
-    parameters: Mapping[str, Parameters],
-    folder: str | Path,
-    recorded: pd.DataFrame | None = None,
-) -> None:
-    """Publish the page with its figures, tables and findings.
-
-    The still is (H, W, 3) bytes of the arm; `recorded` are claims about recorded data.
-    """
-    find, shown = findings(results), tables(results)
-    page = dynamics_page(results, find, shown, parameters)
-    drawn: dict[str, Drawing | Sequence[Drawing]] = {"still": still, **drawings(results)}
-    publish_report(folder, {"index": page}, drawn, shown, find, recorded=recorded)
 
 
 def dynamics_page(

@@ -35,42 +35,27 @@ class DynamicsResults:
     """Outputs of the stages of the testbed, and what follows from it.
 
     Of robots a seed is that of the robot; in simulation it is that of a model's start and of its goals.
-
-    Attributes:
-        errors, outcomes: of trainings, see `rigid_body.training_grid.train`.
-        links, base: learned inertias and base parameters beside the truth, see `rigid_body.base_parameters`,
-            with `model` and `form`.
-        scores, paths: see `protocol.tracking.track`.
-        online, payload: see `rigid_body.online_learning`; the payload's with `seed`.
-        agreement: a row per URDF, see `rigid_body.newton_euler`, with `robot`.
-        known, friction: of robots' logs, see this module, with `seed`.
-        residuals: likewise, of the first robot.
-        stand_in: what robots have in common.
-        motion: the sines.
-        training, learning_online, tracking: how models were trained, how online, how put to the test.
-        carried: the payload.
-        trials: of our optimiser, the table of the study `dynamics/optimiser`; None: not run.
     """
 
-    errors: pd.DataFrame
+    errors: pd.DataFrame  # of trainings, see `rigid_body.training_grid.train`
     outcomes: pd.DataFrame
-    links: pd.DataFrame
+    links: pd.DataFrame  # learned beside the truth, see `rigid_body.base_parameters`, with `model`, `form`
     base: pd.DataFrame
-    scores: pd.DataFrame
+    scores: pd.DataFrame  # see `protocol.tracking.track`
     paths: pd.DataFrame
-    online: pd.DataFrame
-    payload: pd.DataFrame
-    agreement: pd.DataFrame
-    known: pd.DataFrame
+    online: pd.DataFrame  # see `rigid_body.online_learning`
+    payload: pd.DataFrame  # likewise, with `seed`
+    agreement: pd.DataFrame  # a row per URDF, see `rigid_body.newton_euler`, with `robot`
+    known: pd.DataFrame  # of robots' logs, see this module, with `seed`
     friction: pd.DataFrame
-    residuals: pd.DataFrame
-    stand_in: StandInParameters
+    residuals: pd.DataFrame  # likewise, of the first robot
+    stand_in: StandInParameters  # what robots have in common
     motion: SineParameters
     training: DynamicsTrainingParameters
     learning_online: OnlineParameters
     tracking: TrackingParameters
     carried: PayloadParameters
-    trials: pd.DataFrame | None = None
+    trials: pd.DataFrame | None = None  # of our optimiser, of the study `dynamics/optimiser`; None: not run
 
     @cached_property
     def kinds(self) -> list[str]:
@@ -118,14 +103,13 @@ class DynamicsResults:
         """Models that were put to the test with an arm in any form, in the order of tables."""
         return in_order(self.scores.loc[self.scores["robot"] == arm, "model"].unique())
 
-    def stopped(self, arm: str, model: str, form: Form = TEXT, *tasks: str) -> int:
-        """Number of runs of a model in some tasks (default: sines and reaches) that had to be stopped."""
-        every = (self.runs(arm, model, task, form)["stopped"] != "" for task in tasks or (SINE, REACH))
-        return int(sum(stopped.sum() for stopped in every))
+    def stopped(self, arm: str, model: str, form: Form = TEXT) -> int:
+        """Number of runs of a model, sines and reaches, that had to be stopped."""
+        return sum(int((self.runs(arm, model, task, form)["stopped"] != "").sum()) for task in (SINE, REACH))
 
-    def count(self, arm: str, model: str, form: Form = TEXT, *tasks: str) -> int:
-        """Number of runs of a model in some tasks (default: sines and reaches)."""
-        return sum(len(self.runs(arm, model, task, form)) for task in tasks or (SINE, REACH))
+    def count(self, arm: str, model: str, form: Form = TEXT) -> int:
+        """Number of runs of a model, sines and reaches."""
+        return sum(len(self.runs(arm, model, task, form)) for task in (SINE, REACH))
 
     def velocity(self, arm: str, model: str, form: Form = TEXT) -> pd.Series:
         """NMSE of the tool's velocity in reaches, by seed."""

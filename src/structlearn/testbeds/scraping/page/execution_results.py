@@ -81,17 +81,6 @@ class ExecutionResults:
         chosen = (table["model"] == model) & (table["baseline"] == baseline)
         return table[chosen & (table["primitive"] == primitive)].set_index("setting_deg")
 
-    def lower(
-        self, model: str, baseline: str, primitive: str, settings_deg: Sequence[float]
-    ) -> list[Evidence]:
-        """By how many rad the cost is lower than a baseline's, in pairs, per setting."""
-        rows = self.ratio(model, baseline, primitive)
-        rows = rows.loc[[setting for setting in settings_deg if setting in rows.index]]
-        return [
-            Evidence(lower, lower - half, lower + half, self.runs)
-            for lower, half in zip(rows["lower_rad"], rows["half_width"], strict=True)
-        ]
-
     def run_costs(self, model: str, setting_deg: float, primitive: str) -> np.ndarray:
         """(R,) accumulated cost in rad of every run, in the order of their names."""
         keys = {"model": model, "setting_deg": setting_deg, "primitive": primitive}

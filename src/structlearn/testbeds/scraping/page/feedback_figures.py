@@ -30,7 +30,7 @@ from structlearn.testbeds.scraping.page.feedback_results import (
     FeedbackResults,
     unroll_traces,
 )
-from structlearn.testbeds.scraping.page.findings import People
+from structlearn.testbeds.scraping.page.findings import ScrapingPeople
 from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL
 
 STRUCTURES = ("pmnn_100", "pmnn_0", "ffnn_phase", "ffnn")
@@ -104,7 +104,7 @@ def targets_figure(results: FeedbackResults) -> list[Figure]:
 
 
 @styled
-def models_figure(results: FeedbackResults, people: People) -> list[Figure]:
+def models_figure(results: FeedbackResults, people: ScrapingPeople) -> list[Figure]:
     """Figure IV.16, top and middle: generalisation NMSE of the representations, mean and std over folds.
 
     At the step best for the demonstration left out, as in the dissertation; a diamond is at the step that
@@ -265,7 +265,7 @@ def cost_figure(
     executed: ExecutionResults,
     names: Sequence[str],
     note: Callable[[float], str],
-    people: People | None = None,
+    people: ScrapingPeople | None = None,
 ) -> list[Figure]:
     """Figure IV.20: accumulated cost per setting and model, mean and std over the executions."""
     figures = []

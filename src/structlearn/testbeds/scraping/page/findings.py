@@ -15,7 +15,7 @@ from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.reporting.claims import UNKNOWN, Evidence, difference, mean
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import level_name
-from structlearn.reporting.studies import Study
+from structlearn.reporting.studies import People, Study
 from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import errors_by_seed, wins_at_every_noise_level
 from structlearn.testbeds.scraping.names import CUT_METHODS
@@ -58,21 +58,10 @@ Numbers = np.ndarray | None
 
 
 @dataclass(frozen=True)
-class People:
-    """Numbers of a study's people, by the keys of a person's rows."""
+class ScrapingPeople(People):
+    """Numbers of the study's people, also by primitive, model and setting."""
 
-    study: Study | None
     primitives: Sequence[str]  # names of all primitives in order of time
-    form: str = OURS  # variant of the study
-
-    def numbers(self, key: str) -> Numbers:
-        """(P,) of one key."""
-        return self.study.values(self.form, key) if self.study and key in self.study.table else None
-
-    @property
-    def count(self) -> int:
-        """Number of people; 0 where the study was not run."""
-        return len(self.study.values(self.form, "repeat")) if self.study else 0
 
     def of(self, key: str, primitive: str) -> Numbers:
         """Of a primitive: `rl_cost_ratio_prim2`, counted as in the dissertation."""
@@ -117,13 +106,13 @@ def findings(
     segmentation_of_one(find, segmentation)
     feedback_of_one(find, feedback)
     refinement_of_one(find, refinement, primitives)
-    people = People(study, primitives)
+    people = ScrapingPeople(study, OURS, primitives)
     its = find.among("people", STUDY)
     its.exact("people", people.count or np.nan, headline=True)
     segmentation_of_people(its, people, [one.name for one in segmentation.found_primitives])
     feedback_of_people(its, people, feedback.adapted, feedback.board.settings_deg)
     for form in (TEXT, OURS):
-        refinement_of_people(its, People(study, primitives, form), refinement)
+        refinement_of_people(its, ScrapingPeople(study, form, primitives), refinement)
     return find
 
 
@@ -257,7 +246,7 @@ def refinement_of_one(find: Findings, results: RefinementResults, primitives: Se
         find.exact(f"search_cost_{method}", numbers)
 
 
-def segmentation_of_people(find: Findings, people: People, aligned: Sequence[str]) -> None:
+def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequence[str]) -> None:
     """Of the page on segmentation and primitives; `aligned` are the primitives that have an axis."""
     numbers = people.numbers
     for name, method in (("aligned_as_printed", "wls_text"), ("aligned_with_crossings", RESULT)):
@@ -278,7 +267,7 @@ def segmentation_of_people(find: Findings, people: People, aligned: Sequence[str
 
 
 def feedback_of_people(
-    find: Findings, people: People, adapted: Sequence[str], settings_deg: Sequence[float]
+    find: Findings, people: ScrapingPeople, adapted: Sequence[str], settings_deg: Sequence[float]
 ) -> None:
     """Of the page on feedback models; `settings_deg`: rolls of the board on which models were executed."""
     for stopping, ending in (("generalization", ""), ("validation", VALIDATED)):
@@ -315,9 +304,9 @@ def feedback_of_people(
         find.geometric_mean(name, tilt, headline=not ending)
 
 
-def refinement_of_people(find: Findings, people: People, results: RefinementResults) -> None:
+def refinement_of_people(find: Findings, people: ScrapingPeople, results: RefinementResults) -> None:
     """Of the page on refinement, in one form; `results` say what was executed and decide nothing."""
-    form, refined, executed = people.form, results.refined, results.primitives
+    form, refined, executed = people.variant, results.refined, results.primitives
     lower = {name: people.of("rl_cost_ratio", name) for name in refined}
     find.geometric_mean(f"lower_{form}", lower, headline=True)
     worst = {name: np.nan if its is None or not len(its) else its.max() for name, its in lower.items()}

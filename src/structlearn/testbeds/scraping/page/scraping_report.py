@@ -24,7 +24,7 @@ from structlearn.testbeds.scraping.page import (
     tables,
 )
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
-from structlearn.testbeds.scraping.page.findings import STUDY, People, findings
+from structlearn.testbeds.scraping.page.findings import OURS, STUDY, ScrapingPeople, findings
 from structlearn.testbeds.scraping.page.refinement_results import (
     ADDED,
     EXPLORATION,
@@ -84,9 +84,9 @@ class ScrapingResults:
     parameters: Mapping[str, Any]  # all of `PARAMETERS` by key
 
     @property
-    def people(self) -> People:
+    def people(self) -> ScrapingPeople:
         """Of the study that claims rest on."""
-        return People(self.studies.get(STUDY), self.feedback.primitives)
+        return ScrapingPeople(self.studies.get(STUDY), OURS, self.feedback.primitives)
 
 
 def scraping_findings(results: ScrapingResults) -> Findings:
@@ -194,7 +194,7 @@ def segmentation_drawings(results: SegmentationResults) -> Drawings:
     return made
 
 
-def feedback_drawings(results: FeedbackResults, studied: People) -> Drawings:
+def feedback_drawings(results: FeedbackResults, studied: ScrapingPeople) -> Drawings:
     """Figures of the page on feedback models; two of them show the people studied."""
     board, known = results.board, (*results.seen_deg, 0.0)
     made: Drawings = {

@@ -113,7 +113,6 @@ def feedback_tables(results: FeedbackResults, published: Mapping) -> dict[str, T
         "board_costs": results.board.costs,
         "board_cost_ratios": results.board.ratios,
         "board_coupling": results.board.coupling,
-        "board_hand_roll": results.board.hand_roll,
         "path_errors": results.board.path_comparison(results.seen_deg),
         "hand_roll": hand_rolls(results.board, results.primitives, published),
     }
@@ -130,7 +129,6 @@ def refinement_tables(
         "refinement_costs": results.costs,
         "refinement_cost_ratios": results.ratios,
         "refinement_between": results.between,
-        "refinement_hand_roll": results.hand_roll,
         "refinement_faults": results.faults,
     }
     if results.examples:

@@ -51,7 +51,7 @@ def findings(results: ServoingResults) -> Findings:
 
 def over_people(find: Findings, results: ServoingResults) -> None:
     """Rows on which claims and sentences rest; not tested where the study was not run."""
-    _prediction(find, results.of_people)
+    _prediction(find, results.people.numbers)
     _closed_loop(find, results)
 
 
@@ -177,10 +177,10 @@ def _prediction(find: Findings, numbers: Numbers) -> None:
 
 def _closed_loop(find: Findings, results: ServoingResults) -> None:
     """Shares of targets, and differences in % of targets, in pairs of one person."""
-    find.exact("people", results.people_count or float("nan"), headline=True)
+    find.exact("people", results.people.count or float("nan"), headline=True)
 
     def rates(variant: Variant, skin: str = "") -> np.ndarray | None:
-        return results.of_people("_".join(filter(None, (RATE, rate_case(variant, skin)))))
+        return results.people.numbers("_".join(filter(None, (RATE, rate_case(variant, skin)))))
 
     def share(name: str, *given: object, skin: str = "", headline: bool = False) -> Found:
         return find.by(partial(_clustered, results.trials_per_person(skin)), name, *given, headline=headline)
@@ -197,7 +197,7 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
         share(name, rates(variant, skin), skin=skin, headline=not skin or variant == OURS)
     trials = results.trials_per_person()
     for ending in ("", "_published"):
-        lost = results.of_people(f"servo_contacts_lost{ending}")
+        lost = results.people.numbers(f"servo_contacts_lost{ending}")
         share(f"people_servo_contacts_lost{ending}", None if lost is None else lost / trials)
     for ending, variant in (("", TEXT), ("_ll", TEXT_LL), ("_aimed", OURS)):
         with_skins = {SKIN_NAMES[skin]: rates(variant, skin) for skin in results.skins}

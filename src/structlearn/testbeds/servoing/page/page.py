@@ -47,5 +47,5 @@ def document(results: ServoingResults, find: Findings, shown: Mapping[str, Table
         parameters=results.chosen,
         recordings="../rerun/servoing",
         simulated=True,
-        basis=rests_on(PEOPLE_STUDY, results.people),
+        basis=rests_on(PEOPLE_STUDY, results.people.study),
     )

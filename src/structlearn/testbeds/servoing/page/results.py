@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core.params import read_values
-from structlearn.reporting.studies import Study
+from structlearn.reporting.studies import People, Study
 from structlearn.tactile.electrodes import SKINS, Skin, map_laying
 from structlearn.tactile.touch_dataset import TEST, TEST_STRIDE, Chains, TouchDataset, chains
 from structlearn.testbeds.servoing.files import OtherSkinTables
@@ -58,19 +58,9 @@ class ServoingResults:
         return {str(name): ControllerScores(rows) for name, rows in groups}
 
     @property
-    def people(self) -> Study | None:
+    def people(self) -> People:
         """All that is reported here, of several people, each with a sensor and models of their own."""
-        return self.studies["people"]
-
-    def of_people(self, key: str) -> np.ndarray | None:
-        """A metric by person (P,); None where the study was not run, or kept no such number."""
-        people = self.people
-        return people.values(AS_IT_STANDS, key) if people is not None and key in people.table else None
-
-    @property
-    def people_count(self) -> int:
-        """People of the study; 0 where it was not run."""
-        return len(self.people.values(AS_IT_STANDS, "repeat")) if self.people else 0
+        return People(self.studies["people"], AS_IT_STANDS)
 
     def trials_per_person(self, skin: str = "") -> int:
         """Targets that each controller had over the models of one person, with this skin or another."""

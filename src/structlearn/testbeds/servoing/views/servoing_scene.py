@@ -234,9 +234,8 @@ def tab(
 ) -> rrb.Horizontal:
     """A tab: columns of views, plots over time by entity below its name, and what is shown."""
     drawn = [plot(heading, [f"{entity(name, group)}/**"], legends) for group, heading in plots.items()]
-    share = 3 if len(columns) > 1 else 4
-    shares = [*[share] * len(columns), share, 2]
-    return rrb.Horizontal(*columns, rrb.Vertical(*drawn), notes_view(name), column_shares=shares, name=name)
+    beside = rrb.Vertical(*drawn, notes_view(name))
+    return rrb.Horizontal(rrb.Horizontal(*columns), beside, column_shares=[1, 1], name=name)
 
 
 class ServoingViewParameters(Parameters):
