@@ -158,7 +158,7 @@ FOLLOWS = {
     "tables.links": {"positive_mass", "positive_definite", "triangle"},
     "tables.gravity": {"limit_n_m"},
 }
-"""Columns of tables of arms that are not measured, but follow from how Cov writes a link, or from the URDF."""
+"""Columns of tables of arms that follow from how Cov writes a link, or from the URDF: not measured."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
 PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
