@@ -63,6 +63,7 @@ def section(files: TaskFiles) -> Section:
             "motion",
             "Torques beside the URDF",
             "torque_check.html.jinja",
+            lead="torque_check_lead.html.jinja",
             facts={"origin": first.provenance},
             find=check_findings(tables),
             tables=check_tables(tables),
@@ -87,7 +88,8 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
     test, motions, gravity = results.test, results["motions"], results["gravity"]
     best, excitation = results.joint_nmse(results.tested), results["excitation"].iloc[0]
     worst = max(best, key=lambda joint: best[joint].value)
-    seconds = motions[["learned_s", "tested_s"]].sum()
+    named = motions[motions["log"].isin([results.train_log, results.tested])]
+    seconds = (motions if results.parameters.train is None else named)[["learned_s", "tested_s"]].sum()
     carried = {log: results.carried_error(log).evidence() for log in results.carried_logs}
     facts: dict[str, Any] = {
         "chosen": results.parameters,
