@@ -27,7 +27,7 @@ from structlearn.tasks.motion.motion_results import (
 )
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
-from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.task_files import ABSENT, TaskFiles
 
 NUMBERS = {"mass_kg": ".2f", "viscous": ".2f", "coulomb": ".2f"}
 """How parameters of a link are written; others with three digits behind the point."""
@@ -38,6 +38,10 @@ LINKS = ("mass_kg", "centre_x_m", "centre_y_m", "centre_z_m", "viscous", "coulom
 
 def section(files: TaskFiles) -> Section:
     """Of a task with logs of joints."""
+    reason = files.folder / "motion" / ABSENT
+    if reason.exists():
+        facts = {"reason": reason.read_text(encoding="utf-8").strip()}
+        return Section("unidentified", "The arm's dynamics", "unidentified.html.jinja", facts=facts)
     parameters = files.entry(MotionParameters)
     first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
     tables = {path.stem: read_table(path) for path in (files.folder / "motion").glob("*.parquet")}
