@@ -126,7 +126,7 @@ def test_a_source_that_changes_while_it_is_read_is_refused(folder):
 def test_parts_that_an_entry_does_not_name_are_null(folder):
     task = read_task("reach")
     assert task.kind == "movement"
-    assert all(getattr(task, part) is None for part in PARTS if part not in REACH)
+    assert all(getattr(task, part, None) is None for part in PARTS if part not in REACH)
     assert task.segment.primitives[0].name == "reach"
     own_tasks(folder, kind="motion", lab={"source": "logs", "urdf": "arm.urdf"})
     task = read_task("lab")
