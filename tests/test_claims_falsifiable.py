@@ -152,8 +152,11 @@ def deaf_to_phase(results: Any) -> Any:
     return replace(results, networks=alike)
 
 
-FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangle"}}
-"""Columns of the recorded tables that are no measurements, but follow from how Cov writes a link."""
+FOLLOWS = {
+    "tables.links": {"positive_mass", "positive_definite", "triangle"},
+    "tables.gravity": {"limit_n_m"},
+}
+"""Columns of tables of arms that are not measured: they follow from how Cov writes a link, or the URDF."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
 PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
