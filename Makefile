@@ -114,7 +114,7 @@ kills: $(INSTALLED)  ## kill N stages and run them again
 # N ticks of the controller under faults of its sensor and of its caller: finite, within its bounds, at the goal.
 upsets: N ?= 1000000
 upsets: $(INSTALLED)  ## run N ticks of the controller under faults
-	PYTHONPATH=tests $(BIN)/python -m faults.upsets --ticks $(N)
+	PYTHONPATH=tests $(BIN)/python -m faults.controller_faults --ticks $(N)
 
 # Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
 check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make check TASK=pour

@@ -15,7 +15,6 @@ Every run is followed by inverse kinematics from near the same rest configuratio
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,6 +42,7 @@ from structlearn.tasks.movement.check_results import (
     verdict,
 )
 from structlearn.tasks.movement.movement_parameters import Bound, RobotParameters
+from structlearn.tasks.task_files import local_path
 
 BEYOND_ALL_BOUNDS = 1e9
 """Weights of a network whose coupling term is at its bound from the second tick on, or on its way there."""
@@ -132,7 +132,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     Raises:
         InputError: the URDF is no good, bounds are as many as no joints are, or no joints reach the start.
     """
-    path = urdf_path(str(Path(parameters.urdf).expanduser()))
+    path = urdf_path(str(local_path(parameters.urdf)))
     arm = read_arm(path, parameters.tip, parameters.locked_joints)
     bounds = Bounds.of(arm, parameters)
     runs = [in_arm_frames(run, parameters) for run in unrolls(skill, RATE_HZ)]
