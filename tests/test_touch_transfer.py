@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from committed import committed_task
+from committed import committed_entry
 from tactile_toy import toy_dataset, toy_geodesics
 
 from structlearn.core.errors import InputError, MissingInputError
@@ -30,7 +30,7 @@ from structlearn.tasks.touch.touch_names import (
 from structlearn.tasks.touch.touch_transfer import TouchSet
 
 SKIN = biotac()
-FEW = committed_task(
+FEW = committed_entry(
     "biotac",
     folds=2,
     spaces={
