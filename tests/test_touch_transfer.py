@@ -152,7 +152,7 @@ def test_a_faulty_trial_is_left_out_altogether():
     faulty = ("mat9_3",)
     simulated = toy_dataset(contacts=4, samples=130)
     sets = touch_transfer.touch_sets(
-        {SLIDES: trials, UNSCREWING: trials[:2]}, simulated, SKIN, 1.0, faulty, few
+        {SLIDES: trials, UNSCREWING: trials[::2]}, simulated, SKIN, 1.0, faulty, few
     )
     assert [one.name for one in sets] == ["slides", "unscrewing", "simulated", "simulated, magnitudes"]
     assert sets[0].groups == ("mat9", "mat15")
