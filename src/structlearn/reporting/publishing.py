@@ -41,7 +41,7 @@ def publish_report(
         ValueError: there are too many headlines.
     """
     found = find.table()
-    if (marked := int(found["headline"].sum())) > HEADLINES:
+    if (marked := int((found["headline"] & found["value"].notna()).sum())) > HEADLINES:
         raise ValueError(f"{marked} headlines are more than {HEADLINES}")
     folder = Path(folder)
     shown = {id(one): one for page in pages.values() for one in page.judged}  # two pages may show the same
