@@ -121,7 +121,7 @@ check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make 
 	$(if $(TASK),,$(error which task? make check TASK=pick))
 	$(BIN)/python -m structlearn.tasks.task_entry own.yaml "$$TASK" > /dev/null
 	$(IN_ENVIRONMENT) dvc repro "stages/tasks/dvc.yaml:check@$$TASK"
-	$(BIN)/python -m structlearn.tasks.check_verdict "$$TASK"
+	$(BIN)/python -m structlearn.tasks.movement.check_results "$$TASK"
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping

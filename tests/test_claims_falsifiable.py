@@ -16,7 +16,6 @@ from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
-import motion_tables
 import numpy as np
 import pandas as pd
 import pytest
@@ -24,8 +23,7 @@ import test_scraping_page
 import test_servoing_page
 import test_tasks_obstacles
 import test_tasks_representations
-import test_touch_calibration
-import test_touch_skin
+import test_touch_page
 import torch
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
@@ -41,11 +39,9 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
-from structlearn.tasks.motion.motion_results import motion_findings
 from structlearn.tasks.obstacles.representations_section import representation_findings
 from structlearn.tasks.obstacles.scene_section import scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
-from structlearn.tasks.touch.skin_section import find_skin
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
@@ -156,11 +152,8 @@ def deaf_to_phase(results: Any) -> Any:
     return replace(results, networks=alike)
 
 
-FOLLOWS = {
-    "tables.links": {"positive_mass", "positive_definite", "triangle"},
-    "tables.gravity": {"limit_n_m"},
-}
-"""Columns of arms' tables that are not measured, but follow from how Cov writes a link, or from the URDF."""
+FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangle"}}
+"""Columns of the recorded tables that are no measurements, but follow from how Cov writes a link."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
 PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
@@ -200,16 +193,11 @@ PAGES = {
         test_scraping_page.refinement_evidence,
     ),
     "calibration": Page(
-        f"{PUBLIC}.touch",
+        "structlearn.tasks.touch",
         "calibration_claims.yaml",
-        lambda get: [{"comparison": test_touch_calibration.compared(1.0)[1].reset_index()}],
+        lambda get: [test_touch_page.calibration(1.0)],
         find_calibration,
-    ),
-    "eflesh": Page(
-        PUBLIC,
-        f"{CLAIMS}/eflesh.yaml",
-        lambda get: [test_touch_skin.made_up()],
-        find_skin,
+        lambda place: place == "comparison",
     ),
     "boxes": Page(
         PUBLIC,
@@ -224,14 +212,8 @@ PAGES = {
         representation_findings,
     ),
 } | {
-    name: Page(
-        PUBLIC,
-        f"{CLAIMS}/{name}.yaml",
-        lambda get, name=name: [motion_tables.made_up(name)],
-        motion_findings,
-        known=partial(dict, FOLLOWS),
-    )
-    for name in motion_tables.JOINTS
+    name: Page(PUBLIC, f"{CLAIMS}/{name}.yaml", lambda get, made=made: [made()], test_touch_page.FIND[name])
+    for name, made in test_touch_page.MADE_UP.items()
 }
 
 
@@ -431,7 +413,7 @@ def test_every_case_of_a_claim_can_come_out_no(page, claim, unmoved, request):
 
 
 def test_no_links_of_cov_are_impossible():
-    """What `possible_bodies` is marked for: it is so whatever was learned."""
+    """What `possible_bodies` of the UR10e is marked for: it is so whatever was learned."""
     free = 3.0 * torch.from_numpy(np.random.default_rng(0).normal(size=(1000, parameter_count("cov"))))
     inertias = link_inertias("cov", free)
     moments = np.linalg.eigvalsh(inertias.inertia.numpy())

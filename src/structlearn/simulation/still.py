@@ -3,13 +3,14 @@
 PyBullet's software renderer draws the same pixels every time on one machine.
 """
 
-from collections.abc import Sequence
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import pybullet
-import pybullet_data
-from pybullet_utils.bullet_client import BulletClient
 
 SIZE = (1000, 620)  # pixels of the picture
 OVERSAMPLING = 2  # drawn larger by this and averaged, so that edges are smooth
@@ -62,7 +63,12 @@ def still(
     movable joints in rad, in the order of the URDF; `size`: width W and height H of the picture in pixels.
     Returns (H, W, 3) bytes.
     """
-    client = BulletClient(pybullet.DIRECT)
+    with _muted():  # it tells when it was built, and with which arguments it runs
+        import pybullet
+        import pybullet_data
+        from pybullet_utils.bullet_client import BulletClient
+
+        client = BulletClient(pybullet.DIRECT)
     try:
         client.setAdditionalSearchPath(pybullet_data.getDataPath())
         for solid in solids:
@@ -82,7 +88,23 @@ def still(
         client.disconnect()
 
 
-def _add(client: BulletClient, solid: Solid) -> None:
+@contextmanager
+def _muted() -> Iterator[None]:
+    """Nothing that C code prints comes through."""
+    sys.stdout.flush()
+    nowhere, kept = os.open(os.devnull, os.O_WRONLY), {stream: os.dup(stream) for stream in (1, 2)}
+    for stream in kept:
+        os.dup2(nowhere, stream)
+    try:
+        yield
+    finally:
+        for stream, copy in kept.items():
+            os.dup2(copy, stream)
+            os.close(copy)
+        os.close(nowhere)
+
+
+def _add(client: Any, solid: Solid) -> None:
     sizes = {
         "box": lambda size: {"shapeType": client.GEOM_BOX, "halfExtents": size},
         "sphere": lambda size: {"shapeType": client.GEOM_SPHERE, "radius": size[0]},
@@ -99,7 +121,7 @@ def _add(client: BulletClient, solid: Solid) -> None:
     )
 
 
-def _add_sheet(client: BulletClient, sheet: Sheet) -> None:
+def _add_sheet(client: Any, sheet: Sheet) -> None:
     number = np.arange(sheet.points[..., 0].size).reshape(sheet.points.shape[:2])
     corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
     triangles = np.stack([corners[place] for place in (0, 1, 2, 0, 2, 3)], axis=-1)
@@ -113,7 +135,7 @@ def _add_sheet(client: BulletClient, sheet: Sheet) -> None:
     client.createMultiBody(baseVisualShapeIndex=shape)
 
 
-def _drawn(client: BulletClient, view: View, size: tuple[int, int]) -> np.ndarray:
+def _drawn(client: Any, view: View, size: tuple[int, int]) -> np.ndarray:
     width, height = (OVERSAMPLING * pixels for pixels in size)
     camera = client.computeViewMatrixFromYawPitchRoll(
         list(view.target), view.distance, view.yaw_deg, view.pitch_deg, 0.0, 2
