@@ -103,7 +103,15 @@ DOORS = {
     "sparse.txt": (_sparse, lambda path: read_stamped_table(path, 4), "has 200000000000 bytes, more than"),
     "rows.parquet": (_rows, lambda path: read_recording(path, TABLE), "has 50000000 rows of 4 columns"),
     "ur-pipe.csv": (os.mkfifo, lambda path: read_motion(path.parent), "not a file"),
-    "pipe.csv": (os.mkfifo, lambda path: read_recording(path, TABLE), "not a file"),
+    **{
+        f"pipe.{suffix}": (os.mkfifo, lambda path: read_demonstrations(path.parent, TABLE), "not a file")
+        for suffix in ("csv", "mcap", "bag")
+    },
+    "metadata.yaml": (
+        lambda path: path.write_text("a: " + "[" * 100_000 + "]" * 100_000),
+        lambda path: read_demonstrations(path.parent),
+        "nested too deeply",
+    ),
     "pipe.urdf": (os.mkfifo, read_urdf, "not a file"),
     "pipe.yaml": (os.mkfifo, read_values, "not a file"),
     "home": (lambda path: None, lambda path: read_demonstrations("~nobody-home/x"), "no such home folder"),
