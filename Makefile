@@ -114,14 +114,14 @@ kills: $(INSTALLED)  ## kill N stages and run them again
 # N ticks of the controller under faults of its sensor and of its caller: finite, within its bounds, at the goal.
 upsets: N ?= 1000000
 upsets: $(INSTALLED)  ## run N ticks of the controller under faults
-	PYTHONPATH=tests $(BIN)/python -m faults.upsets --ticks $(N)
+	PYTHONPATH=tests $(BIN)/python -m faults.controller_faults --ticks $(N)
 
 # Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
 check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make check TASK=pour
 	$(if $(TASK),,$(error which task? make check TASK=pick))
 	$(BIN)/python -m structlearn.tasks.task_entry own.yaml "$$TASK" > /dev/null
 	$(IN_ENVIRONMENT) dvc repro "stages/tasks/dvc.yaml:check@$$TASK"
-	$(BIN)/python -m structlearn.tasks.check_verdict "$$TASK"
+	$(BIN)/python -m structlearn.tasks.movement.check_results "$$TASK"
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping

@@ -52,7 +52,7 @@ STARTS = {
         "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
         "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
-        "tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
+        "tasks/calibrate.py tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
         "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py",
     ),
     "robot": (
@@ -65,7 +65,7 @@ STARTS = {
     "training": (
         ("torch",),
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
-        "servoing/servo.py servoing/other_skins.py tasks/calibrate.py",
+        "servoing/servo.py servoing/other_skins.py",
     ),
     "dynamics": (
         ("torch", "pinocchio"),
@@ -74,9 +74,8 @@ STARTS = {
     "recordings": (
         ("rerun",),
         "scraping/view.py obstacles/view.py servoing/view.py tasks/view_motion.py "
-        "tasks/view_movement.py tasks/view_obstacles.py",
+        "tasks/view_movement.py tasks/view_obstacles.py tasks/view_touch.py",
     ),
-    "recordings of maps": (("rerun", "matplotlib"), "tasks/view_touch.py"),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (
         ("matplotlib",),

@@ -19,17 +19,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-import test_recorded_page
 import test_scraping_page
 import test_servoing_page
 import test_tasks_obstacles
 import test_tasks_representations
+import test_touch_page
 import torch
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
 from reporting_refinement import refinement_results
 from reporting_scraping import PARAMETERS, demonstration
-from structlearn.tasks.public.page import assembly, calibration_results
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
 from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
@@ -42,6 +41,7 @@ from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.obstacles.representations_section import representation_findings
 from structlearn.tasks.obstacles.scene_section import scene_findings
+from structlearn.tasks.touch.calibration_section import find_calibration
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
@@ -156,7 +156,6 @@ FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangl
 """Columns of the recorded tables that are no measurements, but follow from how Cov writes a link."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
-RECORDED = "structlearn.tasks.public.page"
 PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
 PAGES = {
     "dynamics": Page(
@@ -194,10 +193,11 @@ PAGES = {
         test_scraping_page.refinement_evidence,
     ),
     "calibration": Page(
-        RECORDED,
+        "structlearn.tasks.touch",
         "calibration_claims.yaml",
-        lambda get: [test_recorded_page.calibration(1.0)["comparison"]],
-        calibration_results.evidence,
+        lambda get: [test_touch_page.calibration(1.0)],
+        find_calibration,
+        lambda place: place == "comparison",
     ),
     "boxes": Page(
         PUBLIC,
@@ -212,17 +212,8 @@ PAGES = {
         representation_findings,
     ),
 } | {
-    part.name: Page(
-        f"{RECORDED}.parts",
-        f"{part.name}_claims.yaml",
-        lambda get: [test_recorded_page.made_up()],
-        part.evidence,
-        lambda place, part=part: (
-            place.removeprefix("tables.") in part.needs or place.startswith(f"tables.{part.name}_")
-        ),
-        partial(dict, FOLLOWS),
-    )
-    for part in assembly.PARTS
+    name: Page(PUBLIC, f"{CLAIMS}/{name}.yaml", lambda get, made=made: [made()], test_touch_page.FIND[name])
+    for name, made in test_touch_page.MADE_UP.items()
 }
 
 

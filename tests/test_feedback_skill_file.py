@@ -13,7 +13,7 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import Limits, demonstrated_workspace
-from structlearn.feedback.skill_file import provenance, read_provenance, read_skill, write_skill
+from structlearn.feedback.skill_file import UNITS, provenance, read_provenance, read_skill, write_skill
 from structlearn.verify import SKILL
 
 PROVENANCE = {"bags": {"one.mcap": "ab"}, "parameters": "cd", "version": "0"}
@@ -97,8 +97,29 @@ def changed(file, tensors=None, **description):
         ({"networks": {"tilt": {"y": "pmnn"}}}, r"no skill of this version \(missing 'input_mean'"),
         ({"networks": {"tilt": {"rx": "os"}}}, "there is no feedback network 'os'"),
         ({"expected": ["down"]}, "'tilt' for z takes 6 channels, but there are no expected traces"),
-        ({"limits": {"largest_coupling": {"z": 1.0}}}, "the limits say no largest coupling term for rx"),
-        ({"limits": {"largest_coupling": {"z": -1.0}}}, "its limits are none: Input should be greater"),
+        (
+            {"limits": LIMITS.model_dump() | {"largest_coupling": {"z": 1.0}}},
+            "no largest coupling term for rx",
+        ),
+        ({"limits": LIMITS.model_dump() | {"largest_coupling": {"z": -1.0}}}, "z: Input should be greater"),
+        ({"limits": LIMITS.model_dump() | {"largest_coupling": {"z": 1e300}}}, "z: Input should be less"),
+        (
+            {"limits": {"largest_coupling": {"z": 1.0}}},
+            "its limits lack fade_s, offset_within_s, stale_after_s",
+        ),
+        ({"version": 99}, "a skill file of version 99; version 1 is read"),
+        ({"units": UNITS | {"length": "mm"}}, "its units are not those of a skill"),
+        ({"units": UNITS | {"orientation": "x, y, z, w"}}, "its units are not those of a skill"),
+        (
+            {"tensors": {"primitives.down.position.local.weights": np.full((25, 3), 1e308)}},
+            "holds 1e.308, more",
+        ),
+        (
+            {"tensors": {"primitives.down.orientation.duration": np.array(1e300)}},
+            "duration is 1e.300 s|holds 1e",
+        ),
+        ({"tensors": {"primitives.down.orientation.goal": np.ones(4)}}, "is no unit quaternion"),
+        ({"tensors": {"primitives.down.orientation.weights": np.ones((25, 2))}}, "weights have shape"),
         ({"sensors": None}, "no skill of this version"),
         ({"primitives": [{"name": "up"}]}, "no skill of this version"),
         ({"tensors": {"workspace": np.zeros((2, 3))}}, "a workspace needs a low and a high corner"),

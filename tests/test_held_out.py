@@ -20,11 +20,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import test_movement_phase_corrections
-import test_recorded_latent_touch
-import test_recorded_skin
 import test_simulation_board_refinement
 import test_task_motion
 import test_tasks_obstacles
+import test_touch_skin
+import test_touch_transfer
 import torch
 import yaml
 from board_rollouts import small_board
@@ -81,15 +81,16 @@ from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tactile.touch_dataset import TRAIN
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
 from structlearn.tasks.obstacles import coupling_representations
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
-from structlearn.tasks.touch import skin_readings, skin_touches
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch import skin_readings, skin_touches, surface_traces, touch_transfer
+from structlearn.tasks.touch.surface_traces import deviations_from_expected
+from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
+from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
 from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
@@ -107,7 +108,7 @@ HOLDS_NOTHING_OUT = {
     "puts into one file what was learned": "tasks/skill scraping/write_skill",
     "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
-    "measures statistics or times": "recorded/calibrate scraping/time_controller",
+    "measures statistics or times": "tasks/calibrate scraping/time_controller",
     "one recorded execution, of which every primitive has one part": "recorded/scraping",
     "a primitive of every log, and one of all logs": "recorded/unscrewing",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
@@ -237,7 +238,7 @@ def corrections(monkeypatch, tmp_path):
     return Case(learn, higher(), higher(left_out[0]), higher(learned[0]))
 
 
-SLIDES = committed(slides.SlideParameters, "recorded_slides", material="mat", left_out=("mat_3",))
+SLIDES = committed_entry("slides", surfaces={"material": "mat", "left_out": ("mat_3",)}).surfaces
 
 
 def slid(changed: str = "") -> list[Demonstration]:
@@ -249,17 +250,22 @@ def slid(changed: str = "") -> list[Demonstration]:
     return found
 
 
-@of_stage("recorded/slides")
+@of_stage("tasks/touch")
 def expected_of_slides(monkeypatch, tmp_path):
     return [
-        Case(lambda its: slides.learn_slides(its, SLIDES)[0], slid(), slid(held_out), slid("mat_2"))
+        Case(lambda its: deviations_from_expected(its, SLIDES)[0], slid(), slid(held_out), slid("mat_2"))
         for held_out in ("mat_3", "cork_1")
     ]
 
 
-@of_stage("recorded/slides")
+@of_stage("tasks/touch")
 def slides_left_out(monkeypatch, tmp_path):
-    learn = each(monkeypatch, slides, "fit_expected_traces", lambda its: slides.leave_one_out(its, SLIDES))
+    learn = each(
+        monkeypatch,
+        surface_traces,
+        "fit_expected_traces",
+        lambda its: surface_traces.leave_one_out(its, SLIDES),
+    )
     return Case(lambda its: learn(its)[1], slid(), slid("mat_2"), slid("mat_1"))
 
 
@@ -631,11 +637,11 @@ def latent_spaces(monkeypatch, tmp_path):
     )
 
 
-@of_stage("recorded/latent_touch")
+@of_stage("tasks/touch")
 def recorded_touch(monkeypatch, tmp_path):
     """What was learned of two slides while the two others were left out, and its units."""
-    toy = test_recorded_latent_touch
-    names = (touch_sets.SLIDES, touch_sets.MAGNITUDES)
+    toy = test_touch_transfer
+    names = (SLIDE_SET, MAGNITUDES)
     data = [toy.touch_set(name, ("a", "a", "b", "b"), seed) for seed, name in enumerate(names)]
 
     def changed(trial):
@@ -644,18 +650,17 @@ def recorded_touch(monkeypatch, tmp_path):
         return [replace(slides, samples=samples), data[1]]
 
     def learn(sets):
-        return latent_touch.learn_touch(sets, toy.SKIN, toy.FEW)
+        return touch_transfer.learn_transfer(sets, toy.SKIN, toy.FEW)
 
-    (first, *_), *_ = latent_touch.left_out(data[0], toy.FEW.folds)[latent_touch.NEW_TRIALS]
-    spaces = each(monkeypatch, latent_touch, "learn_spaces", learn)
+    (first, *_), *_ = touch_transfer.parts_left_out(data[0], toy.FEW.folds)[NEW_TRIALS]
+    spaces = each(monkeypatch, touch_transfer, "learn_spaces", learn)
     yield Case(lambda its: spaces(its)[0], data, changed(first), changed(first + 1))
-    units = each(monkeypatch, latent_touch, "own_units", learn)
+    units = each(monkeypatch, touch_transfer, "own_units", learn)
     yield Case(lambda its: units(its)[0], data, changed(first), changed(first + 1))
 
 
-SKIN = committed(
-    TouchParameters,
-    "recorded_skin",
+SKIN = committed_entry(
+    "eflesh",
     tuned_on=["a"],
     block_mm=3.0,
     folds=2,
@@ -671,10 +676,10 @@ SKIN = committed(
 )
 
 
-@of_stage("recorded/skin", "tasks/touch")
+@of_stage("tasks/touch")
 def recorded_skin(monkeypatch, tmp_path):
     """Of one run: without the blocks of a fold, and of the whole beside another run."""
-    toy = test_recorded_skin
+    toy = test_touch_skin
     data = [toy.toy_run("a", 1, depth_mm=1.0, size=7), toy.toy_run("b", 2, size=7)]
     fold = held_out(data[0].place[:, :2], 1e-3 * SKIN.block_mm, SKIN.folds)[1]
 

@@ -17,7 +17,6 @@ from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
 from structlearn.simulation.arm import urdf_path
-from structlearn.tasks import check_verdict
 from structlearn.tasks.movement import check_results, check_section, skill_check
 from structlearn.tasks.movement.movement_parameters import Placement, RobotParameters
 from structlearn.tasks.movement.skill_check import Unroll, unrolls
@@ -209,13 +208,13 @@ def files_of(check, folder, monkeypatch, robot):
 
 def test_the_command_says_whether_something_fails(check, tmp_path, monkeypatch, capsys):
     entry = PANDA.model_dump(mode="json")
-    assert check_verdict.main(files_of(with_verdicts(check, "doubtful"), tmp_path, monkeypatch, entry))
-    assert not check_verdict.main(files_of(with_verdicts(check, "no"), tmp_path, monkeypatch, entry))
+    assert check_results.main(files_of(with_verdicts(check, "doubtful"), tmp_path, monkeypatch, entry))
+    assert not check_results.main(files_of(with_verdicts(check, "no"), tmp_path, monkeypatch, entry))
     told = capsys.readouterr().out
     assert f"no: {check.metrics()['check_runs']} of" in told
     assert "self-collision" in told
     with pytest.raises(InputError, match=r"movement\.pick has no robot"):
-        check_verdict.main(files_of(check, tmp_path, monkeypatch, None))
+        check_results.main(files_of(check, tmp_path, monkeypatch, None))
 
 
 def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):

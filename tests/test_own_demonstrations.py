@@ -25,7 +25,7 @@ from structlearn.reporting.document import words_in_view
 from structlearn.segmentation.segments import cut
 from structlearn.tasks.movement.skill_check import check_skill
 from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
-from structlearn.tasks.task_entry import PARTS, read_checked, read_task
+from structlearn.tasks.task_entry import PARTS, read_checked, read_task, source_digests, write_task
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles
 
 STAGES = ("import_task", "segment", "primitives", "feedback", "skill", "check")
@@ -113,6 +113,14 @@ def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wro
     run_stages(root, "reach", "import_task")
     assert parameters.read_bytes() != once[0]
     assert recording.read_bytes() != once[1]
+
+
+def test_a_source_that_changes_while_it_is_read_is_refused(folder):
+    task = read_task("reach")
+    before = source_digests(task)
+    write_reach(Path("bags/take_2.mcap"), 0.9, 0.5)
+    with pytest.raises(InputError, match=r"take_2\.mcap: changed while it was read"):
+        write_task(task, before, Path("parameters.yaml"))
 
 
 def test_parts_that_an_entry_does_not_name_are_null(folder):

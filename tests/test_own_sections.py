@@ -91,20 +91,20 @@ def page(root, tmp_path_factory) -> Path:
 
 def test_every_kind_has_its_page(page):
     metrics = {}
-    for kind, heading in (
-        ("motion", "The arm&#39;s dynamics"),
-        ("touch", "The skin"),
-        ("obstacles", "Reaches past obstacles"),
+    for kind, heading, figure in (
+        ("motion", "The arm&#39;s dynamics", "motion"),
+        ("touch", "The skin", "skin_map"),
+        ("obstacles", "Reaches past obstacles", "obstacles"),
     ):
         report = page / f"reports/tasks/{kind}"
         text = (report / "index.html").read_text()
         assert heading in text
         assert words_in_view(text) < 1000
-        assert f'id="figure-{kind}' in text
+        assert f'id="figure-{figure}' in text
         metrics |= values_by_key(read_findings(report / "findings.csv"))
         assert "Doubtful" not in text or kind == "obstacles"
     assert metrics["motion_nmse_worst"] < 0.02
-    assert metrics["touch_distances"] < 0.2
+    assert metrics["map_nmse"] < 0.2
     assert metrics["none_hits"] == 0.5
     assert metrics["planned_hits"] == 0.0
 

@@ -11,22 +11,22 @@ from committed import NO_TOPICS, TASK_FILE, merged
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables
-from structlearn.tasks.task_entry import TouchEntry
-from structlearn.tasks.touch.skin_readings import COMPONENTS, PLAIN, STRUCTURED
 from structlearn.tasks.touch.skin_touches import gathered, learn_touch
+from structlearn.tasks.touch.touch_names import COMPONENTS, PLAIN, STRUCTURED
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 CHANNELS_MM = tuple((x, y) for x in (0.0, 10.0, 20.0) for y in (0.0, 10.0, 20.0))
 AIR = 20
 
 
-def chosen(**changes) -> TouchEntry:
+def chosen(**changes) -> TouchParameters:
     """The defaults for a task's touches, quicker."""
     own = yaml.load(TASK_FILE.read_text(), yaml.CSafeLoader)["defaults"]["touch"]
     own |= {"source": "touches", "topics": NO_TOPICS | {"pose": "/probe"}, "channels_mm": CHANNELS_MM}
     own |= {"change": "rises", "air_samples": AIR, "touched": 5.0, "most_samples": 1500, "rival_samples": 100}
     own |= {"geodesics": {"neighbours": 12, "bin_size": 500, "bins": 2, "bridge_mm": 3.0, "seed": 0}}
     quick = {"spaces": {"seeds": 1, "pair_pool": 20000, "evaluation_pairs": 4000, "training": {"steps": 500}}}
-    return TouchEntry.model_validate(merged(own, quick | changes))
+    return TouchParameters.model_validate(merged(own, quick | changes))
 
 
 def made_up(name: str, seed: int, count: int = 700) -> TouchLog:

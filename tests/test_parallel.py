@@ -187,7 +187,7 @@ def test_the_environment_alone_chooses_the_cluster(cluster):
     assert done.stdout == f"{list(range(9, 0, -1))}\n"
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "localhost"])
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "localhost"])
 def test_a_scheduler_that_does_not_answer(impatient, address):
     with (
         dask.config.set({"scheduler-address": address}),
@@ -196,7 +196,18 @@ def test_a_scheduler_that_does_not_answer(impatient, address):
         parallel_map(square, range(3), "squares")
 
 
-@pytest.mark.parametrize("address", ["tcp://192.0.2.1:8786", "tcp://[::]:8786", "cluster:8786"])
+OPEN = [
+    "tcp://192.0.2.1:8786",
+    "tcp://[::]:8786",
+    "cluster:8786",
+    "tcp://127.evil.example:1",
+    "tcp://[1",
+    "nonsense://x",
+]
+OPEN += ["tcp://127.0.0.1.nip.io:1", "ucx://10.0.0.1:1", "ucxx://192.0.2.1:1", "tcp://127.0.0.1@192.0.2.1:1"]
+
+
+@pytest.mark.parametrize("address", OPEN)
 def test_a_scheduler_that_others_can_reach_is_refused(impatient, address):
     with (
         dask.config.set({"scheduler-address": address}),

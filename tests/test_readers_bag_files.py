@@ -79,10 +79,10 @@ def test_messages_that_are_compressed_one_by_one(plain, tmp_path, compression):
     (pose,) = read_recording(write(tmp_path / "take.mcap", packed), topic_map(pose="/tool")).streams
     np.testing.assert_array_equal(pose.values, POSES)
     packed[3] = packed[3][:-5]
-    with pytest.raises(InputError, match="topic '/tool': row 3: damaged compressed message"):
+    with pytest.raises(InputError, match=r"take\.mcap: damaged MCAP file: ZstdError"):
         read_recording(write(tmp_path / "take.mcap", packed), topic_map(pose="/tool"))
     bomb = b"\x28\xb5\x2f\xfd\xe0" + (2**60).to_bytes(8, "little")
-    with pytest.raises(InputError, match="row 0: damaged compressed message: it grows beyond"):
+    with pytest.raises(InputError, match="it unpacks to more than"):
         read_recording(write(tmp_path / "take.mcap", [bomb, *packed[1:]]), topic_map(pose="/tool"))
 
 

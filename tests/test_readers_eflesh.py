@@ -6,7 +6,7 @@ from readers_bags import recorded_data
 
 from structlearn.core.errors import InputError
 from structlearn.readers import eflesh
-from structlearn.readers.touch_log import read_touch_table
+from structlearn.readers.touch_log import read_touch_logs, read_touch_table, write_touch_logs
 
 START = 1_700_000_000.0
 
@@ -39,7 +39,7 @@ def test_readings_take_the_state_of_the_nearest_time(folder):
     np.testing.assert_allclose(run.place, [[1e-3, 2e-3, 3e-3], [5e-3, 6e-3, 7e-3]])
     np.testing.assert_allclose(run.time, [0.0, 3.8])
     np.testing.assert_array_equal(run.counts[0], np.arange(1, 16))
-    assert np.isnan(run.force).all()
+    assert run.force is None
     assert run.provenance["commit"] == eflesh.COMMIT
 
 
@@ -57,17 +57,15 @@ def test_nearest_rows_are_those_of_a_search_over_all():
     np.testing.assert_array_equal(eflesh.nearest_rows(stamps[:1], asked), 0)
 
 
-def test_tables_hold_what_was_read(folder, tmp_path):
-    target = tmp_path / "out"
-    target.mkdir()
-    eflesh.write_runs(eflesh.read_all_runs(folder), target)
-    for kind in eflesh.FOLDERS:
-        (read,), (back,) = eflesh.read_runs(folder, kind), read_touch_table(target / f"{kind}.parquet", None)
+def test_a_table_holds_what_was_read(folder, tmp_path):
+    read = eflesh.read_touch(folder, None, {})
+    write_touch_logs(read, tmp_path / "touches.parquet")
+    for log, back in zip(read, read_touch_logs(tmp_path / "touches.parquet"), strict=True):
         for name in ("time", "place", "counts", "force"):
-            np.testing.assert_array_equal(getattr(read, name), getattr(back, name))
-        assert (read.name, eflesh.CHANNELS) == (back.name, back.channels)
-    with pytest.raises(InputError, match=r"presses\.parquet: has no column 9q"):
-        read_touch_table(target / "presses.parquet", ["1x", "9q"])
+            np.testing.assert_array_equal(getattr(log, name), getattr(back, name))
+        assert (log.name, log.channels, log.provenance) == (back.name, eflesh.CHANNELS, back.provenance)
+    with pytest.raises(InputError, match=r"touches\.parquet: has no column 9q"):
+        read_touch_table(tmp_path / "touches.parquet", ["1x", "9q"])
 
 
 @pytest.mark.parametrize(

@@ -139,7 +139,7 @@ def test_what_is_missing_is_named(arm, tmp_path, names, tip, complaint):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        (None, "cannot be read: No such file"),
+        (None, "no such URDF file"),
         ("<robot", "not an XML file"),
         ("<sdf/>", "its root is <sdf>, not <robot>"),
         ('<robot name="r"/>', "not a valid URDF|has no link"),

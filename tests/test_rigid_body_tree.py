@@ -193,7 +193,7 @@ def test_a_circle_of_links_ends(tmp_path):
     ("content", "message"),
     [
         (None, "no such URDF"),
-        ("<robot", "cannot be read"),
+        ("<robot", "not an XML file"),
         ("<robot/>", "no joints"),
         ("<robot><joint name='a'/></robot>", "'a' has no parent"),
     ],

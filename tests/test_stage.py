@@ -1,5 +1,8 @@
+import os
+import resource
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -96,3 +99,44 @@ def test_a_folder_is_filled_or_too_empty_or_not_there(tmp_path):
     with pytest.raises(InputError, match="no such folder; run the stage that writes it") as error:
         filled(tmp_path / "none")
     assert not isinstance(error.value, MissingInputError)
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from structlearn.core.stage import run
+
+def main():
+    Path("begun").touch()
+    while not Path("done").exists():
+        time.sleep(0.01)
+
+run(main)
+"""
+
+
+def test_a_stage_runs_once_at_a_time_for_each_task(tmp_path):
+    """Each of its outputs is whole in any case, but those of two runs do not belong together."""
+    (tmp_path / "hold.py").write_text(HOLD)
+    command = [sys.executable, "hold.py", "pick"]
+    with subprocess.Popen(command, cwd=tmp_path) as first:
+        while not (tmp_path / "begun").exists():
+            time.sleep(0.01)
+        second = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        (tmp_path / "done").touch()
+        assert subprocess.run([*command[:-1], "pour"], cwd=tmp_path).returncode == 0
+        assert first.wait() == 0
+    assert second.returncode == 1
+    assert second.stderr == "error: hold.py: another process is running this stage\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["begun", "done", "hold.py"]
+
+
+def test_a_disk_without_room_for_compiled_code_is_one_line(tmp_path):
+    script = "import structlearn.core.stage, numba; numba.cfunc('f8(f8)', cache=True)(lambda x: x)"
+    (tmp_path / "script.py").write_text(script)
+    ended = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=False,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)),
+    )  # fmt: skip
+    assert (ended.returncode, ended.stderr) == (1, "error: a file: File too large\n")

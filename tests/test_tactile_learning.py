@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from committed import committed
+from committed import committed, committed_entry
 from tactile_toy import toy_dataset, toy_geodesics
 
 from structlearn.core import metrics
@@ -23,7 +23,6 @@ from structlearn.tactile.latent_parameters import (
     NO_INVERSE,
     NONLINEAR,
     LatentParameters,
-    LatentSpaceParameters,
     LatentTrainingParameters,
     NetworkParameters,
 )
@@ -322,14 +321,11 @@ def test_directions_count_by_the_size_of_the_true_action(comparison, lesson):
     assert found.equals(expected)
 
 
-FEW = committed(
-    LatentSpaceParameters,
-    "recorded_latent_touch.spaces",
-    seeds=2,
-    training=committed(LatentTrainingParameters, "train_latent.training", steps=400, batch_size=32),
-    pair_pool=2000,
-    evaluation_pairs=500,
-)
+TRAINING = committed(LatentTrainingParameters, "train_latent.training", steps=400, batch_size=32)
+FEW = committed_entry(
+    "biotac",
+    spaces={"seeds": 2, "training": TRAINING.model_dump(), "pair_pool": 2000, "evaluation_pairs": 500},
+).spaces
 
 
 @pytest.fixture(scope="module")

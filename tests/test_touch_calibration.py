@@ -144,20 +144,17 @@ def traces(gain: float) -> list[FingerTrace]:
         for run in range(3)
         for place, finger in enumerate(("left", "right"))
     ]
-    return [*recorded, *simulated, FingerTrace("slides", "slide", "left", execution(99))]
+    return [*recorded, *simulated, FingerTrace("slides, recorded", "slide", "left", execution(99))]
 
 
-def calibrated(fingers: list[FingerTrace]):
-    """Tables of the fingers, electrodes and spectra, and the comparison."""
-    electrodes = touch_calibration.electrode_table(fingers, PARAMETERS)
-    spectra = touch_calibration.spectrum_table(fingers, PARAMETERS)
-    table = touch_calibration.finger_table(fingers, electrodes, PARAMETERS)
-    return table, electrodes, spectra, touch_calibration.comparison(table, spectra, PARAMETERS)
+def calibrated(gain: float):
+    """All tables, of traces that are recorded, and simulated `gain` times as strong."""
+    return touch_calibration.calibration_tables(traces(gain), PARAMETERS)
 
 
 def compared(gain: float):
-    table, *_, comparison = calibrated(traces(gain))
-    return table, comparison.set_index("statistic")
+    tables = calibrated(gain)
+    return tables["fingers"], tables["comparison"].set_index("statistic")
 
 
 def test_the_comparison_finds_the_same_in_the_same():
@@ -167,7 +164,7 @@ def test_the_comparison_finds_the_same_in_the_same():
     assert comparison.loc["contact_many", "simulated"] == 1
     assert comparison.loc["noise_median", "simulated"] == pytest.approx(np.hypot(0.6, 12**-0.5), rel=0.1)
     assert comparison.loc["power_slow", "recorded"] == pytest.approx(9.5 / np.sqrt(2), rel=0.1)
-    always = table[table["group"] == "slides"]
+    always = table[table["group"] == "slides, recorded"]
     assert always[["contact_strongest", "contact_many"]].isna().all(axis=None)
 
 

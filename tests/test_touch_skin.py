@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pandas as pd
 import pytest
-from committed import committed_task
+from committed import committed_entry
 from viewer_files import contents, note
 
 from structlearn.core.errors import MissingInputError
@@ -32,7 +32,7 @@ from structlearn.tasks.touch.touch_view import write_skin
 
 CHANNELS = tuple(str(channel) for channel in range(15))
 BRIEF = {"seeds": 1, "pair_pool": 5000, "evaluation_pairs": 2000}
-SMALL = committed_task(
+SMALL = committed_entry(
     "eflesh",
     tuned_on=["a"],
     block_mm=3.0,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from committed import committed_task
+from committed import committed_entry
 from tactile_toy import toy_dataset, toy_geodesics
 
 from structlearn.core.errors import InputError, MissingInputError
@@ -30,7 +30,7 @@ from structlearn.tasks.touch.touch_names import (
 from structlearn.tasks.touch.touch_transfer import TouchSet
 
 SKIN = biotac()
-FEW = committed_task(
+FEW = committed_entry(
     "biotac",
     folds=2,
     spaces={
@@ -152,7 +152,7 @@ def test_a_faulty_trial_is_left_out_altogether():
     faulty = ("mat9_3",)
     simulated = toy_dataset(contacts=4, samples=130)
     sets = touch_transfer.touch_sets(
-        {SLIDES: trials, UNSCREWING: trials[:2]}, simulated, SKIN, 1.0, faulty, few
+        {SLIDES: trials, UNSCREWING: trials[::2]}, simulated, SKIN, 1.0, faulty, few
     )
     assert [one.name for one in sets] == ["slides", "unscrewing", "simulated", "simulated, magnitudes"]
     assert sets[0].groups == ("mat9", "mat15")

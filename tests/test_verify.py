@@ -1,5 +1,6 @@
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from structlearn.core.artefacts import write_tensors
+from structlearn.core.artefacts import write_metrics, write_tensors
 
 STAGE = """
 stages:
@@ -37,6 +38,13 @@ def verified(folder, *arguments):
 
 def test_what_dvc_wrote_is_as_it_was_written(project):
     assert verified(project) == (0, "2 outputs: all are as they were written\n")
+    (project / "stages/other").mkdir(parents=True)
+    lock = "stages:\n  write: {outs: [{path: none, md5: a}]}"
+    (project / "stages/other/dvc.lock").write_text(lock)
+    code, words = verified(project)
+    shutil.rmtree(project / "stages")
+    assert code == 0
+    assert words.startswith("stages/other/dvc.yaml: has not been run here\n2 outputs: all are")
 
 
 @pytest.mark.parametrize(
@@ -85,6 +93,10 @@ def test_a_damaged_lock_is_named(tmp_path, lock):
 def test_single_files(tmp_path):
     write_tensors({"a": np.arange(3.0)}, tmp_path / "skill.safetensors", "test")
     assert verified(tmp_path, "skill.safetensors") == (0, "1 files: all are as they were written\n")
+    write_metrics({"error": 0.1}, tmp_path / "metrics.json")
+    code, words = verified(tmp_path, "metrics.json")
+    assert (code, words.count("\n")) == (0, 1)
+    assert "metrics.json: can be read; it carries no checksum" in words
     content = bytearray((tmp_path / "skill.safetensors").read_bytes())
     content[-1] ^= 1
     (tmp_path / "skill.safetensors").write_bytes(content)
@@ -99,7 +111,7 @@ def test_a_skill_must_be_one(tmp_path):
     write_tensors({"workspace": np.zeros((2, 3))}, tmp_path / "none.safetensors", '{"reactive_skill": {}}')
     code, words = verified(tmp_path, "none.safetensors")
     assert code == 1
-    assert "none.safetensors: holds no skill of this version" in words
+    assert "none.safetensors: a skill file of version None" in words
 
 
 def test_elsewhere_it_says_where_to_run(tmp_path):

@@ -1,8 +1,9 @@
 """Hold the files of the pipeline against what its stages wrote: `python -m structlearn.verify [FILE ...]`.
 
 Without arguments every output that a `dvc.lock` names is read anew and its digest compared; DVC itself looks
-at times and sizes first, so that it does not see a bit that changed by itself. With arguments single files
-are read, and must be what they were written as: arrays, skills, tables, bags. Ends with code 1 where one is
+at times and sizes first, so that it does not see a bit that changed by itself. A pipeline of which nothing is
+there has not been run, and is said so. With arguments single files are read, and must be what they were
+written as: arrays, skills, tables, bags; what carries no checksum is said to. Ends with code 1 where one is
 not.
 """
 
@@ -30,33 +31,40 @@ def main() -> None:
     locks = [*Path().glob("dvc.lock"), *sorted(Path().glob("stages/*/dvc.lock"))]
     if not (files or locks):
         sys.exit("error: dvc.lock: no such file; run this in the project's folder, after the pipeline")
+    faults, unsigned = [], [file for file in files if file.suffix == ".json"]
     try:
-        faults = [_fault(file) for file in files] or [fault for lock in locks for fault in changed(lock)]
+        faults += [_fault(file) for file in files]
+        for lock in () if files else locks:
+            if any(path.exists() for _, path, _ in outputs(lock)):
+                faults += changed(lock)
+            else:
+                print(f"{lock.with_name('dvc.yaml')}: has not been run here")
     except InputError as error:
         sys.exit(f"error: {error}")
     if any(faults):
         sys.exit("\n".join(f"error: {fault}" for fault in faults if fault))
-    print(f"{len(faults)} {'files' if files else 'outputs'}: all are as they were written")
+    for file in unsigned:
+        print(f"{file}: can be read; it carries no checksum that says whether it is as it was written")
+    if count := len(faults) - len(unsigned):
+        print(f"{count} {'files' if files else 'outputs'}: all are as they were written")
 
 
-def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
-    """For each output that a lock names, why it is not what was written; None where it is.
-
-    Args:
-        lock: a `dvc.lock`.
-        root: folder that its paths start from, the project's.
+def outputs(lock: Path, root: Path = Path()) -> list[tuple[str, Path, str]]:
+    """Stage, path and digest of each output that a `dvc.lock` names; its paths start from the root.
 
     Raises:
         InputError: the lock cannot be read.
     """
     try:
         stages = read_values(lock)["stages"].items()
-        outputs = [
-            (name, root / out["path"], out["md5"]) for name, its in stages for out in its.get("outs", ())
-        ]
+        return [(name, root / out["path"], out["md5"]) for name, its in stages for out in its.get("outs", ())]
     except (AttributeError, KeyError, TypeError) as error:  # of what is not where it should be
         raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error
-    for name, path, written in outputs:
+
+
+def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
+    """For each output that a lock names, why it is not what was written; None where it is."""
+    for name, path, written in outputs(lock, root):
         try:
             yield None if digest(path) == written else f"{path}: not as stage '{name}' left it"
         except FileNotFoundError:

@@ -14,7 +14,7 @@ from structlearn.tasks.touch.touch_calibration import (
     calibration_tables,
     calibration_traces,
 )
-from structlearn.tasks.touch.touch_transfer import in_sets
+from structlearn.tasks.touch.touch_statistics import in_sets
 
 SIMULATED = Path("data/raw/scraping/unrolls")
 

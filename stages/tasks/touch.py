@@ -34,13 +34,13 @@ def surfaces(files: TaskFiles, parameters: TouchParameters, folder: Path) -> Non
 
 
 def transfer(files: TaskFiles, parameters: TouchParameters, folder: Path) -> None:
-    from structlearn.simulation.fingers import TouchParameters as ElectrodeParameters
+    from structlearn.simulation import fingers
     from structlearn.simulation.touch import TouchFingerParameters
     from structlearn.simulation.touch_demonstrator import ToucherParameters
     from structlearn.tactile.touch_preparation import TouchDataParameters
     from structlearn.tasks.touch.touch_transfer import compare_sets
 
-    electrodes = stage_parameters("testbed.touch", ElectrodeParameters)
+    electrodes = stage_parameters("testbed.touch", fingers.TouchParameters)
     tables = compare_sets(
         read_streams(files.recorded / "streams.parquet"),
         parameters,

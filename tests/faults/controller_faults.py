@@ -3,6 +3,7 @@
 A run goes from stretch to stretch of readings that are good, late, repeated, not finite, huge, or of
 another size; now and then a goal moves, a goal is refused, or the caller starts again. Whatever comes, all
 outputs are finite, coupling terms keep their bounds in size and in rate, and the goals are reached.
+After each tick the caller tries to write into an output.
 
 Writes `reports/reliability/upsets.csv`; names each run that breaks the rule.
 """
@@ -71,7 +72,7 @@ class Run:
         flags: (T,) of `Status`.
         reading: (T,) place in `READINGS`.
         calls: how often each of `CALLS` came.
-        moved: whether a call that was refused has changed something.
+        moved: whether a call that was refused has changed something, or an output was written into.
         missed: m and rad that are left of the way to the last goal.
         largest: (D,) bounds of the coupling terms.
         largest_change: (D,) likewise, of their changes in a tick within a primitive.
@@ -152,7 +153,7 @@ def faults(run: Run) -> Iterator[str]:
     if not (run.flags[bad] & Status.REJECTED).all():
         yield "a reading that is not finite is taken"
     if run.moved:
-        yield "a call that was refused has changed something"
+        yield "a call that was refused, or the caller, has changed something"
     if max(run.missed) > REACHED:
         yield f"the goal is missed by {run.missed[0]:.3g} m and {run.missed[1]:.3g} rad"
 
@@ -187,6 +188,7 @@ def upset(seed: int) -> Run:
         flags = controller.tick(counts)
         state = np.concatenate([getattr(controller, name) for name in STATE])
         place = controller.primitive + len(skill.primitives) * starts
+        moved |= _is_written(getattr(controller, (*STATE, "coupling", "deviation")[len(rows) % 8]))
         rows.append((state, controller.coupling.copy(), place, flags, READINGS.index(reading)))
         if left is not None:
             left -= 1
@@ -272,6 +274,15 @@ def _near(pose: sequence.PoseGoal, rng: np.random.Generator) -> sequence.PoseGoa
     return sequence.PoseGoal(
         pose.position + random_vectors(rng, 0.02), quaternion.product(turn, pose.orientation)
     )
+
+
+def _is_written(output: np.ndarray) -> bool:
+    """Whether an output can be written into."""
+    try:
+        output *= 2.0
+    except ValueError:
+        return False
+    return True
 
 
 def _moves(controller: Controller, call: Callable[[], object]) -> bool:

@@ -11,7 +11,6 @@ from collections import Counter
 from functools import partial
 from pathlib import Path
 
-from faults.mutants import mutant
 from faults.specimens import SPECIMENS
 from faults.trial import NAMED, OTHER, OUTCOMES, SAME, fingerprint, outcome
 
@@ -63,7 +62,7 @@ def batch(work: tuple[str, int, int], folder: str) -> tuple[Counter, list[str]]:
     counts: Counter = Counter()
     broken = []
     for seed in range(first, first + count):
-        kind, damaged = mutant(content, seed)
+        kind, damaged = specimen.damage(content, seed)
         path.write_bytes(damaged)
         came, said = outcome(specimen.read, path, sound)
         counts[Path(name).name, "yes" if specimen.signed else "no", kind, came] += 1

@@ -9,7 +9,9 @@ import numpy as np
 import pandas as pd
 import pybullet_data
 import yaml
-from committed import parameter_tree
+from committed import own_tasks, parameter_tree
+from faults import forged_skills
+from faults.mutants import mutant
 from mcap.writer import CompressionType
 from readers_bags import make_recording, pose_messages, pose_rows, write_bag
 from scraping_motions import constant_network, scraping_skill
@@ -35,6 +37,7 @@ from structlearn.readers.text_log import read_stamped_table
 from structlearn.readers.ur10e import read_motion
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.tasks.task_entry import read_task
 from structlearn.verify import changed
 
 
@@ -46,6 +49,7 @@ class Specimen:
     write: Callable[[Path], object]
     read: Callable[[Path], Any]
     signed: bool
+    damage: Callable[[bytes, int], tuple[str, bytes]] = mutant
 
 
 def _joints(signals: int) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
@@ -152,6 +156,9 @@ def _metrics(path: Path) -> None:
     write_metrics({"error": 0.1, "runs": 3, "model": "cov", "known": True}, path)
 
 
+MOVE = {"segment": {"primitives": [{"name": "move", "axis": "z", "threshold_m_s": 0.02}]}}
+
+
 def _urdf(path: Path) -> None:
     path.write_bytes(Path(pybullet_data.getDataPath(), "kuka_iiwa/model.urdf").read_bytes())
 
@@ -192,6 +199,8 @@ SPECIMENS = {
             read_primitives,
             True,
         ),
+        Specimen("skill.safetensors", forged_skills.write, forged_skills.run, True),
+        Specimen("forged.safetensors", forged_skills.write, forged_skills.run, False, forged_skills.forged),
         Specimen("table.parquet", _table, read_table, True),
         Specimen("poses.csv", _poses, read_demonstrations, False),
         Specimen("poses.parquet", _poses, read_demonstrations, False),
@@ -212,6 +221,12 @@ SPECIMENS = {
             "params.yaml",
             _parameters,
             lambda path: read_parameters(path, "segment", SegmentParameters),
+            False,
+        ),
+        Specimen(
+            "stages/tasks/own.yaml",
+            lambda path: own_tasks(path.parents[2], reach={"source": "x", "topics": {"pose": "/p"}, **MOVE}),
+            lambda path: read_task("reach", path.parent),
             False,
         ),
         Specimen("robot.urdf", _urdf, lambda path: read_urdf(path).inertias, False),

@@ -18,7 +18,7 @@ from typing import Self
 import numpy as np
 from scipy.linalg import block_diag
 
-from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 
 HIDDEN = (20, 10)  # nodes of the hidden layers (IV.8.1)
@@ -178,7 +178,7 @@ def read_avoidance_networks(path: str | Path) -> dict[str, AvoidanceNetworks]:
         InputError: the file is missing, no safetensors, or holds something else; or a weight is not finite.
     """
     tensors = read_tensors(path)
-    try:
+    with holding(path, "avoidance networks"):
         layers = json.loads(read_description(path))["avoidance_networks"]
         return {
             name: AvoidanceNetworks(
@@ -187,8 +187,6 @@ def read_avoidance_networks(path: str | Path) -> dict[str, AvoidanceNetworks]:
             )
             for name, count in layers.items()
         }
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: holds no avoidance networks (missing {error})") from error
 
 
 _PER_NETWORK = ("input_low", "input_high", "output_mean", "output_scale", "output_low", "output_high")

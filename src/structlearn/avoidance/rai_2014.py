@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from structlearn.avoidance import features as columns
-from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 
 BETA_PER_RAD = tuple(np.geomspace(2.0, 20.0, 5) / np.pi)
@@ -130,11 +130,9 @@ def read_human_inspired(path: str | Path) -> dict[str, HumanInspiredModels]:
         InputError: the file is missing, no safetensors, or holds something else; or a weight is not finite.
     """
     tensors = read_tensors(path)
-    try:
+    with holding(path, "human-inspired models"):
         names = json.loads(read_description(path))["human_inspired"]
         return {name: HumanInspiredModels(tensors[f"{name}.weights"]) for name in names}
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: holds no human-inspired models (missing {error})") from error
 
 
 def _posterior(

@@ -119,7 +119,8 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
             NaN or infinite.
     """
     description, digest = _signed(path)
-    with _readable(path, "readable safetensors", SafetensorError):
+    kinds = (SafetensorError, KeyError, AttributeError, TypeError)  # also of numbers that numpy lacks
+    with _readable(path, "readable safetensors", *kinds):
         tensors = load_file(path)
     if digest != _digest(tensors, description):
         raise InputError(f"{path}: damaged: its content is not what was written")
@@ -136,6 +137,17 @@ def read_description(path: str | Path) -> str:
         InputError: the file is missing, truncated or of another kind.
     """
     return _signed(path)[0]
+
+
+@contextmanager
+def holding(path: str | Path, kind: str) -> Iterator[None]:
+    """Say in one line that a sound file holds something else than what is looked for in it."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError) as error:
+        raise InputError(f"{path}: holds no {kind} (missing {error})") from error
 
 
 DIGEST = "sha256 "

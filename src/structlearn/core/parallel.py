@@ -18,6 +18,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_complet
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
+from ipaddress import ip_address
 from typing import TypeVar
 from urllib.parse import urlsplit
 
@@ -164,7 +165,7 @@ def _cluster() -> tuple[Executor, type[Exception]]:
     logging.getLogger("distributed.client").setLevel(logging.ERROR)
     try:
         client = Client(address, timeout=ANSWER_S)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:  # the last: TLS without certificates
         raise InputError(f"{SCHEDULER}={address}: no Dask scheduler answers ({error})") from error
     try:
         client.wait_for_workers(1, timeout=WORKERS_S)
@@ -176,6 +177,9 @@ def _cluster() -> tuple[Executor, type[Exception]]:
 
 def _private(address: str) -> bool:
     """Whether nobody else can speak to a scheduler: it is encrypted, or on this machine only."""
-    given = urlsplit(address if "://" in address else f"tcp://{address}")
-    local = given.hostname == "localhost" or str(given.hostname).startswith("127.")
-    return local or given.scheme not in ("tcp", "ws")
+    try:
+        given = urlsplit(address if "://" in address else f"tcp://{address}")
+        host = given.hostname or ""
+        return given.scheme in ("tls", "inproc") or host == "localhost" or ip_address(host).is_loopback
+    except ValueError:  # a name, which whoever answers for it may point anywhere
+        return False

@@ -8,6 +8,7 @@ models share. The file is read by YAML's C loader, once per process:
 
 import re
 import reprlib
+import stat
 from collections.abc import Hashable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -90,15 +91,31 @@ def read_values(path: str | Path) -> Any:
     path = Path(path)
     try:
         state = path.stat()
+        if not stat.S_ISREG(state.st_mode):  # a pipe would be waited for
+            raise InputError(f"{path}: cannot be read: not a file")
         return _tree(path.resolve(), state.st_mtime_ns, state.st_size)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such parameter file") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except InputError:
+        raise
     except _DuplicateKeyError as error:
         raise InputError(f"{path}: {error}") from error
     except Exception as error:  # YAML's, or that of a date, a number, a tag or bytes that are none
         raise InputError(f"{path}: not a YAML file: {error}") from error
+
+
+def home_path(path: str | Path) -> Path:
+    """A path as a user writes it, with `~` for the home folder.
+
+    Raises:
+        InputError: it begins with `~NAME`, and there is no such user.
+    """
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise InputError(f"{path}: there is no such home folder") from error
 
 
 def checked(values: Any, model: type[ParametersType], path: str | Path, key: str) -> ParametersType:

@@ -35,7 +35,7 @@ def publish(target: str | Path) -> Iterator[Path]:
     with _writable(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         workspace = target.parent / f".publish-{target.name}"
-        with _alone_in(workspace, target):
+        with alone_in(workspace, f"{target}: another process is writing it"):
             replaced, temporary = workspace / "replaced", workspace / target.name
             if replaced.exists() and not target.exists():  # killed between the two moves below
                 replaced.rename(target)
@@ -51,6 +51,11 @@ def publish(target: str | Path) -> Iterator[Path]:
                 shutil.rmtree(workspace, ignore_errors=True)
 
 
+def disk_fault(error: OSError) -> str | None:
+    """What kept a file from being written, where that is the machine's fault."""
+    return os.strerror(error.errno) if error.errno and error.errno in OF_THE_DISK else None
+
+
 OF_THE_DISK = {
     getattr(errno, name)
     for name in ("ENOSPC", "EDQUOT", "EFBIG", "EROFS", "EACCES", "EPERM", "ENAMETOOLONG", "ENOTDIR")
@@ -64,17 +69,21 @@ def _writable(target: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno is None or error.errno not in OF_THE_DISK:
+        if (fault := disk_fault(error)) is None:
             raise
-        raise InputError(f"{target}: cannot be written: {os.strerror(error.errno)}") from error
+        raise InputError(f"{target}: cannot be written: {fault}") from error
 
 
 _locks: set[int] = set()  # open files by which this process holds its workspaces
 
 
 @contextmanager
-def _alone_in(workspace: Path, target: Path) -> Iterator[None]:
-    """Make a workspace, or take over that of a killed process, and hold it against all others."""
+def alone_in(workspace: Path, complaint: str) -> Iterator[None]:
+    """Make a folder, or take over that of a killed process, and hold it against all others.
+
+    Raises:
+        InputError: another process holds it, with the complaint.
+    """
     while True:
         workspace.mkdir(exist_ok=True)
         lock = os.open(workspace, os.O_RDONLY)
@@ -85,7 +94,7 @@ def _alone_in(workspace: Path, target: Path) -> Iterator[None]:
                 yield
                 return
         except BlockingIOError as error:  # whoever had it before us may have removed it: then try again
-            raise InputError(f"{target}: another process is writing it") from error
+            raise InputError(complaint) from error
         finally:
             _locks.discard(lock)
             os.close(lock)

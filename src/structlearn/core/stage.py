@@ -3,14 +3,18 @@
 A stage is a script that DVC runs from the project's root; it can be run by hand from there too.
 """
 
+import os
+import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import TracebackType
 
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import ParametersType, read_parameters
-from structlearn.core.publication import publish
-from structlearn.core.wall_clock import timed
+from structlearn.core.publication import alone_in, disk_fault, publish
+from structlearn.core.wall_clock import RUN_BY_DVC, timed
 
 PARAMETER_FILE = Path("params.yaml")
 INTERRUPTED = 130
@@ -39,14 +43,42 @@ def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]
 def run(main: Callable[[], None]) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
-    So does Ctrl-C, with code `INTERRUPTED`. Errors of the program itself keep their traceback. When DVC runs
-    the stage, its time is recorded.
+    So does a second run of the stage beside this one, whose outputs would mix, and Ctrl-C, with code
+    `INTERRUPTED`. Errors of the program itself keep their traceback. When DVC runs the stage, its time is
+    recorded.
     """
     try:
-        timed(main)
+        with _alone():
+            timed(main)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
     except KeyboardInterrupt:
         print("error: interrupted; run it again", file=sys.stderr)
         sys.exit(INTERRUPTED)
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """Hold the stage, of this task where it has one, against all other processes in this folder."""
+    script, *words = sys.argv
+    words = words or [os.environ.get(RUN_BY_DVC, "").partition("@")[2]]
+    name = re.sub(r"\W+", "-", " ".join([os.path.relpath(script), *words])).strip("-")
+    lock = Path(f".running-{name[-100:]}")
+    with alone_in(lock, f"{script}: another process is running this stage"):
+        try:
+            yield
+        finally:
+            lock.rmdir()
+
+
+def _in_one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Of a disk that is full one line is enough, also where compiled code was to be kept on it."""
+    fault = disk_fault(error) if isinstance(error, OSError) else None
+    if fault is None:
+        sys.__excepthook__(kind, error, trace)
+    else:
+        print(f"error: {getattr(error, 'filename', None) or 'a file'}: {fault}", file=sys.stderr)
+
+
+sys.excepthook = _in_one_line

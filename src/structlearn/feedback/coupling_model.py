@@ -26,7 +26,7 @@ from numba import types
 from numba.extending import intrinsic
 from pydantic import Field, PositiveInt
 
-from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 from structlearn.core.params import Name, Parameters
 from structlearn.feedback import models
@@ -271,16 +271,12 @@ def read_networks(path: str | Path) -> dict[str, CouplingModel]:
     finite.
     """
     tensors = read_tensors(path)
-    try:
+    with holding(path, "feedback networks"):
         names = json.loads(read_description(path))["coupling_models"]
         found = {name: named_model(model).from_arrays(part(name, tensors)) for name, model in names.items()}
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: holds no feedback networks (missing {error})") from error
-    for name, network in found.items():
-        if fault := network.fault():
-            raise InputError(f"{path}: the network of '{name}' {fault}")
+        for name, network in found.items():
+            if fault := network.fault():
+                raise InputError(f"the network of '{name}' {fault}")
     return found
 
 

@@ -141,7 +141,7 @@ class Controller:
         expected traces (E = 0) it is not looked at. Returns flags, see `Status`.
 
         Raises:
-            InputError: counts have another size; nothing has moved then.
+            InputError: counts have another size, or are no numbers; nothing has moved then.
             RuntimeError: the run has not been started.
         """
         if not self._started:
@@ -153,7 +153,10 @@ class Controller:
                 raise InputError(
                     f"a sensor sample has {len(self._sample)} channels, got shape {np.shape(counts)}"
                 )
-            self._sample[:] = counts  # any type of number: what is compiled sees one type only
+            try:
+                self._sample[:] = counts  # any type of number: what is compiled sees one type only
+            except (TypeError, ValueError) as error:
+                raise InputError(f"a sensor sample has {len(self._sample)} numbers: {error}") from error
         return controller_tick.tick(*self._arguments, fresh)
 
     def move_goal(

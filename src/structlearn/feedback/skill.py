@@ -7,9 +7,10 @@ of the same sensors (IV.6.2.3.2): `networks["scrape"]["ry"]` corrects about the 
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
@@ -29,6 +30,9 @@ def _cautious() -> dict[Axis, float]:
     return {axis: LARGEST_TURN if turns(axis) else LARGEST_SHIFT for axis in AXES}
 
 
+Coupling = Annotated[float, Field(gt=0, le=1e4)]  # held for long, 1e4 shifts by 64 m: no robot's
+
+
 class FadingParameters(Parameters):
     """Times in which feedback fades. Fields: `params.yaml`, `write_skill`.
 
@@ -36,9 +40,9 @@ class FadingParameters(Parameters):
     goal takes up what it was (eq. IV.14): acceleration, the robot's own measure, goes on as it was.
     """
 
-    fade_s: float = Field(gt=0)
-    stale_after_s: float = Field(gt=0)
-    offset_within_s: float = Field(gt=0)
+    fade_s: float = Field(gt=0, le=60)
+    stale_after_s: float = Field(gt=0, le=60)
+    offset_within_s: float = Field(gt=0, le=60)
 
 
 class Limits(FadingParameters):
@@ -46,10 +50,10 @@ class Limits(FadingParameters):
 
     # by axis, bound of |c|, m or rad (see `axes`); held for long, c shifts or turns by c / (ALPHA BETA).
     # `largest_coupling` derives it from demonstrated coupling terms.
-    largest_coupling: dict[Axis, PositiveFloat] = Field(default_factory=_cautious)
-    fade_s: float = Field(default=0.05, gt=0)
-    stale_after_s: float = Field(default=0.05, gt=0)
-    offset_within_s: float = Field(default=0.1, gt=0)
+    largest_coupling: dict[Axis, Coupling] = Field(default_factory=_cautious)
+    fade_s: float = Field(default=0.05, gt=0, le=60)
+    stale_after_s: float = Field(default=0.05, gt=0, le=60)
+    offset_within_s: float = Field(default=0.1, gt=0, le=60)
 
     def of(self, axes: Sequence[Axis], dt: float) -> np.ndarray:
         """Largest coupling terms, and their largest changes in a tick of dt s: (2, D).

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from structlearn import __version__
-from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
+from structlearn.core.params import checked
 from structlearn.feedback.coupling import AXES, unit
 from structlearn.feedback.coupling_model import model_name, named_model
 from structlearn.feedback.skill import FadingParameters, Limits, ReactiveSkill, Workspace
@@ -40,6 +41,11 @@ UNITS = {
     "tactile": "counts",
     "wrench": "force in N, then torque in N m",
 }
+
+VERSION = 1  # of the form of the file
+LARGEST = 1e9
+"""No number of a skill is as large; whatever is made of smaller ones in a tick is finite."""
+LONGEST_S = 1000.0  # of a primitive; a longer one suggests a unit error
 
 READINGS = (
     "A sample has the channels of all sensors, in their order, as the drivers give them. The mean of the "
@@ -73,6 +79,7 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
         for axis, network in by_axis.items():
             tensors |= prefixed(f"networks.{name}.{axis}", network.arrays())
     description = {
+        "version": VERSION,
         "primitives": kinds,
         "expected": list(skill.expected),
         "networks": models,
@@ -86,12 +93,14 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
 
 
 def read_skill(path: str | Path) -> ReactiveSkill:
-    """Read a skill.
+    """Read a skill, with which every tick is finite.
 
-    Raises InputError: the file is missing, damaged or holds no skill, or its parts do not fit together.
+    Raises InputError: the file is missing, damaged or holds no skill, is of another version or in other
+    units, lacks a limit, has a number that is out of all proportion, or its parts do not fit together.
     """
     tensors, described = read_tensors(path), _described(path)
-    try:
+    with holding(path, "skill of this version"):
+        _check(tensors, described)
         return ReactiveSkill(
             primitives=pose_primitives(described["primitives"], part("primitives", tensors)),
             expected={
@@ -104,16 +113,10 @@ def read_skill(path: str | Path) -> ReactiveSkill:
                 }
                 for name, by_axis in described["networks"].items()
             },
-            limits=Limits(**described["limits"]),
+            limits=checked(described["limits"], Limits, KIND, "limits"),
             workspace=Workspace(*tensors["workspace"]),
             sensors=tuple((name, count) for name, count in described["sensors"]),
         )
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    except ValidationError as error:
-        raise InputError(f"{path}: its limits are none: {error.errors()[0]['msg']}") from error
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"{path}: holds no skill of this version (missing {error})") from error
 
 
 def read_provenance(path: str | Path) -> dict[str, Any]:
@@ -140,7 +143,23 @@ def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str,
 
 
 def _described(path: str | Path) -> dict[str, Any]:
-    try:
-        return json.loads(read_description(path))[KIND]
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: holds no skill (missing {error})") from error
+    description = read_description(path)
+    with holding(path, "skill"):
+        return json.loads(description)[KIND]
+
+
+def _check(tensors: Mapping[str, np.ndarray], described: Mapping[str, Any]) -> None:
+    """Refuse another version, other units, limits that are missing, and numbers no skill has."""
+    if (version := described.get("version")) != VERSION:
+        raise InputError(f"a skill file of version {version}; version {VERSION} is read")
+    if described["units"] != UNITS:
+        raise InputError(f"its units are not those of a skill: {json.dumps(UNITS)}")
+    if missing := sorted(set(Limits.model_fields) - set(described["limits"])):
+        raise InputError(f"its limits lack {', '.join(missing)}")
+    for name, array in tensors.items():
+        if array.dtype != (bool if name.endswith(".scaled") else float):
+            raise InputError(f"{name} has numbers of type {array.dtype}")
+        if np.abs(array).max(initial=0.0) > LARGEST:
+            raise InputError(f"{name} holds {np.abs(array).max():g}, more than {LARGEST:g}")
+        if name.endswith(".duration") and array > LONGEST_S:
+            raise InputError(f"{name} is {array:g} s, more than {LONGEST_S:g} s")

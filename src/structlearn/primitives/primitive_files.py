@@ -5,13 +5,13 @@ rad, times in s, quaternions scalar-first, forcing weights in the unit of the co
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, TypedDict
+from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 
-from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 from structlearn.core.frames import FrameKind
 from structlearn.primitives.orientation import QuaternionPrimitive
@@ -43,10 +43,8 @@ def read_primitives(path: str | Path) -> list[PosePrimitive]:
     Raises InputError: the file is missing, no safetensors, or holds something else.
     """
     tensors = read_tensors(path)
-    try:
+    with holding(path, "pose primitives"):
         return pose_primitives(json.loads(read_description(path))["pose_primitives"], tensors)
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: holds no pose primitives (missing {error})") from error
 
 
 def write_vector_primitive(primitive: VectorPrimitive, path: str | Path, description: str) -> None:
@@ -60,10 +58,8 @@ def read_vector_primitive(path: str | Path) -> VectorPrimitive:
     Raises InputError: the file is missing, no safetensors, or holds something else.
     """
     tensors = read_tensors(path)
-    try:
+    with holding(path, "vector primitive"):
         return vector_primitive(tensors)
-    except KeyError as error:
-        raise InputError(f"{path}: holds no vector primitive (missing {error})") from error
 
 
 def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, list[Kind]]:
@@ -92,10 +88,10 @@ def vector_tensors(primitive: VectorPrimitive) -> Tensors:
 
 
 def vector_primitive(tensors: Tensors) -> VectorPrimitive:
-    """The inverse of `vector_tensors`; KeyError where an array is missing."""
-    names = ("weights", "start", "goal", "velocity", "acceleration", "scaled")
-    arrays = {name: tensors[name] for name in names}
-    return VectorPrimitive(duration=float(tensors["duration"]), **arrays)
+    """The inverse of `vector_tensors`; KeyError where an array is missing, InputError for another shape."""
+    size = len(tensors["goal"])
+    shapes = {name: (size,) for name in ("start", "goal", "velocity", "acceleration", "scaled")}
+    return VectorPrimitive(**_moved(size, shapes, tensors))
 
 
 def prefixed(prefix: str, tensors: Tensors) -> Tensors:
@@ -131,6 +127,10 @@ def _orientation_tensors(primitive: OrientationPrimitive) -> Tensors:
 def _pose_primitive(kind: Kind, tensors: Tensors) -> PosePrimitive:
     position = part(f"{kind['name']}.position", tensors)
     local = vector_primitive(part("local", position))
+    if {local.goal.shape, position["start"].shape, position["goal"].shape} != {(3,)}:
+        raise InputError(f"'{kind['name']}': a position has three coordinates")
+    if kind["frame"] not in get_args(FrameKind):
+        raise InputError(f"'{kind['name']}': there is no frame '{kind['frame']}'")
     return PosePrimitive(
         name=kind["name"],
         position=PositionPrimitive(local, kind["frame"], position["start"], position["goal"]),
@@ -144,6 +144,24 @@ def _orientation_primitive(form: str | None, tensors: Tensors) -> OrientationPri
     if form == "twist_swing":
         chart = vector_primitive(part("chart", tensors))
         return TwistSwingPrimitive(chart, tensors["axes"], tensors["start"], tensors["goal"])
-    names = ("weights", "start", "goal", "velocity", "acceleration")
-    arrays = {name: tensors[name] for name in names}
-    return QuaternionPrimitive(duration=float(tensors["duration"]), **arrays)
+    if form != "quaternion":
+        raise InputError(f"there is no orientation of the form '{form}'")
+    shapes = {"start": (4,), "goal": (4,), "velocity": (3,), "acceleration": (3,)}
+    for name in ("start", "goal"):
+        if not abs(np.linalg.norm(tensors[name]) - 1.0) < 1e-6:
+            raise InputError(f"the {name} of an orientation is no unit quaternion: {tensors[name]}")
+    return QuaternionPrimitive(**_moved(3, shapes, tensors))
+
+
+def _moved(size: int, shapes: Mapping[str, tuple[int, ...]], tensors: Tensors) -> dict[str, Any]:
+    """Arrays of these shapes, weights (..., N, size) and a duration."""
+    arrays = {name: tensors[name] for name in ("weights", *shapes)}
+    duration = tensors["duration"]
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise InputError(f"{name} has shape {arrays[name].shape}, not {shape}")
+    if arrays["weights"].shape[-2:] != (*arrays["weights"].shape[-2:-1], size) or arrays["weights"].size == 0:
+        raise InputError(f"weights have shape {arrays['weights'].shape}, not (..., N, {size})")
+    if duration.shape != () or not duration > 0.0:
+        raise InputError(f"the duration is {duration}, not a positive number of s")
+    return arrays | {"duration": float(duration)}

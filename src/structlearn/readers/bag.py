@@ -37,25 +37,42 @@ COMPRESSED = ".zstd"
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """How a zstd frame begins; no message does, its first byte is 0."""
 
+
+class Budget:
+    """Bytes that may come out of one file, however it is packed: a gigabyte and twenty times its size."""
+
+    def __init__(self, path: Path) -> None:
+        self._total = self._left = 2**30 + 20 * path.stat().st_size
+
+    def take(self, count: int) -> None:
+        """Raise where more than the budget is unpacked."""
+        self._left -= count
+        if self._left < 0:
+            raise _Damage(f"it unpacks to more than {self._total} bytes, which is allowed for its size")
+
+    def message(self, data: bytes) -> bytes:
+        """A message, unpacked where `ros2 bag record --compression-mode message` packed it by itself."""
+        if not data.startswith(ZSTD_MAGIC):
+            return data
+        size = zstandard.frame_content_size(data)
+        self.take(max(size, 0))
+        content = zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_CHUNK)
+        self.take(len(content) if size < 0 else 0)
+        return content
+
+
 Row = tuple[int, Schema | None, bytes]
 """Log time in ns, definition and content of a message."""
 
 
 @dataclass(frozen=True)
 class RawMessages:
-    """Messages of one topic, in the order of their log times.
+    """Messages of one topic, in the order of their log times."""
 
-    Attributes:
-        schemas: their definitions; None where the file has none.
-        kinds: (T,) which of the schemas each message has.
-        log_times: (T,) int64 ns.
-        data: bytes of each message.
-    """
-
-    schemas: Sequence[Schema | None]
-    kinds: np.ndarray
-    log_times: np.ndarray
-    data: Sequence[bytes]
+    schemas: Sequence[Schema | None]  # their definitions; None where the file has none
+    kinds: np.ndarray  # (T,) which of the schemas each message has
+    log_times: np.ndarray  # (T,) int64 ns
+    data: Sequence[bytes]  # bytes of each message
 
     def rows(self) -> Iterator[Row]:
         """Messages one by one."""
@@ -80,17 +97,12 @@ def of_one_type(message_type: str, definition: str, stamps: np.ndarray, content:
 
 @dataclass(frozen=True)
 class Bag:
-    """What a file has.
+    """What a file has."""
 
-    Attributes:
-        topics: every topic with the types of its messages; what is not a ROS 2 message says so in its type.
-        metadata: our own metadata record; None where the file is not ours.
-        messages: of each topic that was asked for, unless there are none.
-    """
-
+    # every topic with the types of its messages; what is not a ROS 2 message says so in its type
     topics: Mapping[str, Sequence[str]]
-    metadata: Mapping[str, str] | None
-    messages: Mapping[str, RawMessages]
+    metadata: Mapping[str, str] | None  # our own metadata record; None where the file is not ours
+    messages: Mapping[str, RawMessages]  # of each topic that was asked for, unless there are none
 
     def provenance(self, path: Path) -> dict[str, str]:
         """What our own metadata say of the origin; a file without them was recorded."""
@@ -135,20 +147,21 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
         InputError: the file is missing, not an MCAP file, cut off or damaged; the message names it.
     """
     try:
-        with unpacked_file(path) as plain, open(plain, "rb") as file:
+        budget = Budget(path)
+        with unpacked_file(path, budget) as plain, open(plain, "rb") as file:
             _check_complete(path, file)
             with damage_named(path):
-                return _read(file, topics)
+                return _read(file, topics, budget)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 @contextmanager
-def unpacked_file(path: Path) -> Iterator[Path]:
+def unpacked_file(path: Path, budget: Budget) -> Iterator[Path]:
     """The file, or where it is one zstd frame, as `ros2 bag` leaves it, another one with its content.
 
     Raises:
-        InputError: the frame is damaged or cut off.
+        InputError: the frame is damaged or cut off, grows beyond the budget, or the disk has no room for it.
     """
     if path.suffix != COMPRESSED:
         yield path
@@ -158,31 +171,15 @@ def unpacked_file(path: Path) -> Iterator[Path]:
         unpacker = zstandard.ZstdDecompressor().decompressobj()
         with open(path, "rb") as file, open(plain, "wb") as unpacked:
             try:
-                while not unpacker.eof and (block := file.read(2**20)):
-                    unpacked.write(unpacker.decompress(block))
-            except zstandard.ZstdError as error:
+                while not unpacker.eof and (block := file.read(2**12)):  # 100 MB of zeros are as long
+                    content = unpacker.decompress(block)
+                    budget.take(len(content))
+                    unpacked.write(content)
+            except (zstandard.ZstdError, MemoryError, _Damage) as error:
                 raise InputError(f"{path}: damaged zstd file: {error}") from error
         if not unpacker.eof:
             raise InputError(f"{path}: the zstd file is cut off at its end")
         yield plain
-
-
-def unpacked_messages(where: str, messages: RawMessages) -> RawMessages:
-    """Messages that were compressed one by one, as `ros2 bag record --compression-mode message` does it.
-
-    Raises:
-        InputError: a frame is damaged, or grows beyond `LARGEST_CHUNK`.
-    """
-    data = list(messages.data)
-    for row, message in enumerate(data):
-        if message.startswith(ZSTD_MAGIC):
-            try:
-                if zstandard.frame_content_size(message) > LARGEST_CHUNK:
-                    raise zstandard.ZstdError(f"it grows beyond {LARGEST_CHUNK} bytes")
-                data[row] = zstandard.ZstdDecompressor().decompress(message, max_output_size=LARGEST_CHUNK)
-            except (zstandard.ZstdError, MemoryError) as error:
-                raise InputError(f"{where}: row {row}: damaged compressed message: {error}") from error
-    return replace(messages, data=data)
 
 
 def joined(bags: Sequence[Bag]) -> Bag:
@@ -225,21 +222,22 @@ def _check_complete(path: Path, file: BinaryIO) -> None:
     file.seek(0)
 
 
-def _read(file: BinaryIO, topics: Collection[str]) -> Bag:
+def _read(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
     """Content of a file; topics may be defined, and again, anywhere in it."""
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     metadata: dict[str, Metadata] = {}
-    messages: dict[str, list[Message]] = {topic: [] for topic in topics}
+    messages: dict[str, list[tuple[int, int, bytes]]] = {topic: [] for topic in topics}
     counted: Counter[int] = Counter()
     statistics: Statistics | None = None
     chunks = 0
-    for record in _records(file):
+    for record in _records(file, budget):
         if isinstance(record, Message):
             counted[record.channel_id] += 1
             topic = channels[record.channel_id].topic
             if topic in messages:
-                messages[topic].append(record)
+                content = budget.message(record.data)
+                messages[topic].append((record.log_time, record.channel_id, content))
         elif isinstance(record, Chunk):
             chunks += 1
         elif isinstance(record, Schema):
@@ -258,7 +256,7 @@ def _read(file: BinaryIO, topics: Collection[str]) -> Bag:
             raise _Damage(f"channel {number} has {counted[number]} messages, not {said}")
     definitions = {number: schemas.get(channel.schema_id) for number, channel in channels.items()}
     found = {
-        topic: in_time_order((one.log_time, definitions[one.channel_id], one.data) for one in its)
+        topic: in_time_order((log_time, definitions[number], data) for log_time, number, data in its)
         for topic, its in messages.items()
         if its
     }
@@ -277,12 +275,13 @@ def _type_name(channel: Channel, schema: Schema | None) -> str:
     return f"{name} [{encodings}: not ROS 2 messages with ros2msg definitions]"
 
 
-def _records(file: BinaryIO) -> Iterator[McapRecord]:
+def _records(file: BinaryIO, budget: Budget) -> Iterator[McapRecord]:
     """All records; behind each chunk those that it holds."""
     footer = None
     for record in StreamReader(file, emit_chunks=True, validate_crcs=True).records:
         yield record
         if isinstance(record, Chunk):
+            budget.take(record.uncompressed_size)
             yield from breakup_chunk(_unpacked(record), validate_crc=True)
         elif isinstance(record, Footer):
             footer = record

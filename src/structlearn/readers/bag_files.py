@@ -8,21 +8,33 @@
 | `.csv`, `.parquet` | table of poses (see `pose_table`); only where a folder has no bags |
 
 A bag may be a folder with `metadata.yaml`, split over several files. Messages that were compressed one by one
-are unpacked.
+are unpacked. Bags other than MCAP are read by the library `rosbags`, an extra of this package: messages of
+ROS 1 become those of ROS 2, the same numbers in CDR, headers without their counter.
 """
 
 import re
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import Literal
+from typing import Any, Literal
+
+from mcap.records import Schema
+from mcap.well_known import SchemaEncoding
 
 from structlearn.core.errors import InputError
-from structlearn.core.params import NAME, read_values
-from structlearn.readers.bag import COMPRESSED, Bag, joined, read_bag, unpacked_messages
-from structlearn.readers.pose_table import read_pose_table
-from structlearn.readers.rosbags_reader import read_db3, read_ros1_bag
-from structlearn.readers.shape_table import FILE as SHAPE_FILE
+from structlearn.core.params import NAME, home_path, read_values
+from structlearn.readers.bag import (
+    COMPRESSED,
+    Bag,
+    Budget,
+    Row,
+    in_time_order,
+    joined,
+    read_bag,
+    unpacked_file,
+)
+from structlearn.readers.pose_table import SHAPE_FILE, read_pose_table
 
 Format = Literal["mcap", "db3", "bag", "table"]
 
@@ -36,6 +48,84 @@ SUFFIXES: dict[str, Format] = {
     ".parquet": "table",
 }
 
+HEADER = "std_msgs/msg/Header"
+
+
+def read_db3(path: Path, topics: Collection[str]) -> Bag:
+    """Read a .db3 file; files older than ROS 2 Iron lack definitions, those of the library stand in.
+
+    Raises:
+        InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
+    """
+    with _library_named(path), unpacked_file(path, budget := Budget(path)) as plain:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+
+        latest = get_typestore(Stores.LATEST)
+        with AnyReader([plain], default_typestore=latest) as reader:
+            return _bag(reader, topics, (reader.typestore, latest), lambda raw, kind: budget.message(raw))
+
+
+def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
+    """Read a .bag file of ROS 1; raises as `read_db3`."""
+    with _library_named(path):
+        from rosbags.rosbag1 import Reader
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        with Reader(path) as reader:
+            types: dict[str, Any] = {}
+            for connection in reader.connections:
+                types |= get_types_from_msg(connection.msgdef.data, connection.msgtype)
+            if HEADER in types:  # with the counter, messages could not be turned into those of ROS 2
+                types[HEADER] = get_typestore(Stores.LATEST).fielddefs[HEADER]
+            store = get_typestore(Stores.EMPTY)
+            store.register(types)
+            return _bag(reader, topics, (store,), store.ros1_to_cdr)
+
+
+@contextmanager
+def _library_named(path: Path) -> Iterator[None]:
+    """Turn whatever the library raises into an InputError that names the file; only its calls go inside."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "rosbags":
+            raise
+        raise InputError(
+            f"{path}: bags of this kind are read by `rosbags`, which is not installed: `make own` installs "
+            "it, or `pip install structlearn[bags]`; or `ros2 bag convert` turns the bag into MCAP"
+        ) from error
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except Exception as error:
+        raise InputError(f"{path}: damaged bag: {type(error).__name__}: {error}") from error
+
+
+def _bag(reader: Any, topics: Collection[str], stores: Collection[Any], to_cdr: Any) -> Bag:
+    """Content of an open reader; `stores` know the types, `to_cdr` turns content and type into CDR."""
+    present: dict[str, list[str]] = {}
+    for connection in reader.connections:
+        types = present.setdefault(connection.topic, [])
+        types += [connection.msgtype] * (connection.msgtype not in types)
+    wanted = [connection for connection in reader.connections if connection.topic in topics]
+    schemas = {name: _schema(name, stores) for name in dict.fromkeys(one.msgtype for one in wanted)}
+    rows: dict[str, list[Row]] = {}
+    for connection, log_time, raw in reader.messages(connections=wanted) if wanted else ():
+        row = (log_time, schemas[connection.msgtype], bytes(to_cdr(raw, connection.msgtype)))
+        rows.setdefault(connection.topic, []).append(row)
+    return Bag(present, None, {topic: in_time_order(its) for topic, its in rows.items()})
+
+
+def _schema(name: str, stores: Collection[Any]) -> Schema:
+    store = next((store for store in stores if name in store.fielddefs), None)
+    if store is None:
+        raise LookupError(f"the type {name} is not defined")
+    text, _ = store.generate_msgdef(name, ros_version=2)
+    return Schema(id=0, name=name, encoding=SchemaEncoding.ROS2, data=text.encode())
+
+
 READERS: dict[Format, Callable[[Path, Collection[str]], Bag]] = {
     "mcap": read_bag,
     "db3": read_db3,
@@ -48,17 +138,11 @@ METADATA = "metadata.yaml"
 
 @dataclass(frozen=True)
 class RecordingFile:
-    """One recording as it lies on the disk.
+    """One recording as it lies on the disk."""
 
-    Attributes:
-        name: of the recording: the file's stem, or where a bag is split the name of its folder.
-        format: how it is stored.
-        paths: the file; where a bag is split, its files in their order.
-    """
-
-    name: str
-    format: Format
-    paths: tuple[Path, ...]
+    name: str  # of the recording: the file's stem, or where a bag is split the name of its folder
+    format: Format  # how it is stored
+    paths: tuple[Path, ...]  # the file; where a bag is split, its files in their order
 
     @property
     def path(self) -> Path:
@@ -76,7 +160,7 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
         InputError: there is no such source or nothing in it, a file of a bag is missing, a bag has files of
             several kinds, or two recordings have one name or one that can be no name; the message names it.
     """
-    source = Path(source).expanduser()
+    source = home_path(source)
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")
     if not source.is_dir():
@@ -93,7 +177,7 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
 
 def as_recording_file(path: Path) -> RecordingFile:
     """A lone file; one whose name does not say what it is has to be MCAP. `~` is the home folder."""
-    path = path.expanduser()
+    path = home_path(path)
     suffix = _suffix(path)
     return RecordingFile(path.name.removesuffix(suffix) or path.name, SUFFIXES.get(suffix, "mcap"), (path,))
 
@@ -109,12 +193,7 @@ def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
             raise InputError(f"{path}: cannot be read: not a file")
     if file.format == "table":
         return read_pose_table(file.paths[0])
-    bag = joined([READERS[file.format](path, topics) for path in file.paths])
-    plain = {
-        topic: unpacked_messages(f"{file.path}: topic '{topic}'", messages)
-        for topic, messages in bag.messages.items()
-    }
-    return replace(bag, messages=plain)
+    return joined([READERS[file.format](path, topics) for path in file.paths])
 
 
 def natural_order(name: str) -> list[str | int]:

@@ -3,11 +3,12 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from structlearn.core.errors import InputError
-from structlearn.readers.bag import Bag, damage_named, write_bag
+from structlearn.readers.bag import Bag, RawMessages, damage_named, write_bag
 from structlearn.readers.bag_files import (
     RecordingFile,
     as_recording_file,
@@ -22,8 +23,8 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.forward_kinematics import joint_pose
 from structlearn.readers.joint_series import JointSeries, chosen, joint_series
 from structlearn.readers.messages import check_readable, shapes_message, to_messages, to_shapes, to_stream
+from structlearn.readers.pose_table import read_shapes, shape_file
 from structlearn.readers.recording import JOINT_KINDS, NamedShape, Recording, Stream
-from structlearn.readers.shape_table import read_shapes, shape_file
 from structlearn.readers.stamps import AS_WRITTEN, StampPolicy
 from structlearn.readers.topics import MAX_FINGERS, OWN_TOPICS, JointPose, Role, TopicMap, TransformPose
 from structlearn.readers.transforms import transform_pose
@@ -172,7 +173,7 @@ class _Reading:
         self._path = file.path
         self._bag, self._topics, self._policy = bag, topics, policy
         self._of_topic: dict[str, list[JointSeries]] = {}
-        self._mended: dict[str, str] = {}
+        self._mended: dict[str, str | None] = {}
         self._left_out: list[str] = []
 
     def streams(self) -> list[Stream]:
@@ -182,15 +183,15 @@ class _Reading:
         joints: list[JointSeries] = []
         place = 0
         for topic, role in self._topics.roles():
-            if role == "obstacles" or not self._has(topic, role):
+            if role == "obstacles" or (messages := self._messages(topic, role)) is None:
                 continue
-            where = self._checked(topic, role)
             if role == "joint_states":
                 place = place if joints else len(streams)
                 joints += self._joints(topic)
             else:
-                stream, note = to_stream(where, topic, role, self._bag.messages[topic], self._policy)
-                self._note(topic, note)
+                stream, self._mended[topic] = to_stream(
+                    self._where(topic), topic, role, messages, self._policy
+                )
                 streams.append(stream)
         if joints:
             streams[place:place] = self._joint_streams(joints)
@@ -199,14 +200,13 @@ class _Reading:
     def shapes(self) -> tuple[NamedShape, ...]:
         """Solids on the topic that is named for them."""
         topics = [topic for topic, role in self._topics.roles() if role == "obstacles"]
-        found = [topic for topic in topics if self._has(topic, "obstacles")]
-        wheres = [self._checked(topic, "obstacles") for topic in found]
-        return sum(map(to_shapes, wheres, (self._bag.messages[topic] for topic in found)), ())
+        found = [(topic, self._messages(topic, "obstacles")) for topic in topics]
+        return sum((to_shapes(self._where(topic), its) for topic, its in found if its is not None), ())
 
     def remarks(self) -> dict[str, str]:
         """What provenance is to say of how the bag was read."""
         remarks = {
-            "stamps": "; ".join(f"{topic}: {note}" for topic, note in self._mended.items()),
+            "stamps": "; ".join(f"{topic}: {note}" for topic, note in self._mended.items() if note),
             "clock": "log" if self._policy.clock == "log" else "",
             "joints": "; ".join(self._left_out),
         }
@@ -214,25 +214,20 @@ class _Reading:
 
     def _computed_pose(self, pose: TransformPose | JointPose) -> Stream:
         if isinstance(pose, JointPose):
-            series = self._series(pose.topic)
-            return joint_pose(self._where(pose.topic), series, pose)
+            return joint_pose(self._where(pose.topic), self._series(pose.topic), pose)
         for topic in pose.topics:
-            if topic == pose.topic or topic in self._bag.topics:
-                self._has(topic, "transforms")
-                check_readable(self._where(topic), "transforms", self._bag.topics[topic])
+            if topic == pose.topic or topic in self._bag.messages:
+                self._readable(topic, "transforms")
         stream, note = transform_pose(str(self._path), self._bag.messages, pose, self._policy)
-        self._note(pose.topic, note)
+        self._mended[pose.topic] = note
         return stream
 
     def _series(self, topic: str) -> list[JointSeries]:
-        """All joint states of a topic that has to be there; it may give the pose too."""
-        if topic not in self._bag.topics:
-            raise self._missing(topic, "joint_states")
+        """All joint states of a topic, which has to be there; it may give the pose too."""
         if topic not in self._of_topic:
-            where = self._checked(topic, "joint_states")
-            series, note = joint_series(where, topic, self._bag.messages[topic], self._policy)
-            self._note(topic, note)
-            self._of_topic[topic] = series
+            messages = self._readable(topic, "joint_states")
+            found = joint_series(self._where(topic), topic, messages, self._policy)
+            self._of_topic[topic], self._mended[topic] = found
         return self._of_topic[topic]
 
     def _joints(self, topic: str) -> list[JointSeries]:
@@ -270,36 +265,26 @@ class _Reading:
                 self._left_out.append(f"{kind} are not of {lacking} and left out")
         kept = [stream for stream in streams if set(joints[stream.kind]) == most]
         if not kept:
-            raise InputError(
-                f"{self._path}: no signal is of all joints {', '.join(sorted(most))}: name those that are "
-                "wanted under `joints`"
-            )
+            listing = ", ".join(sorted(most))
+            raise InputError(f"{self._path}: no signal is of all joints {listing}: name some under `joints`")
         return kept
 
-    def _has(self, topic: str, role: str) -> bool:
-        """Whether the bag has a topic; one that must be there and is not is an error."""
-        if topic in self._bag.topics:
-            return True
-        if self._topics.must_exist or role in ("pose", "transforms"):
-            raise self._missing(topic, role)
-        return False
+    def _messages(self, topic: str, role: Role) -> RawMessages | None:
+        """Messages of a topic; None where it is not there and need not be."""
+        optional = not self._topics.must_exist and role != "pose"
+        return None if optional and topic not in self._bag.topics else self._readable(topic, role)
 
-    def _checked(self, topic: str, role: Role) -> str:
-        """File and topic, whose messages can be read in the role, and of which there are some."""
-        where = self._where(topic)
-        check_readable(where, role, self._bag.topics[topic])
+    def _readable(self, topic: str, role: Role | Literal["transforms"]) -> RawMessages:
+        """Messages of a topic, which is there, and can be read in the role."""
+        types = self._bag.topics.get(topic)
+        if types is None:
+            present = sorted(self._bag.topics.items())
+            listing = ", ".join(f"{name} ({' and '.join(its)})" for name, its in present) or "no topics"
+            raise InputError(f"{self._path}: has no topic '{topic}' for {role}; it has {listing}")
+        check_readable(self._where(topic), role, types)
         if topic not in self._bag.messages:
-            raise InputError(f"{where} has no messages")
-        return where
-
-    def _missing(self, topic: str, role: str) -> InputError:
-        present = sorted(self._bag.topics.items())
-        listing = ", ".join(f"{name} ({' and '.join(types)})" for name, types in present)
-        return InputError(f"{self._path}: has no topic '{topic}' for {role}; it has {listing or 'no topics'}")
+            raise InputError(f"{self._where(topic)} has no messages")
+        return self._bag.messages[topic]
 
     def _where(self, topic: str) -> str:
         return f"{self._path}: topic '{topic}'"
-
-    def _note(self, topic: str, note: str | None) -> None:
-        if note is not None:
-            self._mended[topic] = note

@@ -14,42 +14,29 @@ class Demonstration:
     """Signals of one demonstration (or execution) on one uniform clock.
 
     Whether it was simulated, recorded by a robot or read from a user's bag makes no difference from here on.
-
-    Attributes:
-        name: unique within its set; error messages and tables use it.
-        time: (T,) s, starts at 0, uniform step.
-        position: (T, 3) m, end-effector in the base frame.
-        orientation: (T, 4) unit quaternion w, x, y, z, sign-continuous; None where not recorded.
-        velocity: (T, 3) m/s where recorded; otherwise it is derived from the position when needed.
-        angular_velocity: (T, 3) rad/s in the base frame, where recorded.
-        joint_positions: (T, J) rad, where recorded.
-        joint_velocities: (T, J) rad/s, where recorded.
-        joint_torques: (T, J) N m, where recorded.
-        wrench: (T, 6) force in N, torque in N m, where recorded.
-        tactile: (T, E) sensor counts, where recorded.
-        tool_to_board: (T, 4) orientation of the tool relative to the board, sign-continuous, where recorded.
-        joint_names: (J,) of the joints in the order of the columns, where known.
-        true_segments: (P, 2) start and end of each primitive in s, known only when simulated.
-        provenance: what is known of the origin (simulated or recorded, seed, source, licence).
-        shapes: solids at rest around the movement, where recorded.
     """
 
-    name: str
-    time: np.ndarray
-    position: np.ndarray
+    name: str  # unique within its set; error messages and tables use it
+    time: np.ndarray  # (T,) s, starts at 0, uniform step
+    position: np.ndarray  # (T, 3) m, end-effector in the base frame
+    # (T, 4) unit quaternion w, x, y, z, sign-continuous; None where not recorded
     orientation: np.ndarray | None = None
+    # (T, 3) m/s where recorded; otherwise it is derived from the position when needed
     velocity: np.ndarray | None = None
-    angular_velocity: np.ndarray | None = None
-    joint_positions: np.ndarray | None = None
-    joint_velocities: np.ndarray | None = None
-    joint_torques: np.ndarray | None = None
-    wrench: np.ndarray | None = None
-    tactile: np.ndarray | None = None
+    angular_velocity: np.ndarray | None = None  # (T, 3) rad/s in the base frame, where recorded
+    joint_positions: np.ndarray | None = None  # (T, J) rad, where recorded
+    joint_velocities: np.ndarray | None = None  # (T, J) rad/s, where recorded
+    joint_torques: np.ndarray | None = None  # (T, J) N m, where recorded
+    wrench: np.ndarray | None = None  # (T, 6) force in N, torque in N m, where recorded
+    tactile: np.ndarray | None = None  # (T, E) sensor counts, where recorded
+    # (T, 4) orientation of the tool relative to the board, sign-continuous, where recorded
     tool_to_board: np.ndarray | None = None
-    joint_names: tuple[str, ...] = ()
+    joint_names: tuple[str, ...] = ()  # (J,) of the joints in the order of the columns, where known
+    # (P, 2) start and end of each primitive in s, known only when simulated
     true_segments: np.ndarray | None = None
+    # what is known of the origin (simulated or recorded, seed, source, licence)
     provenance: Mapping[str, str] = field(default_factory=dict)
-    shapes: tuple[NamedShape, ...] = ()
+    shapes: tuple[NamedShape, ...] = ()  # solids at rest around the movement, where recorded
 
     def __post_init__(self) -> None:
         length = len(self.time)

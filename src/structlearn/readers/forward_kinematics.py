@@ -13,6 +13,7 @@ import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
+from structlearn.core.params import home_path
 from structlearn.readers.clock import linear, shared_stamps
 from structlearn.readers.joint_series import JointSeries
 from structlearn.readers.recording import Stream
@@ -58,7 +59,7 @@ class _Chain:
     def __init__(self, pose: JointPose) -> None:
         import pinocchio  # half a second, which only those who need it wait for
 
-        path = Path(pose.urdf).expanduser()
+        path = home_path(pose.urdf)
         self._model = _model(path)
         body = pinocchio.FrameType.BODY
         if not self._model.existFrame(pose.tip, body):
@@ -96,18 +97,33 @@ class _Chain:
         return poses
 
 
+def robot_element(path: Path) -> ElementTree.Element:
+    """The root of a URDF.
+
+    Raises:
+        InputError: the file is missing, no file or no URDF, or one of which xacro has still to make one.
+    """
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise InputError(f"{path}: cannot be read: not a file")
+    try:
+        root = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise InputError(f"{path}: no such URDF file: {error.strerror}") from error
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # of encodings: the latter
+        raise InputError(f"{path}: not an XML file: {error}") from error
+    if root.tag != "robot":
+        raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")
+    for element in root.iter():
+        if isinstance(element.tag, str) and "xacro" in element.tag:
+            raise InputError(f"{path}: has <{element.tag}>: expand it first: xacro FILE > robot.urdf")
+    return root
+
+
 def _model(path: Path) -> Any:
     """Pinocchio's model; it prints what is wrong with a file rather than saying it."""
     import pinocchio
 
-    try:
-        root = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except ElementTree.ParseError as error:
-        raise InputError(f"{path}: not an XML file: {error}") from error
-    if root.tag != "robot":
-        raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")
+    robot_element(path)
     try:
         return pinocchio.buildModelFromUrdf(str(path))
     except ValueError as error:

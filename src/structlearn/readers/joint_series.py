@@ -12,8 +12,7 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages
-from structlearn.readers.checks import at_row
-from structlearn.readers.decoding import (
+from structlearn.readers.cdr import (
     Decoded,
     decoded,
     fields_named,
@@ -21,9 +20,13 @@ from structlearn.readers.decoding import (
     sample_stamps,
     sequence,
 )
+from structlearn.readers.checks import at_row
 from structlearn.readers.messages import FIELDS
 from structlearn.readers.recording import JOINT_KINDS, Kind, Stream
 from structlearn.readers.stamps import StampPolicy, in_order
+
+MOST_JOINTS = 1000
+"""Of a topic; humanoids with both hands have a hundred."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,8 @@ def joint_series(
         orders = [tuple(group.message.name) for group in groups]
         _check_names(where, stamps, groups, orders)
         joints = tuple(dict.fromkeys(name for names in orders for name in names))
+        if len(joints) > MOST_JOINTS:
+            raise InputError(f"{where} names {len(joints)} joints, more than {MOST_JOINTS}")
         tables = {kind: _table(where, stamps, groups, orders, joints, kind) for kind in JOINT_KINDS}
     several = len(set(map(frozenset, orders))) > 1
     found, notes = [], []

@@ -12,10 +12,11 @@ user, unless the pose is named by its frames (see `transforms`).
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from io import BytesIO
+from operator import attrgetter
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -24,14 +25,14 @@ from mcap.reader import make_reader
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.readers import cdr
 from structlearn.readers.bag import RawMessages, of_one_type
-from structlearn.readers.decoding import (
+from structlearn.readers.cdr import (
+    columns,
     decoded,
     fields_named,
     header_stamps,
     sample_stamps,
-    sequence,
+    short_name,
     table,
 )
 from structlearn.readers.recording import JOINT_KINDS, Form, Kind, NamedShape, Stream
@@ -68,7 +69,7 @@ def check_readable(where: str, role: Role | Literal["transforms"], types: Sequen
     """Raise an InputError unless all messages of a topic have one type that can be read in its role."""
     if len(types) > 1:
         raise InputError(f"{where} has messages of several types: {', '.join(types)}")
-    if cdr.short_name(types[0]) not in READERS[role]:
+    if short_name(types[0]) not in READERS[role]:
         raise InputError(
             f"{where} has messages of type {types[0]}; {role} can be read from {', '.join(READERS[role])}"
         )
@@ -85,10 +86,9 @@ def to_stream(
     """
     groups = decoded(where, messages)
     short = _type_of(messages)
-    read = READERS[role][short]
     with fields_named(where):
         header = None if short in WITHOUT_HEADER else header_stamps(groups)
-        parts = [(group.rows, read(group.message)) for group in groups]
+        parts = [(group.rows, _columns(group.message, READERS[role][short])) for group in groups]
     stamps = sample_stamps(messages.log_times, header, policy)
     values = table(where, stamps, parts)
     if values.shape[1] == 0:
@@ -122,8 +122,8 @@ def to_messages(where: str, stream: Stream) -> RawMessages:
         values = quaternion.to_xyzw(values)
     lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
     message_type = MESSAGE_TYPES[stream.kind]
-    content, columns = _blank(where, message_type, stream.stamps, (), lengths)
-    places = READERS[stream.kind][cdr.short_name(message_type)](columns)
+    content, fields = _blank(where, message_type, stream.stamps, (), lengths)
+    places = _columns(fields, READERS[stream.kind][short_name(message_type)])
     with np.errstate(over="ignore"):
         for place, column in zip(places, values.T, strict=True):
             place[:] = column
@@ -142,9 +142,9 @@ def joint_messages(
     """
     message_type = MESSAGE_TYPES["joint_positions"]
     lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
-    content, columns = _blank(where, message_type, stamps, names, lengths)
+    content, fields = _blank(where, message_type, stamps, names, lengths)
     for kind, its in values.items():
-        getattr(columns, FIELDS[kind])[:] = its
+        getattr(fields, FIELDS[kind])[:] = its
     return of_one_type(message_type, definition(message_type), stamps, content)
 
 
@@ -160,8 +160,7 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     """
     (first,) = decoded(where, replace(messages, kinds=messages.kinds[:1], data=messages.data[:1]))
     with fields_named(where):
-        markers = READERS["obstacles"][_type_of(messages)](first.message)
-        found = [_of_marker(one) for one in markers]
+        found = [_of_marker(one) for one in getattr(first.message, "markers", [first.message])]
     spaces = [space for space, _, kind, _ in found if kind in FORMS]
     shapes = []
     for space, number, kind, values in found:
@@ -204,7 +203,7 @@ def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
 
 def definition(message_type: str) -> str:
     """Text of a message definition with those of all nested types, as MCAP's `ros2msg` encoding has it."""
-    names = [cdr.short_name(message_type)]
+    names = [short_name(message_type)]
     for name in names:  # grows by the types that are met
         nested = re.findall(r"^(\w+/\w+)", _DEFINITIONS[name], re.MULTILINE)
         names += [one for one in dict.fromkeys(nested) if one not in names]
@@ -216,7 +215,7 @@ def definition(message_type: str) -> str:
 def _type_of(messages: RawMessages) -> str:
     schema = messages.schemas[0]
     assert schema is not None  # `check_readable` lets none pass
-    return cdr.short_name(schema.name)
+    return short_name(schema.name)
 
 
 def _blank(
@@ -228,13 +227,13 @@ def _blank(
         raise InputError(f"{where}: stamps {fault} cannot be written")
     template = _template(message_type, tuple(names), tuple(lengths.items()))
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
-    found = cdr.columns(message_type, definition(message_type), messages)
+    found = columns(message_type, definition(message_type), messages)
     assert found is not None  # the template has what we define
-    columns, _ = found
-    if hasattr(columns, "header"):
-        stamp = columns.header.stamp
+    fields, _ = found
+    if hasattr(fields, "header"):
+        stamp = fields.header.stamp
         stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
-    return messages, columns
+    return messages, fields
 
 
 @cache
@@ -257,26 +256,21 @@ def _encoded(message_type: str, message: Mapping[str, Any]) -> bytes:
     return record.data
 
 
-def _of_pose(pose: Any) -> Sequence:
-    """x, y, z, then the quaternion in ROS's order x, y, z, w."""
-    return (*_of_vector(pose.position), *_of_quaternion(pose.orientation))
-
-
-def _of_transform(transform: Any) -> Sequence:
-    return (*_of_vector(transform.translation), *_of_quaternion(transform.rotation))
-
-
-def _of_vector(v: Any) -> Sequence:
-    return (v.x, v.y, v.z)
-
-
-def _of_quaternion(q: Any) -> Sequence:
-    return (q.x, q.y, q.z, q.w)
+def _columns(message: Any, paths: Sequence[str]) -> list:
+    """Numbers of some fields of a message, or where these are columns over many messages, arrays."""
+    found: list = []
+    for path in paths:
+        part = attrgetter(path)(message)
+        if path == "data":
+            found += list(part.T if isinstance(part, np.ndarray) else part)
+        else:
+            found += [part.x, part.y, part.z, *([part.w] if hasattr(part, "w") else [])]
+    return found
 
 
 def _of_marker(one: Any) -> tuple[str, int, int, np.ndarray]:
     """Namespace, number, type, and (10,) pose and size; its numbers may be columns of one row."""
-    numbers = [one.id, one.type, *_of_pose(one.pose), *_of_vector(one.scale)]
+    numbers = [one.id, one.type, *_columns(one, ("pose.position", "pose.orientation", "scale"))]
     number, kind, *values = (float(np.ravel(value)[0]) for value in numbers)
     return one.ns, int(number), int(kind), np.array(values)
 
@@ -289,42 +283,29 @@ _ARRAYS = [f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "
 WITHOUT_HEADER = {"geometry_msgs/Pose", *_ARRAYS}
 """Understood types that have no header."""
 
-READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Callable[[Any], Any]]] = {
+READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]]] = {
     "pose": {
-        "geometry_msgs/PoseStamped": lambda message: _of_pose(message.pose),
-        "geometry_msgs/PoseWithCovarianceStamped": lambda message: _of_pose(message.pose.pose),
-        "geometry_msgs/TransformStamped": lambda message: _of_transform(message.transform),
+        "geometry_msgs/PoseStamped": ("pose.position", "pose.orientation"),
+        "geometry_msgs/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
+        "geometry_msgs/TransformStamped": ("transform.translation", "transform.rotation"),
         # An odometry's twist is given in the child frame, ours in the base frame: only the pose is taken.
-        "nav_msgs/Odometry": lambda message: _of_pose(message.pose.pose),
-        "geometry_msgs/Pose": _of_pose,
+        "nav_msgs/Odometry": ("pose.pose.position", "pose.pose.orientation"),
+        "geometry_msgs/Pose": ("position", "orientation"),
     },
-    "twist": {
-        "geometry_msgs/TwistStamped": lambda message: (
-            *_of_vector(message.twist.linear),
-            *_of_vector(message.twist.angular),
-        )
-    },
-    "joint_states": {"sensor_msgs/JointState": lambda message: message},
-    "transforms": dict.fromkeys(("tf2_msgs/TFMessage", "tf/tfMessage"), lambda message: message.transforms),
-    "wrench": {
-        "geometry_msgs/WrenchStamped": lambda message: (
-            *_of_vector(message.wrench.force),
-            *_of_vector(message.wrench.torque),
-        )
-    },
-    "tactile": dict.fromkeys(_ARRAYS, lambda message: sequence(message.data)),
+    "twist": {"geometry_msgs/TwistStamped": ("twist.linear", "twist.angular")},
+    "joint_states": {"sensor_msgs/JointState": ()},
+    "transforms": {"tf2_msgs/TFMessage": (), "tf/tfMessage": ()},
+    "wrench": {"geometry_msgs/WrenchStamped": ("wrench.force", "wrench.torque")},
+    "tactile": dict.fromkeys(_ARRAYS, ("data",)),
     "tool_to_board": {
-        "geometry_msgs/QuaternionStamped": lambda message: _of_quaternion(message.quaternion),
-        "geometry_msgs/PoseStamped": lambda message: _of_quaternion(message.pose.orientation),
-        "geometry_msgs/TransformStamped": lambda message: _of_quaternion(message.transform.rotation),
+        "geometry_msgs/QuaternionStamped": ("quaternion",),
+        "geometry_msgs/PoseStamped": ("pose.orientation",),
+        "geometry_msgs/TransformStamped": ("transform.rotation",),
     },
-    "obstacles": {
-        "visualization_msgs/MarkerArray": lambda message: message.markers,
-        "visualization_msgs/Marker": lambda message: [message],
-    },
+    "obstacles": {"visualization_msgs/MarkerArray": (), "visualization_msgs/Marker": ()},
 }
-"""Message types that can be read in each role, and how a message gives its columns: numbers, or where its
-fields are columns over many messages (`cdr.columns`), arrays."""
+"""Message types that can be read in each role, and the fields that are its columns; quaternions come in ROS's
+order x, y, z, w. Joint states, transforms and markers have ways of their own."""
 
 _DEFINITIONS = {
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",

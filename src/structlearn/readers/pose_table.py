@@ -13,6 +13,10 @@ The first row of a CSV names its columns; each further row is a sample. Columns 
 Another column is an error, since it may be one of these with a slip of the pen. A table without quaternions
 gives recordings whose orientation was not recorded. It becomes what a bag is: ROS 2 messages on
 `TABLE_TOPICS`, which are those to name in a topic map.
+
+Solids around a movement stand in a CSV beside its bag, one a row. Its columns are `name`, `form` (cube,
+sphere or cylinder), `x`, `y`, `z` (m, centre in the base frame), `qw`, `qx`, `qy`, `qz` (orientation) and
+`sx`, `sy`, `sz` (m, full extent along the solid's own axes, a cylinder standing along its z).
 """
 
 import json
@@ -21,18 +25,26 @@ from pathlib import Path
 
 import numpy as np
 
+from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import Bag
+from structlearn.readers.checks import NORM_TOLERANCE
 from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
-from structlearn.readers.recording import Stream
-from structlearn.readers.text_log import read_stamped_table
+from structlearn.readers.recording import FORMS, NamedShape, Stream
+from structlearn.readers.text_log import LARGEST, finite_numbers, read_rows, read_stamped_table, read_text
 
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
 """Topics of a table as a bag, those of the columns that it has."""
 
 TIME, POSITION = "time_s", ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
+MOST_COLUMNS = 1000
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+
+SHAPE_FILE = "obstacles.csv"
+"""Of all recordings in its folder, or in the bag whose folder it is; `NAME.obstacles.csv` is of one only."""
+
+SHAPE_NUMBERS = ("x", "y", "z", "qw", "qx", "qy", "qz", "sx", "sy", "sz")
 
 
 def read_pose_table(path: Path) -> Bag:
@@ -79,13 +91,7 @@ def read_pose_table(path: Path) -> Bag:
 
 def _of_csv(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Names of the columns but for the time, (T,) ns, and (T, D) values."""
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            names = [name.strip() for name in file.readline().split(",")]
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file") from error
+    names = [name.strip() for name in read_text(path).partition("\n")[0].split(",")]
     if names[0] != TIME:
         raise InputError(f"{path}: the first column is '{names[0]}', not {TIME}; behind it {_understood()}")
     _check_names(path, names[1:])
@@ -98,8 +104,13 @@ def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     import pyarrow.parquet
 
     try:
+        size = pyarrow.parquet.read_metadata(path)
+        if size.num_rows * size.num_columns > LARGEST / 8:
+            raise InputError(f"{path}: has {size.num_rows} rows of {size.num_columns} columns, too many")
         table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
         columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     except (pyarrow.ArrowException, ValueError, TypeError) as error:
@@ -120,6 +131,8 @@ def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 
 def _check_names(path: Path, names: Sequence[str]) -> None:
+    if len(names) > MOST_COLUMNS:
+        raise InputError(f"{path}: has {len(names)} columns, more than {MOST_COLUMNS}")
     prefixes = tuple(f"{field}." for field in FIELDS.values())
     for name in names:
         joint = name.startswith(prefixes) and not name.endswith(".")
@@ -154,3 +167,35 @@ def _joints(path: Path, names: Sequence[str]) -> list[str]:
 def _block(columns: Mapping[str, np.ndarray], names: Iterable[str]) -> np.ndarray:
     """(T, D) of some columns."""
     return np.stack([columns[name] for name in names], axis=1)
+
+
+def shape_file(path: Path, name: str) -> Path | None:
+    """The nearest table of shapes that is meant for a recording; None where there is none."""
+    folders = [path.parent, path.parent.parent] if (path.parent / "metadata.yaml").exists() else [path.parent]
+    if path.is_dir():  # a bag that is split
+        folders.insert(0, path)
+    places = [folder / file for folder in folders for file in (f"{name}.{SHAPE_FILE}", SHAPE_FILE)]
+    return next((place for place in places if place.is_file()), None)
+
+
+def read_shapes(path: Path) -> tuple[NamedShape, ...]:
+    """Read a table of shapes.
+
+    Raises:
+        InputError: the file is no text or lacks a column, or a line has a form that is not known, something
+            that is no finite number, no unit quaternion, or no positive size; the message names the line.
+    """
+    shapes = []
+    for where, row in read_rows(path, ("name", "form", *SHAPE_NUMBERS)):
+        form = next((one for one in FORMS if one == row["form"]), None)
+        if form is None:
+            raise InputError(f"{where}: form is '{row['form']}', not one of {', '.join(FORMS)}")
+        values = np.array(finite_numbers(where, [row[name] for name in SHAPE_NUMBERS]))
+        position, orientation, size = np.split(values, (3, 7))
+        if not (size > 0).all():
+            raise InputError(f"{where}: a shape needs a positive size")
+        norm = float(np.linalg.norm(orientation))
+        if abs(norm - 1.0) > NORM_TOLERANCE:
+            raise InputError(f"{where}: quaternion has norm {norm:.6g}, not 1")
+        shapes.append(NamedShape(row["name"], form, position, quaternion.normalised(orientation), size))
+    return tuple(shapes)

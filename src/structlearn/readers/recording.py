@@ -39,63 +39,43 @@ FORMS: tuple[Form, ...] = get_args(Form)
 
 @dataclass(frozen=True)
 class NamedShape:
-    """A solid at rest beside the movement: an obstacle, or what is reached for.
-
-    Attributes:
-        form: what it is; a cylinder stands along its own z axis.
-        position: (3,) m, its centre in the base frame.
-        orientation: (4,) unit quaternion w, x, y, z, own to base frame.
-        size: (3,) m, full extent along its own axes.
-    """
+    """A solid at rest beside the movement: an obstacle, or what is reached for."""
 
     name: str
-    form: Form
-    position: np.ndarray
-    orientation: np.ndarray
-    size: np.ndarray
+    form: Form  # what it is; a cylinder stands along its own z axis
+    position: np.ndarray  # (3,) m, its centre in the base frame
+    orientation: np.ndarray  # (4,) unit quaternion w, x, y, z, own to base frame
+    size: np.ndarray  # (3,) m, full extent along its own axes
 
 
 @dataclass(frozen=True)
 class Stream:
-    """Samples of one source with its own, possibly irregular, clock.
+    """Samples of one source with its own, possibly irregular, clock."""
 
-    Attributes:
-        topic: where it was published, for messages.
-        kind: what the columns mean. pose: x, y, z in m, then quaternion w, x, y, z (scalar first).
-            twist: linear m/s, then angular rad/s in the base frame. joint_*: rad, rad/s, N m.
-            wrench: force N, then torque N m. tactile: sensor counts. tool_to_board:
-            quaternion w, x, y, z of the tool relative to the board.
-        stamps: (T,) int64 ns, as recorded.
-        values: (T, D) float64.
-        joints: (D,) names of the joints whose signals the columns are, where known.
-    """
-
-    topic: str
+    topic: str  # where it was published, for messages
+    # what the columns mean. pose: x, y, z in m, then quaternion w, x, y, z (scalar first). twist: linear m/s,
+    # then angular rad/s in the base frame. joint_*: rad, rad/s, N m. wrench: force N, then torque N m.
+    # tactile: sensor counts. tool_to_board: quaternion w, x, y, z of the tool relative to the board
     kind: Kind
-    stamps: np.ndarray
-    values: np.ndarray
-    joints: tuple[str, ...] = ()
+    stamps: np.ndarray  # (T,) int64 ns, as recorded
+    values: np.ndarray  # (T, D) float64
+    joints: tuple[str, ...] = ()  # (D,) names of the joints whose signals the columns are, where known
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Streams of one demonstration before they are put on one clock.
+    """Streams of one demonstration before they are put on one clock."""
 
-    Attributes:
-        name: unique within its set.
-        streams: at most one of each kind, except tactile: several fingers are several streams, and
-            joint signals, where those of a robot and of its hand have a clock each.
-        true_segments: (P, 2) start and end of each primitive in s since the first stamp of the pose stream,
-            known only when simulated.
-        provenance: what is known of the origin, string to string; `origin` is `simulated` or `recorded`.
-        shapes: solids around the movement, where recorded.
-    """
-
-    name: str
+    name: str  # unique within its set
+    # at most one of each kind, except tactile: several fingers are several streams, and joint signals, where
+    # those of a robot and of its hand have a clock each
     streams: tuple[Stream, ...]
+    # (P, 2) start and end of each primitive in s since the first stamp of the pose stream, known only when
+    # simulated
     true_segments: np.ndarray | None = None
+    # what is known of the origin, string to string; `origin` is `simulated` or `recorded`
     provenance: Mapping[str, str] = field(default_factory=dict)
-    shapes: tuple[NamedShape, ...] = ()
+    shapes: tuple[NamedShape, ...] = ()  # solids around the movement, where recorded
 
     @property
     def joint_names(self) -> tuple[str, ...]:

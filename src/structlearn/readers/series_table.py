@@ -22,17 +22,11 @@ RUN, UNIT, RUNS = "run", b"unit", b"runs"
 
 @dataclass(frozen=True)
 class Series:
-    """The time series of one run.
+    """The time series of one run."""
 
-    Attributes:
-        name: unique within its set.
-        columns: (T,) each, finite.
-        about: what else is known of the run, as JSON has it.
-    """
-
-    name: str
-    columns: Mapping[str, np.ndarray]
-    about: Mapping[str, Any] = field(default_factory=dict)
+    name: str  # unique within its set
+    columns: Mapping[str, np.ndarray]  # (T,) each, finite
+    about: Mapping[str, Any] = field(default_factory=dict)  # what else is known of the run, as JSON has it
 
     def stacked(self, names: Sequence[str]) -> np.ndarray:
         """(T, D) of some columns, in C order."""

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from structlearn.core.errors import InputError
+from structlearn.core.params import home_path
 
 
 def setting_label(setting: Any) -> Any:
@@ -34,7 +35,7 @@ def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]
         InputError: there is no such folder, two of its folders are one setting, or one of those named is
             missing.
     """
-    source = Path(source).expanduser()
+    source = home_path(source)
     if not source.is_dir():
         raise InputError(f"{source}: no such folder")
     found: dict[str, Path] = {}

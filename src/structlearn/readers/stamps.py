@@ -11,16 +11,13 @@ from structlearn.readers.checks import disorder
 
 
 class StampPolicy(Parameters):
-    """How the stamps of a user's messages are taken.
+    """How the stamps of a user's messages are taken."""
 
-    Attributes:
-        clock: `header`: when a sample was taken; the log time where no message of a topic says so. `log`:
-            when the recorder got it.
-        disorder: where a stamp repeats or runs back, `error`: refuse the recording; `drop`: leave out as few
-            samples as possible; `sort`: put them in order. Of several with one stamp the first stays.
-    """
-
+    # `header`: when a sample was taken; the log time where no message of a topic says so. `log`: when the
+    # recorder got it
     clock: Literal["header", "log"]
+    # where a stamp repeats or runs back, `error`: refuse the recording; `drop`: leave out as few samples as
+    # possible; `sort`: put them in order. Of several with one stamp the first stays
     disorder: Literal["error", "drop", "sort"]
 
 

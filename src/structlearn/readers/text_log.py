@@ -2,6 +2,7 @@
 
 import csv
 import hashlib
+import stat
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
@@ -12,6 +13,30 @@ import numpy as np
 from structlearn.core.errors import InputError
 
 T = TypeVar("T")
+
+
+LARGEST = 2**30
+"""Bytes of a text log, and of the numbers of a table; a file can say that it has any number."""
+
+
+def read_text(path: Path) -> str:
+    """A whole text file, without a mark of its byte order.
+
+    Raises:
+        InputError: the file is missing, larger than `LARGEST`, or no text; or it is no file: a pipe would be
+            waited for.
+    """
+    try:
+        state = path.stat()
+        if not stat.S_ISREG(state.st_mode):
+            raise InputError(f"{path}: cannot be read: not a file")
+        if state.st_size > LARGEST:
+            raise InputError(f"{path}: has {state.st_size} bytes, more than {LARGEST}")
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text file") from error
 
 
 def read_table(
@@ -52,11 +77,8 @@ def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, s
         InputError: the file is missing, no text, or lacks a column; a line is longer or shorter.
     """
     try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            header, *rows = list(csv.reader(file)) or [[]]
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+        header, *rows = list(csv.reader(read_text(path).splitlines(keepends=True))) or [[]]
+    except csv.Error as error:
         raise InputError(f"{path}: not a CSV file: {error}") from error
     header = [name.strip() for name in header]
     if missing := [name for name in columns if name not in header]:
@@ -126,13 +148,7 @@ def source_provenance(
 
 def _lines(path: Path, separator: str | None, header_lines: int) -> dict[int, str]:
     """Lines that are not blank, by their number from 1, without a separator at their end."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file") from error
-    stripped = map(str.strip, text.split("\n")[header_lines:])
+    stripped = map(str.strip, read_text(path).split("\n")[header_lines:])
     lines = {number: line for number, line in enumerate(stripped, start=header_lines + 1) if line}
     if not lines:
         raise InputError(f"{path}: has no rows")

@@ -66,27 +66,21 @@ Pose = Annotated[
 
 
 class TopicMap(Parameters):
-    """The topics of a demonstration in a robot's bag; each topic has one role.
-
-    Attributes:
-        pose: end-effector pose, the one signal that every demonstration has: its topic, or what it is
-            computed from, which may be joint states of `joint_states` too.
-        joint_states: one topic usually has positions, velocities and torques, several may share them.
-        joints: names of the joints that are taken, in this order; None: those of whoever publishes the most.
-        tactile: one topic per sensor, in the order in which their channels are put side by side.
-        tool_to_board: orientation of the tool relative to the board, e.g. from motion capture.
-    """
+    """The topics of a demonstration in a robot's bag; each topic has one role."""
 
     must_exist: ClassVar[bool] = True
     """Whether a topic named here that a file does not have is an error; the pose always is."""
 
+    # end-effector pose, the one signal that every demonstration has: its topic, or what it is computed from,
+    # which may be joint states of `joint_states` too
     pose: Pose
     twist: Topic | None
-    joint_states: Topics
+    joint_states: Topics  # one topic usually has positions, velocities and torques, several may share them
+    # names of the joints that are taken, in this order; None: those of whoever publishes the most
     joints: tuple[Topic, ...] | None = Field(min_length=1)
     wrench: Topic | None
-    tactile: Topics
-    tool_to_board: Topic | None
+    tactile: Topics  # one topic per sensor, in the order in which their channels are put side by side
+    tool_to_board: Topic | None  # orientation of the tool relative to the board, e.g. from motion capture
 
     @model_validator(mode="after")
     def _each_once(self) -> "TopicMap":

@@ -14,9 +14,9 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages
+from structlearn.readers.cdr import decoded, fields_named, nanoseconds, sample_stamps
 from structlearn.readers.checks import NORM_TOLERANCE
 from structlearn.readers.clock import linear, shared_stamps, slerp
-from structlearn.readers.decoding import decoded, fields_named, nanoseconds, sample_stamps
 from structlearn.readers.recording import Stream
 from structlearn.readers.stamps import StampPolicy, in_order
 from structlearn.readers.topics import TransformPose
@@ -27,17 +27,12 @@ Edge = tuple[str, str]
 
 @dataclass(frozen=True)
 class TransformSeries:
-    """One transform as it came: the child's pose in the parent's frame.
-
-    Attributes:
-        stamps: (T,) int64 ns in the order in which they came.
-        values: (T, 7) m, then unit quaternion w, x, y, z.
-    """
+    """One transform as it came: the child's pose in the parent's frame."""
 
     parent: str
     child: str
-    stamps: np.ndarray
-    values: np.ndarray
+    stamps: np.ndarray  # (T,) int64 ns in the order in which they came
+    values: np.ndarray  # (T, 7) m, then unit quaternion w, x, y, z
 
     @property
     def moves(self) -> bool:

@@ -60,8 +60,10 @@ def read_motion(
 
 
 def _is_older(path: Path) -> bool:
+    if not path.is_file():  # a pipe would be waited for; the reader names it
+        return False
     with path.open("rb") as file:
-        return file.readline().count(b",") == OLDER_COLUMNS - 1
+        return file.readline(2**16).count(b",") == OLDER_COLUMNS - 1
 
 
 def _read_log(folder: Path, path: Path) -> DriveLog:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from structlearn.core.artefacts import read_description, read_tensors, write_tensors
+from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 from structlearn.networks.compiled_layers import Layers, layer_values, pack
 from structlearn.rigid_body.compiled_dynamics import friction_rows, inverse_dynamics
@@ -101,7 +101,7 @@ def read_dynamics_models(path: str | Path) -> DynamicsModels:
         InputError: the file is missing, no safetensors, or holds something else, or a value is not finite.
     """
     state = read_tensors(path)
-    try:
+    with holding(path, "dynamics models"):
         description = json.loads(read_description(path))[HEADING]
         fields = {name: tuple(description[name]) for name in ("joints", "friction", "hidden")}
         models = DynamicsModels(description["kind"], **fields, state=state)
@@ -109,8 +109,6 @@ def read_dynamics_models(path: str | Path) -> DynamicsModels:
         if models.kind not in KINDS or "friction" not in state or (expected and expected not in state):
             raise KeyError(expected or models.kind)
         return models
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: holds no dynamics models (missing {error})") from error
 
 
 def rigid_body_torques(tree: KinematicTree, inertias: LinkInertias, motion: Motion) -> np.ndarray:

@@ -12,6 +12,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from structlearn.core.errors import InputError
+from structlearn.readers.forward_kinematics import robot_element
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -25,14 +26,7 @@ def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
     Raises:
         InputError: see `structlearn.rigid_body.tree.read_urdf`.
     """
-    try:
-        root = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise InputError(f"{path}: no such URDF file") from error
-    except ElementTree.ParseError as error:
-        raise InputError(f"{path}: not an XML file: {error}") from error
-    if root.tag != "robot":
-        raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")
+    root = robot_element(Path(path))
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed"}
     for name in locked:
@@ -139,14 +133,8 @@ def tips(path: str | Path, joints: Collection[str]) -> list[str]:
 
 def _joints(path: str | Path) -> dict[str, tuple[str, str, str]]:
     """Kind, parent and child link of every joint."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such URDF file") from error
-    except (OSError, ElementTree.ParseError) as error:
-        raise InputError(f"{path}: cannot be read as a URDF: {error}") from error
     found = {}
-    for joint in root.findall("joint"):
+    for joint in robot_element(Path(path)).findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
         if parent is None or child is None:
             raise InputError(f"{path}: joint '{joint.get('name')}' has no parent or no child")

@@ -29,6 +29,10 @@ HEADLINES: Mapping[str, tuple[str, str, str]] = {
     "obstacle_nmse_x": ("avoidance", "nmse_x", ""),
     "boxes_hits": ("boxes", "hits", ""),
     "boxes_path_mm": ("boxes", "path", ""),
+    "panda_nmse_cov_coulomb": ("panda", "nmse", ""),
+    "ur10e_nmse_mean_cov_coulomb": ("ur10e", "nmse", ""),
+    "ur10e_load_kg": ("ur10e", "load_kg", ""),
+    "kuka_lwr4_relative_percent": ("kuka_lwr4", "relative_percent", ""),
 }
 """Of `metrics.json`: task, name and case of the finding."""
 

@@ -124,12 +124,27 @@ def read_checked(path: Path) -> SourceParameters:
     return checked(value_at(path, "entry"), KINDS[kind], path, "entry")
 
 
-def write_task(task: SourceParameters, path: Path) -> None:
-    """Publish a task's parameters with digests of the files in its sources, on which its stages depend."""
-    files = {
+Digests = dict[str, dict[str, str]]
+"""SHA-256 of files by their path as it is written, by what they are for."""
+
+
+def source_digests(task: SourceParameters) -> Digests:
+    """`file_digests` of all that a task comes from, by what it is for."""
+    return {
         name: {file: digest for path in paths for file, digest in file_digests(path).items()}
         for name, paths in task.sources().items()
     }
+
+
+def write_task(task: SourceParameters, files: Digests, path: Path) -> None:
+    """Publish a task's parameters with the digests that its sources had before they were read.
+
+    Raises:
+        InputError: a source has changed since.
+    """
+    for kind, now in source_digests(task).items():
+        if changed := sorted({name for name, _ in now.items() ^ files[kind].items()}):
+            raise InputError(f"{', '.join(changed)}: changed while it was read; run it again")
     content = {"kind": task.kind, "entry": task.model_dump(mode="json"), "files": files}
     with publish(path) as target:
         target.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")

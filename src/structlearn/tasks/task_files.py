@@ -12,7 +12,7 @@ import pandas as pd
 
 from structlearn.core.artefacts import publish, read_csv, read_table
 from structlearn.core.errors import InputError
-from structlearn.core.params import ParametersType, read_parameters, value_at
+from structlearn.core.params import ParametersType, home_path, read_parameters, value_at
 from structlearn.core.stage import run
 from structlearn.core.wall_clock import RUN_BY_DVC
 from structlearn.primitives.primitive_files import read_primitives
@@ -148,7 +148,7 @@ def local_path(path: str) -> Path:
     """A path as an entry may have it: from the project's folder, `~` or `$DATA`."""
     if is_public(path):
         return Path(os.environ.get(PUBLIC) or PUBLIC_FOLDER) / path.removeprefix("$DATA").lstrip("/")
-    return Path(path).expanduser()
+    return home_path(path)
 
 
 def is_public(path: str) -> bool:

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
 from rerun.error_utils import set_strict_mode, strict_mode
 
 from structlearn.core import quaternion
+from structlearn.core.errors import InputError
 from structlearn.palette import AXIS_COLOURS, LIGHT_BLUE, ORANGE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 
@@ -60,6 +62,7 @@ def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
 
     Raises:
         OSError: the file cannot be written.
+        InputError: it cannot be read back.
     """
     application = (
         f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # else rerun renames it, and says so
@@ -78,6 +81,10 @@ def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
         set_strict_mode(strict)
         stream.disconnect()
     Path(path).write_bytes(written)
+    try:
+        RrdReader(path).recordings()  # needs the footer
+    except RuntimeError as error:
+        raise InputError(f"{path}: is not on the disk as it was written: {error}") from error
 
 
 def entity(*parts: str) -> str:

@@ -74,7 +74,7 @@ def propose(
 
 def task_name(source: str) -> str:
     """A name for a task whose files lie at a path: lower-case letters, digits and _ of its last part."""
-    path = Path(source).expanduser().absolute()
+    path = local_path(source).absolute()
     words = re.findall(r"[a-z0-9]+", (path.stem if path.is_file() else path.name).lower())
     return "_".join(words)[:60] or "task"
 

@@ -1,14 +1,18 @@
 """What checking a skill on a robot found: margins of every quantity in every run, and verdicts.
 
-A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1.
+A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1. As a program it
+prints them (`make check TASK=pick`); exit code 1 where something fails.
 """
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
 from structlearn.core.artefacts import Metrics, publish, read_table, write_table
+from structlearn.core.errors import InputError
+from structlearn.tasks.task_files import TaskFiles
 
 NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")
 """Kinds of runs."""
@@ -24,18 +28,13 @@ SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}
 
 @dataclass(frozen=True)
 class SkillCheck:
-    """Results.
+    """Results."""
 
-    Attributes:
-        margins: a row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`,
-            `bound`, `unit`, `margin`, `time_s`, `verdict`; what was not tested has no numbers.
-        rest: rest configuration by joint, rad or m.
-        notes: what nobody looked at, and why.
-    """
-
+    # a row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`, `bound`,
+    # `unit`, `margin`, `time_s`, `verdict`; what was not tested has no numbers
     margins: pd.DataFrame
-    rest: dict[str, float]
-    notes: tuple[str, ...]
+    rest: dict[str, float]  # rest configuration by joint, rad or m
+    notes: tuple[str, ...]  # what was not tested, and why
 
     @property
     def verdict(self) -> str:
@@ -47,8 +46,10 @@ class SkillCheck:
         """Factor of all durations with which velocity, acceleration and jerk would keep their bounds.
 
         A primitive keeps its path when its duration changes, so these fall with the factor's first, second
-        and third power.
+        and third power. 1 where something else fails, which no slower run would mend.
         """
+        if not set(self.failing["quantity"]) <= set(SLOWED):
+            return 1.0
         share = 1.0 - self.margins.groupby("quantity")["margin"].min()
         return max(1.0, *(share[quantity] ** (1.0 / power) for quantity, power in SLOWED.items()))
 
@@ -98,11 +99,7 @@ def write_check(check: SkillCheck, folder: str | Path) -> None:
 
 
 def read_check(folder: str | Path) -> SkillCheck:
-    """Read what was found.
-
-    Raises:
-        InputError: a file is missing, damaged or another one.
-    """
+    """Read what was found. Raises InputError: a file is missing, damaged or another one."""
     margins, rest, notes = (read_table(Path(folder) / f"{name}.parquet", its) for name, its in TABLES.items())
     return SkillCheck(margins, dict(zip(rest["joint"], rest["rest"], strict=True)), tuple(notes["note"]))
 
@@ -113,3 +110,38 @@ TABLES = {
     "notes": ("note",),
 }
 """Files of a check, and their columns."""
+
+
+def lines(check: SkillCheck) -> list[str]:
+    """The worst of each quantity, and the verdict."""
+    worst = check.worst("quantity").assign(margin_percent=lambda table: 100.0 * table["margin"])
+    columns = ["quantity", "verdict", "margin_percent", "value", "bound", "unit", "where", "run", "time_s"]
+    table = worst[columns].to_string(index=False, float_format="{:.3g}".format, na_rep="-")
+    figures = check.metrics()
+    verdict = (
+        f"{check.verdict}: {figures['check_failing_runs']} of {figures['check_runs']} runs fail; "
+        f"the nominal one: {figures['check_nominal']}"
+    )
+    slower = [f"durations x {check.stretch:.2f} would keep velocity, acceleration and jerk"]
+    return [table, *check.notes, *(slower if check.stretch > 1.0 else []), verdict]
+
+
+def main(files: TaskFiles) -> bool:
+    """Print it; whether nothing fails.
+
+    Raises:
+        InputError: the task has no robot, or was not checked.
+    """
+    if files.kind != "movement" or not files.has("robot"):
+        raise InputError(f"stages/tasks/own.yaml: {files.kind}.{files.name} has no robot to be checked on")
+    check = read_check(files.folder / "check")
+    print("\n".join(lines(check)))
+    return check.verdict != NO
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(0 if main(TaskFiles(sys.argv[1])) else 1)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(1)

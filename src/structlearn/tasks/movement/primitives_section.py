@@ -19,7 +19,13 @@ from structlearn.palette import (
     REPRODUCTION_COLOUR,
     primitive_colour,
 )
-from structlearn.primitives.fitting import FitParameters, Segment, orientations, segment_paths
+from structlearn.primitives.fitting import (
+    REPRODUCTION_ERRORS,
+    FitParameters,
+    Segment,
+    orientations,
+    segment_paths,
+)
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.twist_swing import dominant_axes, on_chart
@@ -60,7 +66,7 @@ def primitives_section(files: TaskFiles) -> Section:
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
     errors = summary(reproduction)
     sequences = {title: files.table(f"primitives/{name}") for name, title in TITLES.items()}
-    left_out = errors[errors["variant"] == "left out"]
+    left_out = errors[errors["demonstrations"] == "left out"]
     told = left_out if len(left_out) else errors
     spread = reproduction.groupby("primitive", sort=False)["from_mean_mm"].mean()
     pictures = {}
@@ -96,7 +102,7 @@ def primitives_section(files: TaskFiles) -> Section:
             "main": main,
             "demonstrations": len(runs),
         },
-        tables={"errors": errors_table(errors)},
+        tables={"errors": shown(errors, end_mm=".3f")},
         pictures=pictures,
         find=findings(reproduction, errors, segments, own.fit),
     )
@@ -104,37 +110,11 @@ def primitives_section(files: TaskFiles) -> Section:
 
 def summary(reproduction: pd.DataFrame) -> pd.DataFrame:
     """Per primitive and variant: means of the mean errors, largest of the largest and of the end errors."""
-    variants = [
-        VARIANTS[key][1] for key in zip(reproduction["left_out"], reproduction["scaled"], strict=True)
-    ]
-    columns = {
-        "mean_mm": ("mean_mm", "mean"),
-        "max_mm": ("max_mm", "max"),
-        "end_mm": ("end_mm", "max"),
-        "mean_deg": ("mean_deg", "mean"),
-        "max_deg": ("max_deg", "max"),
-        "end_deg": ("end_deg", "max"),
-    }
-    known = {name: how for name, how in columns.items() if how[0] in reproduction}
-    by = reproduction.assign(variant=variants).groupby(["primitive", "variant"], sort=False)
-    found = by.agg(**known).reset_index()
-    order = list(dict.fromkeys(found["primitive"]))
-    return found.sort_values("primitive", key=lambda names: names.map(order.index), kind="stable")
-
-
-def errors_table(errors: pd.DataFrame) -> Table:
-    """The summary with its headings."""
-    headings = {
-        "mean_mm": "mean (mm)",
-        "max_mm": "largest (mm)",
-        "end_mm": "largest at the end (mm)",
-        "mean_deg": "mean (°)",
-        "max_deg": "largest (°)",
-        "end_deg": "largest at the end (°)",
-        "variant": "demonstrations",
-    }
-    formats = {name: ".2f" for name in headings if name != "variant"}
-    return Table(errors, formats | {"end_mm": ".3f"}, headings)
+    keys = zip(reproduction["left_out"], reproduction["scaled"], strict=True)
+    named = reproduction.assign(demonstrations=[VARIANTS[key][1] for key in keys])
+    how = {name: "mean" if "mean" in name else "max" for name in REPRODUCTION_ERRORS if name in named}
+    found = named.groupby(["primitive", "demonstrations"], sort=False).agg(how).reset_index()
+    return found.iloc[np.argsort(pd.factorize(found["primitive"])[0], kind="stable")]
 
 
 def findings(
@@ -150,8 +130,9 @@ def findings(
         find.mean(f"{name}_own_spread_mm", its.drop_duplicates("demonstration")["from_mean_mm"], unit="mm")
     prefixes = {words: prefix for prefix, words in VARIANTS.values()}
     for row in errors.to_dict("records"):
+        lead = f"{row['primitive']}_{prefixes[row['demonstrations']]}"
         for key, column in (("mean_mm", "mean_mm"), ("max_mm", "max_mm"), ("end_max_mm", "end_mm")):
-            find.exact(f"{row['primitive']}_{prefixes[row['variant']]}_{key}", row[column], unit="mm")
+            find.exact(f"{lead}_{key}", row[column], unit="mm")
     variants = {key: its for key, its in reproduction.groupby(["left_out", "scaled"], sort=False)}
     published = variants.get((False, False), variants[False, True])
     lengths_mm = np.array(

@@ -15,7 +15,6 @@ Every run is followed by inverse kinematics from near the same rest configuratio
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,6 +42,7 @@ from structlearn.tasks.movement.check_results import (
     verdict,
 )
 from structlearn.tasks.movement.movement_parameters import Bound, RobotParameters
+from structlearn.tasks.task_files import local_path
 
 BEYOND_ALL_BOUNDS = 1e9
 """Weights of a network whose coupling term is at its bound from the second tick on, or on its way there."""
@@ -50,19 +50,12 @@ BEYOND_ALL_BOUNDS = 1e9
 
 @dataclass(frozen=True)
 class Unroll:
-    """One run of T ticks.
+    """One run of T ticks."""
 
-    Attributes:
-        kind: of `check_results.KINDS`.
-        name: what differs from the nominal run, in words.
-        position: (T, 3) m, frame of the demonstrations.
-        orientation: (T, 4) unit quaternions, or None.
-    """
-
-    kind: str
-    name: str
-    position: np.ndarray
-    orientation: np.ndarray | None
+    kind: str  # of `check_results.KINDS`
+    name: str  # what differs from the nominal run, in words
+    position: np.ndarray  # (T, 3) m, frame of the demonstrations
+    orientation: np.ndarray | None  # (T, 4) unit quaternions
 
 
 def unrolls(skill: ReactiveSkill, rate_hz: float) -> Iterator[Unroll]:
@@ -129,10 +122,10 @@ COARSE, SEED = 20, 1
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
     """Follow all runs of a skill with a robot.
 
-    Raises:
-        InputError: the URDF is no good, bounds are as many as no joints are, or no joints reach the start.
+    Raises InputError: the URDF cannot be used, there are not as many bounds as joints, or no joint
+    configuration reaches the start.
     """
-    path = urdf_path(str(Path(parameters.urdf).expanduser()))
+    path = urdf_path(str(local_path(parameters.urdf)))
     arm = read_arm(path, parameters.tip, parameters.locked_joints)
     bounds = Bounds.of(arm, parameters)
     runs = [in_arm_frames(run, parameters) for run in unrolls(skill, RATE_HZ)]
@@ -154,21 +147,13 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
 
 @dataclass(frozen=True)
 class Bounds:
-    """What an arm with n joints may be asked for.
+    """What an arm with n joints may be asked for."""
 
-    Attributes:
-        velocity: (n,) rad/s or m/s.
-        acceleration: (n,) rad/s^2 or m/s^2.
-        jerk: (n,) rad/s^3 or m/s^3.
-        least_singular_value: of the Jacobian.
-        least_distance_m: between links.
-    """
-
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    jerk: np.ndarray
-    least_singular_value: float
-    least_distance_m: float
+    velocity: np.ndarray  # (n,) rad/s or m/s
+    acceleration: np.ndarray  # (n,) rad/s^2 or m/s^2
+    jerk: np.ndarray  # (n,) rad/s^3 or m/s^3
+    least_singular_value: float  # of the Jacobian
+    least_distance_m: float  # between links
 
     @classmethod
     def of(cls, arm: Arm, parameters: RobotParameters) -> "Bounds":
@@ -185,8 +170,7 @@ class Bounds:
 def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
     """A run as poses of the tip in the robot's base frame.
 
-    Raises:
-        InputError: the tool stands off the tip, and the run has no orientations to say where that is.
+    Raises InputError: the tool is offset from the tip, and the run has no orientations.
     """
     base, tool = parameters.base, parameters.tool
     back = quaternion.conjugate(base.turn)
@@ -205,11 +189,7 @@ def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
 def margins(
     arm: Arm, path: JointPath, bounds: Bounds, shapes: LinkShapes | None
 ) -> Iterator[dict[str, str | float]]:
-    """The worst of each quantity along one run, which was sampled at `RATE_HZ`.
-
-    Yields:
-        Rows of `check_results.SkillCheck.margins`, but for the run.
-    """
+    """The worst of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` but the run."""
     tree, dt = arm.tree, 1.0 / RATE_HZ
     units = ["m" if prismatic else "rad" for prismatic in tree.prismatic]
     velocity = signals.derivative(path.joints, dt)

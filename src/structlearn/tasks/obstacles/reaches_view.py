@@ -69,7 +69,10 @@ def _send_shapes(stream: rr.RecordingStream, name: str, shapes: pd.DataFrame) ->
     sizes, centres = (shapes[list(columns)].to_numpy() for columns in (EXTENT, PLACE))
     solid = shapes["box"].to_numpy(bool)
     stream.log(entity(name, "obstacles"), solid_boxes(sizes[solid], centres[solid], [GREY]), static=True)
-    walls = rr.Boxes3D(sizes=sizes[~solid], centers=centres[~solid], colors=rgba([LIGHT_GREY]))
+    edges = rr.components.FillMode.MajorWireframe
+    walls = rr.Boxes3D(
+        sizes=sizes[~solid], centers=centres[~solid], colors=rgba([LIGHT_GREY]), fill_mode=edges
+    )
     stream.log(entity(name, "walls"), walls, static=True)
     floor = send_floor_axes(stream, entity(name, "axes"), (centres - 0.5 * sizes)[solid])
     return centres[solid].mean(axis=0), floor

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE
 from structlearn.reporting.figure_style import Drawing, Raster, styled
 from structlearn.reporting.panels import legend, map_panels, panel
-from structlearn.tasks.touch.skin_section import ARROW, SkinRuns, of_mean, shown_map
-from structlearn.tasks.touch.touch_names import NEW_RUN, SPACES
+from structlearn.tasks.touch.skin_section import ARROW, SkinRuns, of_mean
+from structlearn.tasks.touch.touch_names import NEW_RUN, SPACES, shown_map
 
 BOUND_MM = 0.8
 """The aim of the claims."""

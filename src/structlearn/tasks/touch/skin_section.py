@@ -1,6 +1,6 @@
 """A skin that was touched at known places: is its map the skin, how hard was it pressed, servoing in it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -123,14 +123,6 @@ class SkinRuns:
         groups = found.groupby(level=[0, 1])
         cases = {f"{self.numbers[a]} {ARROW} {self.numbers[b]}": [its.to_numpy()] for (a, b), its in groups}
         return by_case(mean, cases)
-
-
-def shown_map(maps: pd.DataFrame, tuned_on: Sequence[str]) -> pd.DataFrame:
-    """The map of the skin that is shown: the first that is tested on a run on which nothing was tuned."""
-    untouched = maps[~maps["asked_about"].isin(tuned_on)]
-    maps = untouched if len(untouched) else maps
-    first = maps[["learned_from", "asked_about"]].iloc[0]
-    return maps[(maps[["learned_from", "asked_about"]] == first).all(axis=1)]
 
 
 def of_mean(samples: pd.Series) -> Evidence:

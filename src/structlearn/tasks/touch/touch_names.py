@@ -1,8 +1,12 @@
 """What models, sets and controllers of touch are called, and how they look on pages and in recordings."""
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
 
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, OCHRE, ORANGE, PINK, Look
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STRUCTURED, PLAIN, COMPONENTS, PROCESS = (
     "structured",
@@ -70,3 +74,11 @@ WORLDS = {
     "slides, recorded": GREEN,
 }
 """Colours of the sets whose statistics are compared; the first two are of the same task."""
+
+
+def shown_map(maps: "pd.DataFrame", tuned_on: Sequence[str]) -> "pd.DataFrame":
+    """The map of the skin that is shown: the first that is tested on a run on which nothing was tuned."""
+    untouched = maps[~maps["asked_about"].isin(tuned_on)]
+    maps = untouched if len(untouched) else maps
+    first = maps[["learned_from", "asked_about"]].iloc[0]
+    return maps[(maps[["learned_from", "asked_about"]] == first).all(axis=1)]

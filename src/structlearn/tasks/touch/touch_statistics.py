@@ -5,7 +5,7 @@ smoothed nor interpolated, for that would take noise away.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,15 @@ class FingerTrace:
     def moving(self) -> np.ndarray:
         """The part in contact, (T', 19)."""
         return self.counts[self.contact or 0 :]
+
+
+def in_sets(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
+    """Recordings called SET/NAME, by NAME and by their set."""
+    found: dict[str, list[Recording]] = {}
+    for one in recordings:
+        name, _, rest = one.name.partition("/")
+        found.setdefault(name, []).append(replace(one, name=rest))
+    return found
 
 
 def finger_traces(

@@ -51,7 +51,7 @@ from structlearn.tasks.touch.touch_names import (
     UNSCREWING,
 )
 from structlearn.tasks.touch.touch_parameters import TouchParameters
-from structlearn.tasks.touch.touch_statistics import variance_shares
+from structlearn.tasks.touch.touch_statistics import in_sets, variance_shares
 
 if TYPE_CHECKING:
     from sklearn.decomposition import PCA
@@ -152,15 +152,6 @@ def touch_sets(
     if not paired:
         raise MissingInputError("there are no two slides or logs of unscrewing whose touches make a map")
     return paired
-
-
-def in_sets(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
-    """Recordings called SET/NAME, by NAME and by their set."""
-    found: dict[str, list[Recording]] = {}
-    for one in recordings:
-        name, _, rest = one.name.partition("/")
-        found.setdefault(name, []).append(replace(one, name=rest))
-    return found
 
 
 def compare_sets(

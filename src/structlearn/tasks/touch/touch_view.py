@@ -14,9 +14,8 @@ from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE, place_colours
 from structlearn.primitives.vector import VectorPrimitive, deviation, without_offset
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.slide import material_of
-from structlearn.tasks.touch.skin_section import shown_map
 from structlearn.tasks.touch.surface_traces import trial_groups
-from structlearn.tasks.touch.touch_names import SLIDE_GROUPS
+from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, shown_map
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters
 from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.recorded_demonstrations import write_demonstrations

@@ -1,0 +1,130 @@
+"""Doors that stood open: the smallest case of each, read with bounds on memory and time, is one line."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import zstandard
+from committed import topic_map
+from faults import forged_skills
+from faults.trial import NAMED, outcome
+from mcap.data_stream import RecordBuilder
+from mcap.records import Chunk, Footer
+from mcap.writer import MCAP0_MAGIC
+from readers_bags import joint_messages, pose_messages, pose_rows, write_bag
+
+from structlearn.core.artefacts import read_tensors, write_tensors
+from structlearn.core.params import read_values
+from structlearn.feedback.skill_file import KIND, read_skill
+from structlearn.readers import read_demonstrations, read_recording
+from structlearn.readers.text_log import read_stamped_table
+from structlearn.readers.ur10e import read_logs
+from structlearn.rigid_body.tree import read_urdf
+
+STAMPS = (10**9 + 10_000_000 * np.arange(4)).tolist()
+BOMB = b"\x80" + (2 * 10**8).to_bytes(8, "little") + bytes(2 * 10**8)  # a record that nobody knows
+
+
+def _columns(path: Path) -> None:
+    names = ["time_s", "x", "y", "z", *(f"position.j{number}" for number in range(100_000))]
+    path.write_text("\n".join([",".join(names), *(",".join([f"0.0{row}", *"0" * 100_003]) for row in "12")]))
+
+
+def _joints(path: Path) -> None:
+    names = [f"j{number}" for number in range(100_000)]
+    write_bag(
+        path, pose_messages(STAMPS, pose_rows(4)) + joint_messages(STAMPS[:1], names, [[0.0] * 100_000])
+    )
+
+
+def _chunks(path: Path) -> None:
+    """15 chunks of 200 MB, each as large as it says."""
+    builder = RecordBuilder()
+    packed = zstandard.compress(BOMB)
+    for _ in range(15):
+        Chunk("zstd", packed, 0, 0, 0, len(BOMB)).write(builder)
+    Footer(0, 0, 0).write(builder)
+    path.write_bytes(MCAP0_MAGIC + builder.end() + MCAP0_MAGIC)
+
+
+def _packed(path: Path) -> None:
+    path.write_bytes(zstandard.compress(bytes(15 * 10**8)))
+
+
+def _sparse(path: Path) -> None:
+    path.touch()
+    os.truncate(path, 200 * 10**9)
+
+
+def _rows(path: Path) -> None:
+    """A table that says of itself that it has a milliard numbers, of which each page has one."""
+    count = 5 * 10**7
+    table = pd.DataFrame(dict.fromkeys(["time_s", "x", "y", "z"], np.zeros(count)))
+    table.to_parquet(path, index=False)
+
+
+def _long(path: Path) -> None:
+    """A skill that takes longer than anybody waits."""
+    forged_skills.write(path)
+    tensors = read_tensors(path)
+    tensors["primitives.tilt.position.local.duration"] = np.array(1e300)
+    forged_skills.sign(path, tensors)
+
+
+def _deep(path: Path) -> None:
+    write_tensors({"a": np.zeros(1)}, path, f'{{"{KIND}": ' + "[" * 100_000)
+
+
+def _strange(path: Path) -> None:
+    """Numbers of a kind that numpy does not have."""
+    header = json.dumps({"a": {"dtype": "F8_E4M3", "shape": [1], "data_offsets": [0, 1]}}).encode()
+    signed = json.dumps({"__metadata__": {"description": "x\nsha256 0"}, **json.loads(header)}).encode()
+    path.write_bytes(len(signed).to_bytes(8, "little") + signed + b"\0")
+
+
+def _robot(encoding: str = "utf-8", inside: str = "") -> str:
+    space = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+    return (
+        f'<?xml version="1.0" encoding="{encoding}"?><robot name="r" {space}><link name="a"/>{inside}</robot>'
+    )
+
+
+TABLE = topic_map(pose="/pose", joint_states="/joint_states")
+TOOL = topic_map(pose="/tool", joint_states="/joint_states")
+DOORS = {
+    "columns.csv": (_columns, lambda path: read_recording(path, TABLE), "has 100003 columns, more than"),
+    "joints.mcap": (_joints, lambda path: read_recording(path, TOOL), "names 100000 joints, more than"),
+    "chunks.mcap": (_chunks, lambda path: read_recording(path, TOOL), "it unpacks to more than"),
+    "packed.mcap.zstd": (_packed, lambda path: read_recording(path, TOOL), "it unpacks to more than"),
+    "sparse.csv": (_sparse, lambda path: read_recording(path, TABLE), "has 200000000000 bytes, more than"),
+    "sparse.txt": (_sparse, lambda path: read_stamped_table(path, 4), "has 200000000000 bytes, more than"),
+    "rows.parquet": (_rows, lambda path: read_recording(path, TABLE), "has 50000000 rows of 4 columns"),
+    "ur-pipe.csv": (os.mkfifo, lambda path: read_logs(path.parent), "not a file"),
+    "pipe.csv": (os.mkfifo, lambda path: read_recording(path, TABLE), "not a file"),
+    "pipe.urdf": (os.mkfifo, read_urdf, "not a file"),
+    "pipe.yaml": (os.mkfifo, read_values, "not a file"),
+    "home": (lambda path: None, lambda path: read_demonstrations("~nobody-home/x"), "no such home folder"),
+    "long.safetensors": (_long, read_skill, "duration holds 1e+300"),
+    "deep.safetensors": (_deep, read_skill, "holds no skill"),
+    "strange.safetensors": (_strange, read_skill, "not a readable safetensors file"),
+    "encoding.urdf": (lambda path: path.write_text(_robot("utf-7")), read_urdf, "not an XML file"),
+    "no-encoding.urdf": (lambda path: path.write_text(_robot("none")), read_urdf, "not an XML file"),
+    "xacro.urdf": (
+        lambda path: path.write_text(_robot(inside='<xacro:include filename="arm.urdf"/>')),
+        read_urdf,
+        "expand it first",
+    ),
+}
+"""By the file's name: how it is written and read, and what is said."""
+
+
+@pytest.mark.parametrize("name", DOORS)
+def test_the_smallest_case_is_one_line(tmp_path, name):
+    write, read, words = DOORS[name]
+    write(tmp_path / name)
+    came, said = outcome(read, tmp_path / name, "")
+    assert came == NAMED, said
+    assert words in said

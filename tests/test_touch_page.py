@@ -1,0 +1,243 @@
+"""Pages of touch on made-up tables: every claim can say yes and no, and what is there is shown."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import test_touch_skin
+from committed import ROOT, committed_entry
+from reporting_verdicts import AnyFigure
+from test_touch_calibration import PARAMETERS, calibrated
+
+from structlearn.core.artefacts import write_csv, write_table
+from structlearn.reporting.claims import Evidence, combined, judge, read_claims
+from structlearn.reporting.document import environment, render, words_in_view
+from structlearn.tasks import task_page
+from structlearn.tasks.task_entry import write_task
+from structlearn.tasks.task_files import LEFT_OUT, TaskFiles
+from structlearn.tasks.touch import calibration_section
+from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
+from structlearn.tasks.touch.surface_section import find_surfaces
+from structlearn.tasks.touch.touch_names import ASKED, COMPONENTS, PARTNERS, PLAIN, SLIDES, STRUCTURED
+from structlearn.tasks.touch.transfer_section import find_transfer
+
+
+def rows(columns, values):
+    return pd.DataFrame(values, columns=columns.split())
+
+
+@lru_cache
+def surfaces(good=True):
+    """Slides over two materials that differ, or do not."""
+    groups = dict.fromkeys(("m9_1", "m9_2", "m9_4"), "learned") | {"m9_3": "left out"}
+    groups |= {f"m15_{trial}": "other material" for trial in range(1, 5)}
+    level = {"learned": 5.0, "left out": 6.0, "other material": 20.0 if good else 2.0}
+    trial = {name: 0.01 * int(name.split("_")[1]) for name in groups}
+    material = {name: name.split("_")[0] for name in groups}
+    error = 0.3 if good else 3.0
+    time = {"time_s": np.arange(40) / 100, "mean": 1.0}
+    alone = [(name, material[name], 5.0 + 10 * trial[name], error + trial[name]) for name in groups]
+    across = [
+        (learned, name, material[name], (60.0 if good else 1.0) + trial[name], 2.0)
+        for learned in ("m9", "m15")
+        for name in groups
+        if material[name] != learned
+    ]
+    return {
+        "clock_errors": rows(
+            "kind samples median_gap_ms longest_gap_ms rms_error max_error",
+            [(kind, 100, 6.6, 150.0, 1e-4, 3e-3) for kind in ("pose", "wrench")],
+        ),
+        "deviations": rows(
+            "demonstration group rms largest",
+            [(name, group, level[group] + trial[name], 40.0) for name, group in groups.items()],
+        ),
+        "left_one_out": rows("demonstration material rms nmse", alone),
+        "channels": rows(
+            "demonstration material channels electrodes rms nmse",
+            [(name, its, kind, 8, 5.0, nmse) for kind in ("strong", "weak") for name, its, _, nmse in alone],
+        ),
+        "across_materials": rows("expected demonstration material rms nmse", across),
+        "statistics": pd.concat(
+            pd.DataFrame(time | {"group": group, "electrode": electrode, "std": electrode})
+            for group in level
+            for electrode in range(1, 4)
+        ),
+    }
+
+
+@lru_cache
+def transfer(good=True):
+    """Sets whose latent spaces are good and carry over, or neither."""
+    error = 0.01 if good else 0.8
+    nmse = {STRUCTURED: error, PLAIN: error, COMPONENTS: 0.5}
+    errors = [
+        (*key, model, part, 0, nmse[model] + 0.001 * part, 1.0, error + 0.001 * part, 0.02)
+        for key in ASKED
+        for model in nmse
+        for part in range(4)
+    ]
+    columns = "trials samples counts against start_counts end_counts components along_mm across_mm"
+    sets = rows(f"set {columns}", [(name, 4, 900, 8.0, 0.2, 21.0, 3.0, 6, 0.2, 0.2) for name in PARTNERS])
+    pairs = [(name, name, 0.4) for name in ("slides", "unscrewing")]
+    pairs += [(*pair, 0.4) for pair in PARTNERS.items()]
+    electrodes = np.arange(1, 20)
+    matrix = {"electrode": np.repeat(electrodes, 19), "other": np.tile(electrodes, 19), "correlation": 0.5}
+    return {
+        "errors": rows(
+            "learned_from asked_about new model part seed reconstruction worst_electrode distances pressure",
+            errors,
+        ),
+        "sets": sets.assign(along_std_mm=0.1, across_std_mm=0.1),
+        "likeness": rows("first second correlation", pairs),
+        "correlations": pd.concat(pd.DataFrame({"set": name, **matrix}) for name in PARTNERS),
+    }
+
+
+def skin(good=True):
+    return dict(test_touch_skin.made_up(good).tables)
+
+
+MADE_UP = {"eflesh": skin, "slides": surfaces, "biotac": transfer}
+FIND = {
+    "eflesh": lambda tables: find_skin(SkinRuns(tables, ("a",))),
+    "slides": find_surfaces,
+    "biotac": find_transfer,
+}
+
+
+def claims(name):
+    return read_claims(ROOT / f"stages/tasks/claims/{name}.yaml")
+
+
+@pytest.mark.parametrize("name", MADE_UP)
+@pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
+def test_every_claim_can_say_yes_and_no(name, good, word):
+    find = FIND[name](MADE_UP[name](good))
+    judged = judge(claims(name), find, environment(task_page.PACKAGE), {})
+    assert {one.verdict for one in judged} == {word}
+
+
+@pytest.fixture
+def shown(tmp_path, monkeypatch):
+    """Of a task with these tables: its page in HTML, and what was found."""
+    (tmp_path / "stages").symlink_to(ROOT / "stages")
+    monkeypatch.chdir(tmp_path)
+    published = []
+    monkeypatch.setattr(task_page, "publish_report", lambda *given, **_: published.append(given))
+
+    def show(name, tables):
+        files = TaskFiles(name)
+        changes = {"tuned_on": ["a"]} if name == "eflesh" else {}
+        write_task(committed_entry(name, source="$DATA/none", **changes), files.parameters)
+        write_csv(pd.DataFrame({"file": [], "reason": []}), files.recorded / LEFT_OUT)
+        for table, its in tables.items():
+            write_table(its, files.folder / f"touch/{table}.parquet")
+        task_page.publish_page(files)
+        _, pages, drawn, _, find = published[-1]
+        page = render(pages["index"], AnyFigure())
+        assert words_in_view(page) <= 1000
+        assert all(f"figure-{picture}" in page for picture in drawn)
+        return page, find
+
+    return show
+
+
+SKIN_TABLES = ("errors", "map", "maps", "servo", "paths", "force", "lags", "traces", "recordings")
+
+
+@pytest.mark.parametrize("there", [SKIN_TABLES, SKIN_TABLES[:2], ("force", "lags", "traces")])
+def test_a_skin_is_shown_as_far_as_it_was_recorded(there, shown):
+    tables = skin()
+    tables["map"] = tables["maps"]
+    tables["recordings"] = pd.DataFrame({"recording": ["a"], "samples": [25], "touching": [25]})
+    alone = tables["errors"][tables["errors"]["learned_from"] == tables["errors"]["asked_about"]]
+    if "maps" not in there:
+        tables["errors"] = alone
+    if "recordings" not in there:
+        there = (*there, "recordings")
+    page, find = shown("eflesh", {name: tables[name] for name in there})
+    assert ("Servoing in the recorded map" in page) == ("paths" in there)
+    assert ("the probe moves down" in page or "a probe moves down" in page) == ("traces" in there)
+    assert ("map_nmse" in find.numbers()) == ("errors" in there)
+
+
+@pytest.mark.parametrize("missing", ["slides", "unscrewing"])
+def test_touch_goes_on_with_one_of_its_sets(missing, shown):
+    gone, tables = {missing, PARTNERS[missing]}, dict(transfer())
+    for name, columns in (
+        ("errors", ("learned_from", "asked_about")),
+        ("sets", ("set",)),
+        ("likeness", ("first", "second")),
+        ("correlations", ("set",)),
+    ):
+        for column in columns:
+            tables[name] = tables[name][~tables[name][column].isin(gone)]
+    page, find = shown("biotac", tables)
+    left = "unscrewing" if missing == SLIDES else SLIDES
+    assert f"reconstruction_nmse_{left}" in find
+    assert f"reconstruction_nmse_{missing}" not in find
+    assert missing not in page.partition("<h3>Transfer")[2].partition("<details")[0]
+
+
+def test_slides_over_one_material_are_enough(shown):
+    tables = dict(surfaces())
+    for name in ("deviations", "left_one_out", "channels"):
+        its = tables[name]
+        tables[name] = its[its["demonstration"].isin(["m9_1", "m9_2"])]
+    tables["across_materials"] = tables["across_materials"][:0]
+    tables["statistics"] = tables["statistics"].query("group == 'learned'")
+    page, find = shown("slides", tables)
+    assert "it takes two slides over each of two materials" in page
+    assert "other_material_median_rms_counts" not in find
+
+
+def test_everything_of_slides_and_sets_is_shown(shown):
+    for name, sentence in (("slides", "Every trial"), ("biotac", "Three random directions")):
+        page, _ = shown(name, MADE_UP[name]())
+        assert sentence in page or name == "slides"
+
+
+@lru_cache
+def calibration(gain):
+    """Tables of touch: recorded, and simulated `gain` times as strong."""
+    return calibrated(gain)
+
+
+def verdicts(find):
+    return {
+        claim.evidence: combined([claim.verdict(one, "") for one in cases(find[claim.evidence])])
+        for claim in read_claims(Path(calibration_section.__file__).with_name("calibration_claims.yaml"))
+    }
+
+
+def cases(found):
+    return [found] if isinstance(found, Evidence) else found.values()
+
+
+def test_calibration_says_what_agrees():
+    equal, stronger = (calibration_section.find_calibration(calibration(gain)) for gain in (1.0, 3.0))
+    assert set(verdicts(equal).values()) == {"yes"}
+    assert (verdicts(stronger)["contact"], verdicts(stronger)["noise"]) == ("no", "yes")
+    drawn = calibration_section.calibration_pictures(calibration(3.0), 0.99)
+    document = calibration_section.calibration_document(calibration(3.0), stronger, PARAMETERS)
+    assert document.simulated
+    assert words_in_view(render(document, dict.fromkeys(drawn, ()))) <= 1000
+    values = stronger.numbers()
+    assert values["compared"] == len(calibration_section.STATISTICS)
+    ratio = values["contact_strongest_simulated"] / values["contact_strongest_recorded"]
+    assert ratio == pytest.approx(3, rel=0.05)
+
+
+def test_calibration_without_a_recorded_execution_says_so():
+    find = calibration_section.find_calibration({})
+    page = calibration_section.calibration_document({}, find, PARAMETERS)
+    assert {one.verdict for one in page.judged} == {"not tested"}
+    assert "No scraping execution is recorded here" in render(page, {})
+
+
+def test_the_claims_bound_is_the_parameters_factor():
+    path = Path(calibration_section.__file__).with_name("calibration_claims.yaml")
+    assert {tuple(claim.bound) for claim in read_claims(path)} == {(1 / PARAMETERS.factor, PARAMETERS.factor)}
