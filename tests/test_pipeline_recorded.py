@@ -1,4 +1,4 @@
-"""The pipeline of tasks on public sets, end to end, on reduced parameters: on all of them, and on very few."""
+"""The pipeline of tasks on public sets, end to end, on reduced parameters: on all, and on very few."""
 
 import json
 import shutil
