@@ -16,7 +16,6 @@ from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
-import motion_tables
 import numpy as np
 import pandas as pd
 import pytest
@@ -40,7 +39,6 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
-from structlearn.tasks.motion.motion_results import motion_findings
 from structlearn.tasks.obstacles.representations_section import representation_findings
 from structlearn.tasks.obstacles.scene_section import scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
@@ -433,7 +431,7 @@ def test_every_case_of_a_claim_can_come_out_no(page, claim, unmoved, request):
 
 
 def test_no_links_of_cov_are_impossible():
-    """What `possible_bodies` is marked for: it is so whatever was learned."""
+    """What `possible_bodies` of the UR10e is marked for: it is so whatever was learned."""
     free = 3.0 * torch.from_numpy(np.random.default_rng(0).normal(size=(1000, parameter_count("cov"))))
     inertias = link_inertias("cov", free)
     moments = np.linalg.eigvalsh(inertias.inertia.numpy())
