@@ -16,6 +16,7 @@ from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
+import motion_tables
 import numpy as np
 import pandas as pd
 import pytest
@@ -39,6 +40,7 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
+from structlearn.tasks.motion.motion_results import motion_findings
 from structlearn.tasks.obstacles.representations_section import representation_findings
 from structlearn.tasks.obstacles.scene_section import scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
