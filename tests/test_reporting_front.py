@@ -64,6 +64,10 @@ def test_the_page_counts_the_statements_of_the_dissertation():
     assert '<a href="tasks/pour/index.html">pour</a>' in html
 
 
+def is_of_claims(file: Path) -> bool:
+    return "claims" in file.as_posix() and file.stem != "published"
+
+
 @pytest.mark.parametrize("row", [*ROWS, *TILES], ids=lambda row: f"{row.report}-{row.claim}")
 def test_every_claim_that_the_page_names_exists(row):
     folders = (
@@ -71,9 +75,7 @@ def test_every_claim_that_the_page_names_exists(row):
         if row.report == "recorded"
         else [f"src/structlearn/testbeds/{row.report}"]
     )
-    files = [
-        file for folder in folders for file in (ROOT / folder).rglob("*.yaml") if "claims" in file.as_posix()
-    ]
+    files = [file for folder in folders for file in (ROOT / folder).rglob("*.yaml") if is_of_claims(file)]
     names = {claim["evidence"] for file in files for claim in yaml.safe_load(file.read_text())}
     assert row.claim in names
 
@@ -111,7 +113,7 @@ def test_the_readme_has_the_table_of_findings():
 def test_statements_are_whole_sentences_and_counterparts_exist():
     """A claim about recorded data names the like statement of a testbed as this one makes it."""
     folders = (ROOT / folder for folder in ("src", "stages"))
-    files = [file for folder in folders for file in folder.rglob("*.yaml") if "claims" in file.as_posix()]
+    files = [file for folder in folders for file in folder.rglob("*.yaml") if is_of_claims(file)]
     claims = {file: yaml.safe_load(file.read_text()) for file in files}
     stated = {file: [claim["statement"] for claim in its] for file, its in claims.items()}
     for one in (statement for its in stated.values() for statement in its):

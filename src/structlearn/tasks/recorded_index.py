@@ -29,10 +29,16 @@ HEADLINES: Mapping[str, tuple[str, str, str]] = {
     "obstacle_nmse_x": ("avoidance", "nmse_x", ""),
     "boxes_hits": ("boxes", "hits", ""),
     "boxes_path_mm": ("boxes", "path", ""),
+    "touch_reconstruction_nmse_simulated_to_slides": (
+        "biotac",
+        "reconstruction_nmse_simulated_to_slides",
+        "",
+    ),
+    "eflesh_map_nmse": ("eflesh", "map_nmse", ""),
+    "eflesh_latent_mm": ("eflesh", "latent_mm", ""),
     "panda_nmse_cov_coulomb": ("panda", "nmse", ""),
     "ur10e_nmse_mean_cov_coulomb": ("ur10e", "nmse", ""),
     "ur10e_load_kg": ("ur10e", "load_kg", ""),
-    "kuka_lwr4_relative_percent": ("kuka_lwr4", "relative_percent", ""),
 }
 """Of `metrics.json`: task, name and case of the finding."""
 
