@@ -16,6 +16,11 @@ PAGE = read_front_page(ROOT / "stages/report.yaml")
 ROWS = [row for one in PAGE.findings for row in (one.simulated, one.recorded) if row]
 TILES = [tile for card in PAGE.cards.values() for tile in card.tiles]
 
+
+def is_of_claims(file):
+    return "claims" in file.as_posix() and file.stem != "published"
+
+
 CLAIMS = pd.DataFrame(
     [
         ("text", "Turn", "0.55 [0.47, 0.64] of the cost", "yes", "undecided", "cost"),
@@ -125,3 +130,9 @@ def test_statements_are_whole_sentences_and_counterparts_exist():
         ]
         patterns = [".*".join(map(re.escape, re.split(r"{{.*?}}", one))) for one in own]
         assert any(re.fullmatch(pattern, like["statement"]) for pattern in patterns), like["statement"]
+
+
+def test_sets_of_recordings_are_called_as_their_entries():
+    kinds = yaml.safe_load((ROOT / "stages/tasks/public.yaml").read_text())
+    titles = {entry.get("title") for entries in kinds.values() for entry in entries.values()}
+    assert {row.set for row in (*ROWS, *TILES) if row.report == "recorded"} <= titles
