@@ -1,6 +1,9 @@
 """The page section of a task with touches: a skin and its map, slides over surfaces, or sets of touches."""
 
+from dataclasses import replace
+
 from structlearn.core.artefacts import read_table
+from structlearn.readers.series_table import read_series
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch import skin_section, surface_section, transfer_section
@@ -12,7 +15,17 @@ def section(files: TaskFiles) -> Section:
     parameters, folder = files.entry(TouchParameters), files.folder / "touch"
     tables = {path.stem: read_table(path) for path in sorted(folder.glob("*.parquet"))}
     if parameters.surfaces is not None:
-        return surface_section.section(tables)
-    if parameters.transfer is not None:
-        return transfer_section.section(tables)
-    return skin_section.section(tables, parameters, folder)
+        shown = surface_section.section(tables)
+    elif parameters.transfer is not None:
+        shown = transfer_section.section(tables)
+    else:
+        shown = skin_section.section(tables, parameters, folder)
+    return replace(shown, facts={**shown.facts, "origins": origins(files)})
+
+
+def origins(files: TaskFiles) -> list[str]:
+    """Sources of a public set with their licences."""
+    recorded = [one for path in sorted(files.recorded.glob("*.parquet")) for one in read_series(path)]
+    known = [one.about.get("provenance", one.about) for one in recorded]
+    named = [f"{its['source']} ({its['licence']})" for its in known if "licence" in its]
+    return list(dict.fromkeys(named))
