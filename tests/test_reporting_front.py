@@ -16,6 +16,11 @@ PAGE = read_front_page(ROOT / "stages/report.yaml")
 ROWS = [row for one in PAGE.findings for row in (one.simulated, one.recorded) if row]
 TILES = [tile for card in PAGE.cards.values() for tile in card.tiles]
 
+
+def is_of_claims(file):
+    return "claims" in file.as_posix() and file.stem != "published"
+
+
 CLAIMS = pd.DataFrame(
     [
         ("text", "Turn", "0.55 [0.47, 0.64] of the cost", "yes", "undecided", "cost"),
@@ -71,9 +76,7 @@ def test_every_claim_that_the_page_names_exists(row):
         if row.report == "recorded"
         else [f"src/structlearn/testbeds/{row.report}"]
     )
-    files = [
-        file for folder in folders for file in (ROOT / folder).rglob("*.yaml") if "claims" in file.as_posix()
-    ]
+    files = [file for folder in folders for file in (ROOT / folder).rglob("*.yaml") if is_of_claims(file)]
     names = {claim["evidence"] for file in files for claim in yaml.safe_load(file.read_text())}
     assert row.claim in names
 
@@ -111,7 +114,7 @@ def test_the_readme_has_the_table_of_findings():
 def test_statements_are_whole_sentences_and_counterparts_exist():
     """A claim about recorded data names the like statement of a testbed as this one makes it."""
     folders = (ROOT / folder for folder in ("src", "stages"))
-    files = [file for folder in folders for file in folder.rglob("*.yaml") if "claims" in file.as_posix()]
+    files = [file for folder in folders for file in folder.rglob("*.yaml") if is_of_claims(file)]
     claims = {file: yaml.safe_load(file.read_text()) for file in files}
     stated = {file: [claim["statement"] for claim in its] for file, its in claims.items()}
     for one in (statement for its in stated.values() for statement in its):
@@ -123,3 +126,9 @@ def test_statements_are_whole_sentences_and_counterparts_exist():
         ]
         patterns = [".*".join(map(re.escape, re.split(r"{{.*?}}", one))) for one in own]
         assert any(re.fullmatch(pattern, like["statement"]) for pattern in patterns), like["statement"]
+
+
+def test_sets_of_recordings_are_called_as_their_entries():
+    kinds = yaml.safe_load((ROOT / "stages/tasks/public.yaml").read_text())
+    titles = {entry.get("title") for entries in kinds.values() for entry in entries.values()}
+    assert {row.set for row in (*ROWS, *TILES) if row.report == "recorded"} <= titles

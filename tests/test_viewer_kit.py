@@ -9,7 +9,7 @@ from committed import committed
 from rerun.error_utils import strict_mode
 from viewer_files import DT, ONLY_POSITION, PRIMITIVES, contents, demonstration, values, verify, view_names
 
-from structlearn.palette import BLUE, ORANGE, SKY
+from structlearn.palette import BLUE, COLOUR_NAMES, LIGHT_BLUE, OCHRE, WHITE
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
 from structlearn.segmentation.parameters import SegmentParameters
@@ -18,7 +18,7 @@ from structlearn.viewer.diagram import Diagram, tick_step
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.notes import legend, send_notes
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import recording, send_primitive_lane, time_column
+from structlearn.viewer.rrd import GROUND, recording, send_primitive_lane, time_column
 
 THINNED = 2  # samples of 200 Hz per row in a recording
 
@@ -117,13 +117,13 @@ def test_a_full_disk_is_one_line_and_leaves_the_former_recordings(tmp_path):
 def test_notes_and_lanes(tmp_path):
     path = tmp_path / "lane.rrd"
     with recording(path, "Lane") as stream:
-        send_notes(stream, legend({"the one": SKY}))
+        send_notes(stream, legend({"the one": LIGHT_BLUE}))
         send_primitive_lane(stream, "lane", [time_column(np.arange(3.0))], ["down", "turn", ""])
         stream.send_blueprint(rr.blueprint.Blueprint(rr.blueprint.TextDocumentView()))
     assert contents(path)[0] == {"/lane": 3}
     assert values(path, "/lane", "StateConfiguration:values") == [["down", "turn"]]
     shown = [f"#{colour >> 8:06x}" for colour in values(path, "/lane", "StateConfiguration:colors")[0]]
-    assert shown == [BLUE, ORANGE]  # of primitives in their order
+    assert shown == [BLUE, OCHRE]  # of primitives in their order
     assert values(path, "/notes", "TextDocument:text") == [["- light blue: the one"]]
 
 
@@ -137,3 +137,17 @@ def test_a_diagram_turns_values_into_places_from_its_upper_left_corner():
 def test_ticks_are_1_2_or_5_times_a_power_of_ten(low, high, step):
     assert tick_step(low, high) == pytest.approx(step)
     assert tick_step(low / 1000, high / 1000) == pytest.approx(step / 1000)
+
+
+@pytest.mark.parametrize("colour", COLOUR_NAMES, ids=COLOUR_NAMES.get)
+def test_every_colour_can_be_seen(colour):
+    """Contrast as WCAG computes it; white is for the dark ground of recordings alone."""
+
+    def luminance(code):
+        parts = np.array([int(code[place : place + 2], 16) for place in (1, 3, 5)]) / 255.0
+        linear = np.where(parts <= 0.03928, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        return linear @ [0.2126, 0.7152, 0.0722] + 0.05
+
+    if colour != WHITE:
+        assert luminance("#ffffff") / luminance(colour) >= 3.0
+    assert luminance(colour) / luminance("#" + bytes(GROUND).hex()) >= 3.0

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 BLUE = "#0072b2"
-ORANGE = "#b58900"
+OCHRE = "#b58900"
 GREEN = "#009e73"
-VERMILION = "#d55e00"
-PURPLE = "#c0669a"
-SKY = "#2f9bd8"
+ORANGE = "#d55e00"
+PINK = "#c0669a"
+LIGHT_BLUE = "#2f9bd8"
 BLACK = "#1b1f24"
 GREY = "#6f7780"  # what is context: other demonstrations, true values
 LIGHT_GREY = "#8d959d"
@@ -22,11 +22,11 @@ WHITE = "#d5d9de"  # on the dark ground of recordings alone
 
 COLOUR_NAMES = {
     BLUE: "blue",
-    ORANGE: "ochre",
+    OCHRE: "ochre",
     GREEN: "green",
-    VERMILION: "orange",
-    PURPLE: "pink",
-    SKY: "light blue",
+    ORANGE: "orange",
+    PINK: "pink",
+    LIGHT_BLUE: "light blue",
     GREY: "grey",
     LIGHT_GREY: "light grey",
     WHITE: "white",
@@ -41,18 +41,18 @@ class Look(NamedTuple):
     colour: str
 
 
-CATEGORICAL_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK, GREY)
+CATEGORICAL_COLOURS = (BLUE, ORANGE, GREEN, OCHRE, PINK, LIGHT_BLUE, BLACK, GREY)
 
 # primitives in their order of time; a longer sequence starts again
-PRIMITIVE_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, SKY)
+PRIMITIVE_COLOURS = (BLUE, OCHRE, GREEN, PINK, ORANGE, LIGHT_BLUE)
 
 # x, y, z in the order of time plots
-AXIS_COLOURS = (VERMILION, GREEN, BLUE)
+AXIS_COLOURS = (ORANGE, GREEN, BLUE)
 
 # what a curve is, rather than which of several
 REFERENCE_COLOUR = BLACK
 DEMONSTRATION_COLOUR = GREY
-REPRODUCTION_COLOUR = VERMILION
+REPRODUCTION_COLOUR = ORANGE
 
 # ways of finding cut points, from the plainest to ours
 METHOD_NAMES = {
@@ -62,9 +62,8 @@ METHOD_NAMES = {
     "wls_text": "weighted, as printed",
     "wls": "weighted, with crossings",
 }
-METHOD_COLOURS = {"zvc": GREY, "dtw": ORANGE, "ls": SKY, "wls_text": PURPLE, "wls": BLUE}
+METHOD_COLOURS = {"zvc": GREY, "dtw": OCHRE, "ls": LIGHT_BLUE, "wls_text": PINK, "wls": BLUE}
 
-# who or what moves a hand through a scene of obstacles, in the order of tables
 PHASE_PATHS = {
     "nominal": Look("nominal primitive", BLUE),
     "coupling": Look("with learned coupling", REPRODUCTION_COLOUR),
@@ -72,11 +71,12 @@ PHASE_PATHS = {
 }
 """Of corrected runs; tables hold distances to them as `KEY_mm`."""
 
+# who or what moves a hand through a scene of obstacles, in the order of tables
 SCENE_WAYS = {
     "none": Look("baseline alone", BLACK),
-    "human_inspired": Look("human-inspired (Rai et al.)", ORANGE),
-    "text": Look("17 features, as published", VERMILION),
-    "text_ensemble": Look("17 features, our training", PURPLE),
+    "human_inspired": Look("human-inspired (Rai et al.)", OCHRE),
+    "text": Look("17 features, as published", ORANGE),
+    "text_ensemble": Look("17 features, our training", PINK),
     "scene": Look("look ahead at the scene", BLUE),
     "planned": Look("planned path, followed", GREEN),
 }
@@ -87,7 +87,7 @@ def primitive_colour(index: int) -> str:
     return PRIMITIVE_COLOURS[index % len(PRIMITIVE_COLOURS)]
 
 
-PLATE_CORNERS = ((BLUE, GREEN), (VERMILION, ORANGE))
+PLATE_CORNERS = ((BLUE, GREEN), (ORANGE, OCHRE))
 """Colours of a plate's corners, by x and y, between which places are blended."""
 
 

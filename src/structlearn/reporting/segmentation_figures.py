@@ -14,9 +14,9 @@ from structlearn.palette import (
     DEMONSTRATION_COLOUR,
     METHOD_COLOURS,
     METHOD_NAMES,
+    OCHRE,
     ORANGE,
     REFERENCE_COLOUR,
-    VERMILION,
 )
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
@@ -61,7 +61,7 @@ def correspondence_figure(
             Line2D([], [], color=REFERENCE_COLOUR, linewidth=1.8, label="reference"),
             Line2D([], [], color=DEMONSTRATION_COLOUR, linewidth=1.8, label="guess"),
             Line2D([], [], color=BLUE, linewidth=0.8, label="pair"),
-            Line2D([], [], color=VERMILION, linewidth=0.8, label="pair, near-zero velocity"),
+            Line2D([], [], color=ORANGE, linewidth=0.8, label="pair, near-zero velocity"),
         ],
         handlelength=1.2,
         fontsize=7.5,
@@ -111,7 +111,7 @@ def _draw_pairs(
         panel.plot(time - time[0], values + raised, color=colour, linewidth=1.8)
     starts = [signals[0][0][0], signals[1][0][0]]
     for number, row in enumerate(shown.itertuples()):
-        colour = VERMILION if row.weight == 0.0 else BLUE
+        colour = ORANGE if row.weight == 0.0 else BLUE
         x = row.reference_s - starts[0], row.guess_s - starts[1]
         y = ends[0][number] + lift, ends[1][number]
         panel.plot(x, y, color=colour, linewidth=0.8, marker="o", markersize=2.6)
@@ -221,7 +221,7 @@ def downsampling_figure(effect: pd.DataFrame) -> list[Figure]:
     work.set_yscale("log")
     work.set(title="Work", ylabel="cells of the warping table,\nrelative to the first g")
     work.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    for column, label, colour in (("max_shift_ms", "largest", ORANGE), ("mean_shift_ms", "mean", BLUE)):
+    for column, label, colour in (("max_shift_ms", "largest", OCHRE), ("mean_shift_ms", "mean", BLUE)):
         shift.plot(effect["factor"], effect[column], color=colour, marker="o", markersize=4, label=label)
     shift.set(title="Shift of the cut points", ylabel="shift (ms)")
     shift.set_ylim(bottom=0.0)

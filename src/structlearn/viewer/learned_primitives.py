@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core.frames import local_frame
-from structlearn.palette import AXIS_COLOURS, GREY, SKY, VERMILION, WHITE, primitive_colour
+from structlearn.palette import AXIS_COLOURS, GREY, LIGHT_BLUE, ORANGE, WHITE, primitive_colour
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
 from structlearn.primitives.twist_swing import TwistSwingPrimitive
@@ -46,7 +46,7 @@ CONTEXT, CONTEXT_OPACITY = 20, 0.25
 """Demonstrations whose paths are drawn, of a larger set an even choice, and how faintly: they must not hide
 the unrolled path in their midst."""
 
-PATH_COLOURS = (SKY, VERMILION, *AXIS_COLOURS[1:])
+PATH_COLOURS = (LIGHT_BLUE, ORANGE, *AXIS_COLOURS[1:])
 """Curves of one path each, in plots where no primitive has a colour."""
 
 

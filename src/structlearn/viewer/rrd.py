@@ -14,7 +14,7 @@ from rerun.error_utils import set_strict_mode, strict_mode
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.palette import AXIS_COLOURS, SKY, VERMILION, primitive_colour
+from structlearn.palette import AXIS_COLOURS, LIGHT_BLUE, ORANGE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 
 TIME = "time"
@@ -108,7 +108,7 @@ def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
 
 def deviation_colours(deviation: np.ndarray, scale: float) -> np.ndarray:
     """Colours 0xRRGGBBAA of deviations (...): light blue below the expected reading, orange above."""
-    return blended(0.5 + 0.5 * deviation / scale, (SKY, RESTING, VERMILION))
+    return blended(0.5 + 0.5 * deviation / scale, (LIGHT_BLUE, RESTING, ORANGE))
 
 
 def origin_label(demonstrations: Sequence[Demonstration]) -> str:

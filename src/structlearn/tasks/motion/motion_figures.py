@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.core.block_bootstrap import percentiles
-from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, LIGHT_GREY, VERMILION
+from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE
 from structlearn.reporting.figure_style import Drawing, styled
 from structlearn.reporting.panels import legend, panel
 from structlearn.tasks.motion.motion_results import (
@@ -31,7 +31,7 @@ TRACED_JOINTS = 4
 """Joints that are predicted worst, whose torques are drawn."""
 
 STAGES = {
-    LEARNED: ("empty:\nlearned from", LIGHT_GREY),
+    LEARNED: ("empty:\nlearned from", "#e9ebee"),
     EMPTY: ("empty: another\nmotion", "#ffffff"),
     CARRYING: ("with the load", "#e3eef5"),
 }
@@ -105,7 +105,7 @@ def load_panel(results: MotionResults, log: str) -> Figure:
             settled = start + results.of_load.settled_s
             if settled < end:
                 axes.axvline(settled, ymax=0.9, color=BLACK, linestyle=":", linewidth=1.0)  # below the words
-    axes.plot(its["time_s"], its["mass_kg"], color=VERMILION, linewidth=1.8, label="found so far")
+    axes.plot(its["time_s"], its["mass_kg"], color=ORANGE, linewidth=1.8, label="found so far")
     axes.axhline(0.0, color=BLACK, linewidth=0.7)
     axes.set(xlim=(0.0, its["time_s"].max()), ylim=(min(-0.3, 1.1 * its["mass_kg"].min()), top))
     return legend(figure)
@@ -119,7 +119,7 @@ def weighed_panel(results: MotionResults) -> Figure:
     axes.axvspan(0.98 * true, 1.02 * true, color=GREY, alpha=0.35, linewidth=0)
     axes.axvline(true, color=BLACK, linewidth=1.5)
     pairs = list(dict.fromkeys(loads["pair"]))
-    for gains, colour, offset in (("found", BLUE, -0.12), ("quoted", VERMILION, 0.12)):
+    for gains, colour, offset in (("found", BLUE, -0.12), ("quoted", ORANGE, 0.12)):
         its = [results.load_error(pair, gains) for pair in chosen(loads, gains=gains)["pair"]]
         masses = np.array([one.scaled(0.01 * true, true).value for one in its])
         ends = np.array([percentiles(one.scaled(0.01 * true, true).draws) for one in its]).reshape(-1, 2).T
@@ -152,7 +152,7 @@ def gain_panel(results: MotionResults) -> Figure:
     """Gains found at rest and in motion, and those quoted."""
     figure, axes = panel("Gains of the drives", 3.4, xlabel="joint", ylabel="gain (N m/A)")
     gains: pd.DataFrame = results["gains"]
-    axes.plot(gains["joint"] + 0.2, gains["quoted"], "x", color=VERMILION, label="quoted")
+    axes.plot(gains["joint"] + 0.2, gains["quoted"], "x", color=ORANGE, label="quoted")
     known = gains[~gains["assumed"]] if results.rest_log else gains[:0]
     axes.plot(known["joint"] - 0.2, known["found"], "o", color=BLUE, label="at rest")
     assumed = gains[gains["assumed"]]

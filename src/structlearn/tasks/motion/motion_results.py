@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core.block_bootstrap import block_count, block_sums, drawn_counts, percentiles
-from structlearn.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, Look
+from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, Look
 from structlearn.reporting.claims import Evidence, Found, confidence, counted, exact, mean, unknown
 from structlearn.reporting.findings import Findings
 from structlearn.rigid_body.model_names import DEFAULT, NAMES, STRICT
@@ -32,10 +32,10 @@ FRICTIONS = {
 }
 LOOKS = {
     URDF: Look(MODELS["urdf"], GREY),
-    ("mlp", "none"): Look("MLP", VERMILION),
-    ("mlp_scaled", "none"): Look("MLP, scaled", ORANGE),
-    ("delan", "viscous"): Look("DeLaN", PURPLE),
-    ("cov", "viscous"): Look("Cov, viscous", SKY),
+    ("mlp", "none"): Look("MLP", ORANGE),
+    ("mlp_scaled", "none"): Look("MLP, scaled", OCHRE),
+    ("delan", "viscous"): Look("DeLaN", PINK),
+    ("cov", "viscous"): Look("Cov, viscous", LIGHT_BLUE),
     (BEST, "coulomb"): Look("Cov, Coulomb", BLUE),
     ("cov", "offset"): Look("Cov, Coulomb, offset", GREEN),
     (BOUNDS, "coulomb"): Look("least squares, Coulomb", BLACK),

@@ -8,7 +8,7 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.palette import BLUE, GREY, LIGHT_GREY, VERMILION
+from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE
 from structlearn.readers.joint_log import MotionLog
 from structlearn.rigid_body.urdf import moved_link
 from structlearn.tasks.motion.motion_parameters import LoadParameters
@@ -53,9 +53,9 @@ def write_carried(
         reach = send_sticks(stream, ARM, urdf, log.joints, time_column(time), q, (LIGHT_GREY, GREY))
         stream.send_blueprint(_blueprint(reach))
         stream.log(BODY, rr.CoordinateFrame(link_frame(ARM, moved_link(urdf, log.joints[-1]))), static=True)
-        ball = rr.Points3D(centre[None], colors=rgba([VERMILION]), radii=RADIUS_M)
+        ball = rr.Points3D(centre[None], colors=rgba([ORANGE]), radii=RADIUS_M)
         stream.log(BODY, ball, static=True)
-        held = rr.LineStrips3D([[np.zeros(3), centre]], colors=rgba([VERMILION]), radii=0.2 * RADIUS_M)
+        held = rr.LineStrips3D([[np.zeros(3), centre]], colors=rgba([ORANGE]), radii=0.2 * RADIUS_M)
         stream.log(f"{BODY}/held", held, static=True)
         followed = learned.assign(time_s=learned["since_s"])
         really = np.full(len(time), load.known_kg)
@@ -72,7 +72,7 @@ def _blueprint(reach: float) -> rrb.Blueprint:
 
 def _notes(load: LoadParameters) -> str:
     colours = {
-        "the load, at the centre that least squares find, joined to the flange": VERMILION,
+        "the load, at the centre that least squares find, joined to the flange": ORANGE,
         f"its published mass, {load.known_kg:g} kg (wide)": REFERENCE,
         "what is learned online of the last link (Cov), and its error": FOUND,
         "error of the empty arm's model": EMPTY,

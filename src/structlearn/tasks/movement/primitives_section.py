@@ -15,7 +15,7 @@ from structlearn.palette import (
     DEMONSTRATION_COLOUR,
     GREY,
     LIGHT_GREY,
-    ORANGE,
+    OCHRE,
     REPRODUCTION_COLOUR,
     primitive_colour,
 )
@@ -193,7 +193,7 @@ def distance_panel(reproduction: pd.DataFrame, column: str, width_mm: float) -> 
     figure, axes = panel(
         f"{which} distance of the primitive", xlabel="distance (mm)", ylabel="demonstrations"
     )
-    for left_out, colour in ((False, BLUE), (True, ORANGE)):
+    for left_out, colour in ((False, BLUE), (True, OCHRE)):
         values = reproduction.query("scaled and left_out == @left_out")[column]
         bins = np.arange(0.0, values.max() + width_mm, width_mm)
         label = VARIANTS[left_out, True][1]

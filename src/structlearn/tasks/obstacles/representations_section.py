@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.core.metrics import mean_interval
-from structlearn.palette import BLACK, BLUE, GREY, ORANGE, Look
+from structlearn.palette import BLACK, BLUE, GREY, OCHRE, Look
 from structlearn.reporting.claims import Evidence, difference
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import Drawing, styled
@@ -32,7 +32,7 @@ REPRESENTATIONS = {
 
 INPUTS = {
     "features": Look("features", GREY),
-    "phase_velocity": Look("features, phase velocity", ORANGE),
+    "phase_velocity": Look("features, phase velocity", OCHRE),
     "phase": Look("features, phase and its velocity", BLUE),
 }
 """What a representation sees."""
@@ -181,7 +181,7 @@ def phase_panel(found: Tables) -> Figure:
     """What phase and its velocity take off the error, with the interval over the blocks."""
     figure, axes = panel("What the phase adds", 3.4, ylabel="NMSE less with phase and its velocity")
     worth = found["phase_worth"].query("inputs == 'phase'").set_index(["representation", "axis"])
-    for offset, (name, colour) in enumerate((("ridge", GREY), ("network", ORANGE), ("ensemble", BLUE)), -1):
+    for offset, (name, colour) in enumerate((("ridge", GREY), ("network", OCHRE), ("ensemble", BLUE)), -1):
         its, places = worth.loc[name].loc[AXES], np.arange(3) + 0.18 * offset
         axes.errorbar(
             places, its["gain"], its["half_width"], fmt="o", color=colour, label=REPRESENTATIONS[name]

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
+from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE
 from structlearn.reporting.figure_style import Drawing, Raster, styled
 from structlearn.reporting.panels import legend, map_panels, panel
 from structlearn.tasks.touch.skin_section import ARROW, SkinRuns, of_mean
@@ -92,7 +92,7 @@ def paths_panel(runs: SkinRuns) -> list[Figure]:
             axes.plot(*np.array([path[0], target]).T, color=LIGHT_GREY, linewidth=0.9)
             axes.plot(*path.T, color=BLUE, linewidth=1.0)
             axes.plot(*path[0], "o", color=GREY, markersize=3.0)
-            axes.plot(*target, "x", color=VERMILION, markersize=5.0)
+            axes.plot(*target, "x", color=ORANGE, markersize=5.0)
         figures.append(figure)
     return figures
 

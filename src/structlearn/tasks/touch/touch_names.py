@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
-from structlearn.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, Look
+from structlearn.palette import BLACK, BLUE, GREEN, GREY, OCHRE, ORANGE, PINK, Look
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,7 +16,7 @@ STRUCTURED, PLAIN, COMPONENTS, PROCESS = (
 )
 SPACES = {
     STRUCTURED: Look("structured latent space", BLUE),
-    PLAIN: Look("latent space without structure", ORANGE),
+    PLAIN: Look("latent space without structure", OCHRE),
     COMPONENTS: Look("3 principal components", GREY),
     PROCESS: Look("Gaussian process on all channels", GREEN),
 }
@@ -60,8 +60,8 @@ ASKED = (
 
 SLIDE_GROUPS = {
     "learned": Look("this material", BLUE),
-    "left out": Look("fault of the sensor", ORANGE),
-    "other material": Look("other material", VERMILION),
+    "left out": Look("fault of the sensor", OCHRE),
+    "other material": Look("other material", ORANGE),
 }
 """Trials of slides over materials."""
 
@@ -69,8 +69,8 @@ REFERENCE = "scraping, recorded"
 CALIBRATED = "scraping, simulated"
 WORLDS = {
     REFERENCE: BLACK,
-    CALIBRATED: VERMILION,
-    "unscrewing, recorded": PURPLE,
+    CALIBRATED: ORANGE,
+    "unscrewing, recorded": PINK,
     "slides, recorded": GREEN,
 }
 """Colours of the sets whose statistics are compared; the first two are of the same task."""

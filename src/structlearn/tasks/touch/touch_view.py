@@ -10,7 +10,7 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.palette import BLUE, GREY, LIGHT_GREY, VERMILION, place_colours
+from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE, place_colours
 from structlearn.primitives.vector import VectorPrimitive, deviation, without_offset
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.slide import material_of
@@ -38,7 +38,7 @@ Over time, on the plate: servoing on the table of recorded presses, from one pre
 a step a second, one path after the other. Below: the force on a scale at one place, and what is read off the
 skin by another run.
 
-{legend({"probe": LIGHT_GREY, "its target": GREY, "scale": VERMILION, "read off the skin": BLUE})}"""
+{legend({"probe": LIGHT_GREY, "its target": GREY, "scale": ORANGE, "read off the skin": BLUE})}"""
 
 
 def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
@@ -91,7 +91,7 @@ def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFra
 def _send_forces(stream: rr.RecordingStream, traces: pd.DataFrame) -> None:
     keys = ["learned_from", "asked_about"]
     its = traces[(traces[keys] == traces[keys].iloc[0]).all(axis=1)]
-    for name, column, colour in (("scale", "force_n", VERMILION), ("read off the skin", "read_n", BLUE)):
+    for name, column, colour in (("scale", "force_n", ORANGE), ("read off the skin", "read_n", BLUE)):
         path, time = entity("force", name), its["time_s"].to_numpy()
         send_curve(stream, path, time, its[column].to_numpy(), name, colour)
 

@@ -6,7 +6,7 @@ page's white ground and on the viewer's dark one.
 
 from typing import Any
 
-from structlearn.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, WHITE
+from structlearn.palette import BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, WHITE
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
 from structlearn.rigid_body.training_grid import OURS, TEXT
 
@@ -25,15 +25,15 @@ LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised 
 REFERENCE = WHITE
 """Of what a model is held against, drawn wide: a wanted path, a measured torque, a carried mass."""
 
-PAYLOAD = VERMILION
+PAYLOAD = ORANGE
 
 LOOKS = {
     GROUND_TRUTH: (GREY, "-"),
     DEFAULT: (GREY, "-"),
-    "mlp": (VERMILION, "-"),
-    "mlp_scaled": (VERMILION, "--"),
-    "delan": (PURPLE, "-"),
-    "nostr": (ORANGE, "-"),
+    "mlp": (ORANGE, "-"),
+    "mlp_scaled": (ORANGE, "--"),
+    "delan": (PINK, "-"),
+    "nostr": (OCHRE, "-"),
     "symm": (GREEN, "-"),
     "spd": (BLUE, ":"),
     "tri": (BLUE, "--"),
@@ -41,7 +41,7 @@ LOOKS = {
 }
 """Colour and line of each model; what is known instead of learned is grey."""
 
-WITH_COULOMB = SKY
+WITH_COULOMB = LIGHT_BLUE
 """Of every structure that learned Coulomb friction too."""
 
 

@@ -11,7 +11,7 @@ from structlearn.avoidance.learned_models import (
     PHASE_MODULATED,
     SETTING,
 )
-from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION, Look
+from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, LIGHT_GREY, OCHRE, ORANGE, PINK, Look
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     GOAL_CHANGE,
     LIMITED,
@@ -26,25 +26,25 @@ from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
 KINDS = {
     NO_MODEL: Look("no avoidance", BLACK),
     NETWORK: Look("network", BLUE),
-    ENSEMBLE: Look("ensemble", PURPLE),
+    ENSEMBLE: Look("ensemble", PINK),
     PHASE_MODULATED: Look("phase-modulated network", GREEN),
-    HUMAN_INSPIRED: Look("Rai et al.", ORANGE),
+    HUMAN_INSPIRED: Look("Rai et al.", OCHRE),
 }
 """What may act on the reach, in the order of tables."""
 
 SOURCES = {
     "": Look("no avoidance", LIGHT_GREY),
     SETTING: Look("per setting", BLUE),
-    "sphere": Look("sphere", SKY),
-    "cube": Look("cube", ORANGE),
+    "sphere": Look("sphere", LIGHT_BLUE),
+    "cube": Look("cube", OCHRE),
     "cylinder": Look("cylinder", GREEN),
-    ALL: Look("all shapes", PURPLE),
+    ALL: Look("all shapes", PINK),
 }
 """What a model learned from. Nothing is light grey on the dark ground of a recording, black on paper."""
 
 DEMONSTRATIONS = Look("demonstrations", GREY)
 
-HIT = Look("obstacle that the reach without avoidance hits", VERMILION)
+HIT = Look("obstacle that the reach without avoidance hits", ORANGE)
 FREE = Look("obstacle that it does not hit", GREY)
 
 SITUATIONS = {

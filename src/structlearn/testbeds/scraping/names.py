@@ -7,12 +7,12 @@ from structlearn.palette import (
     BLUE,
     GREEN,
     GREY,
+    LIGHT_BLUE,
     METHOD_COLOURS,
     METHOD_NAMES,
+    OCHRE,
     ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
+    PINK,
     Look,
 )
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
@@ -25,11 +25,11 @@ CORRECTED = "corrected"
 RUNS = {
     NOMINAL: Look("no feedback", GREEN),
     CORRECTED: Look("corrected by a person", BLUE),
-    POINTWISE: Look("feedback, trained pointwise", VERMILION),
-    LEVEL: Look("feedback, level board too", PURPLE),
-    UNROLLED: Look("feedback, trained in the unroll", ORANGE),
-    BEFORE: Look("before refinement", SKY),
-    AFTER: Look("after refinement", PURPLE),
+    POINTWISE: Look("feedback, trained pointwise", ORANGE),
+    LEVEL: Look("feedback, level board too", PINK),
+    UNROLLED: Look("feedback, trained in the unroll", OCHRE),
+    BEFORE: Look("before refinement", LIGHT_BLUE),
+    AFTER: Look("after refinement", PINK),
 }
 """Kinds of executions in their order."""
 
@@ -38,12 +38,12 @@ PRIMITIVES = ("down", "turn", "scrape")
 
 REPRESENTATIONS = {
     "pmnn_100": Look("PMNN, 100 nodes", BLUE),
-    "pmnn_6": Look("PMNN, 6 nodes", SKY),
-    "pmnn_0": Look("PMNN, no hidden layer", SKY),
-    "ffnn_phase": Look("FFNN with phase", ORANGE),
-    "ffnn": Look("FFNN", ORANGE),
-    "pca": Look("PCA, then phase kernels", PURPLE),
-    "autoencoder": Look("autoencoder, then phase kernels", PURPLE),
+    "pmnn_6": Look("PMNN, 6 nodes", LIGHT_BLUE),
+    "pmnn_0": Look("PMNN, no hidden layer", LIGHT_BLUE),
+    "ffnn_phase": Look("FFNN with phase", OCHRE),
+    "ffnn": Look("FFNN", OCHRE),
+    "pca": Look("PCA, then phase kernels", PINK),
+    "autoencoder": Look("autoencoder, then phase kernels", PINK),
 }
 """Forms of the feedback model, by the names of `feedback_models`."""
 
@@ -52,12 +52,12 @@ CUT_METHODS = {method: Look(name, METHOD_COLOURS[method]) for method, name in ME
 
 ROLLOUTS = {
     SAMPLE: Look("drawn policies", GREY),
-    IMPROVED: Look("improved policy", ORANGE),
-    FEEDBACK: Look("with the network", PURPLE),
+    IMPROVED: Look("improved policy", OCHRE),
+    FEEDBACK: Look("with the network", PINK),
 }
 """Executions of a refinement by trial."""
 
-SEARCHES = {PI2: Look("PI2-CMA", BLUE), CMA_ES: Look("CMA-ES", ORANGE)}
+SEARCHES = {PI2: Look("PI2-CMA", BLUE), CMA_ES: Look("CMA-ES", OCHRE)}
 """Ways of searching a policy."""
 
 

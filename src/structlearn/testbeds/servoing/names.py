@@ -1,6 +1,6 @@
 """Names, order and colours of what servoing compares: one of each, for its page and its recordings."""
 
-from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
+from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, LIGHT_GREY, OCHRE, ORANGE, PINK
 from structlearn.tactile.latent_parameters import (
     JACOBIAN,
     LOCALLY_LINEAR,
@@ -12,13 +12,13 @@ from structlearn.tactile.latent_parameters import (
 )
 from structlearn.testbeds.servoing.protocol.servo_variants import PUBLISHED, RESTING, Variant
 
-INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PURPLE, JACOBIAN: BLUE}
+INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PINK, JACOBIAN: BLUE}
 """Inverse models, in the order of the text."""
 
 FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}
 """Forms of controllers: as the text has it, and this project's own."""
 
-FORM_COLOURS = {PUBLISHED: ORANGE, RESTING: BLUE}
+FORM_COLOURS = {PUBLISHED: OCHRE, RESTING: BLUE}
 
 TEXT, OURS = Variant(PUBLISHED, JACOBIAN), Variant(RESTING, JACOBIAN)
 """The dissertation's controller, non-linear model and network's Jacobian; and the resting one with these."""
@@ -40,7 +40,7 @@ LATENT_NAMES = {
 }
 """Errors of latent spaces."""
 
-LATENT_COLOURS = {"reconstruction": BLUE, "distances": VERMILION, "pressure": GREEN}
+LATENT_COLOURS = {"reconstruction": BLUE, "distances": ORANGE, "pressure": GREEN}
 
 COMPARISON_NAMES = {
     "forward": "what is predicted",
@@ -53,10 +53,10 @@ PART_NAMES = {"translation": "linear", "rotation": "angular"}  # parts of an act
 
 SKIN_NAMES = {"biotac": "BioTac", "flat_pad": "flat pad", "sphere": "sphere"}
 
-ESTIMATED, TRUE, LATENT = VERMILION, GREEN, SKY
+ESTIMATED, TRUE, LATENT = ORANGE, GREEN, LIGHT_BLUE
 """Colours of the estimated contact, the true one, and the latent state."""
 
-ELECTRODE_COLOURS = (SKY, ORANGE, GREEN, PURPLE, VERMILION, BLUE, LIGHT_GREY)
+ELECTRODE_COLOURS = (LIGHT_BLUE, OCHRE, GREEN, PINK, ORANGE, BLUE, LIGHT_GREY)
 """By number; as there are more electrodes, they come again."""
 
 

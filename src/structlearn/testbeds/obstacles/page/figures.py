@@ -15,7 +15,7 @@ from matplotlib.patches import Polygon
 from structlearn.avoidance.avoidance_dataset import to_local
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, obstacle
-from structlearn.palette import BLACK, BLUE, LIGHT_GREY, SKY, VERMILION
+from structlearn.palette import BLACK, BLUE, LIGHT_BLUE, LIGHT_GREY, ORANGE
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
 from structlearn.reporting.prose import capitalised, rounded
 from structlearn.testbeds.obstacles.names import (
@@ -42,7 +42,7 @@ from structlearn.testbeds.obstacles.world.scene_still import Lane, reaches_still
 
 VIEWS = {"from the side": 2, "from above": 1}  # local axis that is shown over x, by the name of the view
 
-PARTS = {"train": ("learned from", SKY), "test": ("held out", BLUE)}
+PARTS = {"train": ("learned from", LIGHT_BLUE), "test": ("held out", BLUE)}
 """Name and colour of the demonstrations of an error."""
 
 BINS = np.linspace(0.0, 1.2, 13)  # of NMSE; what is above the last edge is counted in the last bin
@@ -326,7 +326,7 @@ def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
         scored = results.rows(protocol, kind, source)
         # number by number from top to bottom: nothing is drawn at random
         height = row + np.linspace(-0.3, 0.3, len(scored))
-        colours = np.where(scored["hit"], VERMILION, KINDS[kind].colour)
+        colours = np.where(scored["hit"], ORANGE, KINDS[kind].colour)
         distance = scored["obstacle_distance"].clip(upper=FARTHEST)
         panel.scatter(distance, height, s=2, c=colours, linewidths=0, alpha=0.6)
         hits = int(scored["hit"].sum())

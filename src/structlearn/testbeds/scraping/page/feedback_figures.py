@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from structlearn.core import signals
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.feedback_models import POINTWISE
-from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, VERMILION
+from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, ORANGE
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import headroom, shade_primitives
@@ -74,7 +74,7 @@ def expected_figure(results: FeedbackResults) -> list[Figure]:
         rows = figures[-1].subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
         for axes, channel in zip(rows, shown, strict=True):
             mean_band(axes, runs[:, :, channel], BLUE, f"{len(runs)} executions")
-            look = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidth": 1.2}
+            look = {"color": ORANGE, "linestyle": (0, (4, 2)), "linewidth": 1.2}
             axes.plot(time, learned[:, channel], **look, label="expected trace")
             axes.set_ylabel(f"channel {channel + 1} (counts)")
         rows[0].set_title(capitalised(name))
@@ -165,7 +165,7 @@ def _execution_panel(
     figure = canvas(5.6, PANEL_WIDTH)
     roll, force, torque, touch = rows = figure.subplots(4, 1, sharex=True)
     tool, wrench = board.example_deg + tool_roll_deg(run, board.axis), run.signal("wrench")
-    roll.plot(run.time, tool, color=VERMILION, linewidth=1.0, label="tool")
+    roll.plot(run.time, tool, color=ORANGE, linewidth=1.0, label="tool")
     roll.plot(run.time, hand_roll_deg(run, board.axis), color=BLUE, label="hand")
     roll.axhline(board.example_deg, color=BLACK, linestyle=":", linewidth=1.2, label="board")
     roll.legend(ncols=3)

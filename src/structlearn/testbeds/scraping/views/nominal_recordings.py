@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import signals
-from structlearn.palette import GREY, ORANGE, SKY, WHITE
+from structlearn.palette import GREY, LIGHT_BLUE, OCHRE, WHITE
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.alignment import RESULT
@@ -218,7 +218,9 @@ def _send_pairs(
     shown = np.unique(np.linspace(0, len(lines) - 1, SHOWN_PAIRS).astype(int))
     bold = np.argsort(weights)[::-1][:HIGHLIGHTED]
     share = weights[shown] ** 3  # most weights lie close to 1, where differences are to be seen
-    thin = rr.LineStrips2D(lines[shown], colors=blended(share, (DROPPED, SKY)), radii=-0.7, draw_order=-2.0)
+    thin = rr.LineStrips2D(
+        lines[shown], colors=blended(share, (DROPPED, LIGHT_BLUE)), radii=-0.7, draw_order=-2.0
+    )
     stream.log(entity(primitive, "pairs"), thin)
-    thick = rr.LineStrips2D(lines[bold], colors=rgba([ORANGE]), radii=-1.5, draw_order=-1.0)
+    thick = rr.LineStrips2D(lines[bold], colors=rgba([OCHRE]), radii=-1.5, draw_order=-1.0)
     stream.log(entity(primitive, "best pairs"), thick)

@@ -11,7 +11,7 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.palette import VERMILION, WHITE
+from structlearn.palette import ORANGE, WHITE
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.testbeds.scraping.names import ROLLOUTS
 from structlearn.viewer.diagram import Diagram, diagram_view, rounded_range, send_axes, texts
@@ -204,5 +204,5 @@ def _send_costs(stream: rr.RecordingStream, search: Search, diagram: Diagram, it
     if failed.any():
         now = int(failed[search.history["iteration"] == iteration].sum())
         place = diagram.points(iteration, diagram.y_range[1])
-        label = texts([place] * (now > 0), [f"{now} failed"] * (now > 0), [VERMILION])
+        label = texts([place] * (now > 0), [f"{now} failed"] * (now > 0), [ORANGE])
         stream.log(search.path("costs", "failed"), label)

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.typing import LineStyleType
 
 from structlearn.core.metrics import mean_interval
-from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
+from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, style
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.latent_parameters import NO_INVERSE, STRUCTURES
@@ -115,7 +115,7 @@ def _contacts(results: ServoingResults) -> list[Figure]:
     right, share = _panel("Share of samples below an error", "error (mm)", "%")
     level = np.linspace(0.0, 1.0, 201)
     share.plot(np.quantile(errors["error_mm"], level), 100 * level, color=BLUE)
-    share.axvline(1.0, color=VERMILION, linestyle="--", linewidth=1.1)
+    share.axvline(1.0, color=ORANGE, linestyle="--", linewidth=1.1)
     share.set(xlim=(0, None), ylim=(0, 100))
     return [left, right]
 
@@ -240,7 +240,7 @@ def _ways(results: ServoingResults, variant: Variant) -> Figure:
         axes.plot(*way, color=names.FORM_COLOURS[variant.form], linewidth=1.0)
         for name, mark, colour in (
             ("start", "o", GREY),
-            ("target", "x", BLACK if row["success"] else VERMILION),
+            ("target", "x", BLACK if row["success"] else ORANGE),
         ):
             place = skin.coordinates(row[[f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(float))
             axes.plot(*(1e3 * np.array(place)), mark, color=colour, markersize=5)
@@ -263,8 +263,8 @@ def _progress(results: ServoingResults) -> list[Figure]:
             distance.plot(rows["time_s"], rows["median_mm"], color=colour, linestyle=line)
             within.plot(rows["time_s"], 100 * rows["within"], color=colour, linestyle=line)
             tolerance.plot(shares["tolerance_mm"], 100 * shares["rate"], color=colour, linestyle=line)
-    distance.axhline(bound.position_mm, color=VERMILION, linestyle=":", linewidth=1.1)
-    tolerance.axvline(bound.position_mm, color=VERMILION, linestyle=":", linewidth=1.1)
+    distance.axhline(bound.position_mm, color=ORANGE, linestyle=":", linewidth=1.1)
+    tolerance.axvline(bound.position_mm, color=ORANGE, linestyle=":", linewidth=1.1)
     for axes, top in ((distance, None), (within, 101), (tolerance, 101)):
         axes.set(xlim=(0, None), ylim=(0, top))
     handles: list[Artist] = [
