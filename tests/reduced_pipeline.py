@@ -70,39 +70,47 @@ REDUCED = {
     "servo": {"trials": 3, "duration_s": 1.0, "shown": 1},
     "other_skins": {"seeds": 1},
     "inspect_servoing": {"demonstrations": ["rotation_1_1", "translation_1_1"], "trials": 1},
-    "recorded_reaches": {"noise_mm": [0.5, 2.0], "seeds": 2},
-    "recorded_corrections": {"splits": 5},
-    "recorded_dynamics": {"iterations": 5, "draws": 100, "networks": {"seeds": 1, "epochs": [1]}},
-    "recorded_ur10e": {
-        "iterations": 5,
-        "body_draws": 3,
-        "draws": 100,
-        "networks": {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
-        "load": {"batch": 400, "iterations": 5},
-    },
-    "recorded_latent_touch": {
-        "folds": 2,
-        "simulated_repeats": 1,
-        "geodesics": {"bin_size": 300, "bins": 1, "bridge_mm": 8.0},
-        "spaces": {
-            "seeds": 1,
-            "training": {"steps": 5, "batch_size": 16},
-            "pair_pool": 1000,
-            "evaluation_pairs": 100,
+}
+
+REDUCED_TASKS = {
+    "movement": {"reaches": {"rests": {"noise_mm": [0.5, 2.0], "seeds": 2}, "corrections": {"splits": 5}}},
+    "motion": {
+        "panda": {"iterations": 5, "draws": 100, "networks": {"seeds": 1, "epochs": [1]}},
+        "ur10e": {
+            "iterations": 5,
+            "body_draws": 3,
+            "draws": 100,
+            "networks": {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
+            "load": {"batch": 400, "iterations": 5},
         },
+        "kuka_lwr4": {"iterations": 5, "draws": 100},
     },
-    "recorded_skin": {
-        "folds": 2,
-        "rival_samples": 100,
-        "spaces": {
-            "seeds": 1,
-            "training": {"steps": 5, "batch_size": 16},
-            "pair_pool": 1000,
-            "evaluation_pairs": 1000,
+    "touch": {
+        "biotac": {
+            "folds": 2,
+            "transfer": {"simulated_repeats": 1},
+            "geodesics": {"bin_size": 300, "bins": 1, "bridge_mm": 8.0},
+            "spaces": {
+                "seeds": 1,
+                "training": {"steps": 5, "batch_size": 16},
+                "pair_pool": 1000,
+                "evaluation_pairs": 100,
+            },
         },
-        "servo": {"walks": 200, "trials": 4, "steps": 4},
+        "eflesh": {
+            "folds": 2,
+            "rival_samples": 100,
+            "spaces": {
+                "seeds": 1,
+                "training": {"steps": 5, "batch_size": 16},
+                "pair_pool": 1000,
+                "evaluation_pairs": 1000,
+            },
+            "servo": {"walks": 200, "trials": 4, "steps": 4},
+        },
     },
 }
+"""Entries of public sets."""
 
 
 NOT_REPEATABLE = (".gitignore", "timings.json", "times.json")
@@ -121,9 +129,8 @@ def clone(root: Path, target: Path) -> Path:
         if (root / name).is_file() and not name.endswith("dvc.lock"):
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(root / name, target / name)
-    for name in ("params.yaml", "stages/recorded/params.yaml"):
-        parameters = yaml.safe_load((target / name).read_text())
-        parameters = merged(parameters, {key: its for key, its in REDUCED.items() if key in parameters})
+    for name, changes in (("params.yaml", REDUCED), ("stages/tasks/public.yaml", REDUCED_TASKS)):
+        parameters = merged(yaml.safe_load((target / name).read_text()), changes)
         if "other_skins" in parameters:
             parameters["other_skins"]["skins"].pop("flat_pad")
         (target / name).write_text(yaml.safe_dump(parameters, sort_keys=False))
@@ -146,6 +153,8 @@ def by_hand(
 ) -> Path:
     """Run stages in the order of their file in one process without DVC, to spare their starts.
 
+    Those of tasks run for every public one.
+
     Args:
         project: a clone.
         stages: names of some; None for all.
@@ -157,7 +166,12 @@ def by_hand(
         The project.
     """
     listed = yaml.safe_load((project / file).read_text())["stages"]
-    commands = [stage["cmd"] for name, stage in listed.items() if stages is None or name in stages]
+    public = yaml.safe_load((project / "stages/tasks/public.yaml").read_text())
+    commands = []
+    for name, stage in listed.items():
+        if stages is None or name in stages:
+            tasks = public[stage["foreach"][2:-1]] if "foreach" in stage else ("",)
+            commands += [f"{stage.get('do', stage)['cmd']} {task}".strip() for task in tasks]
     alone = {} if spread else {BACKEND: "sequential"}
     command = [sys.executable, "-c", ONE_BY_ONE, *commands]
     subprocess.run(command, cwd=project, env=environment() | alone | variables, check=True)

@@ -34,9 +34,7 @@ def project(tmp_path, monkeypatch) -> Path:
 
 
 def write_parameters(parameters: dict, folder: Path) -> None:
-    (folder / "stages/recorded").mkdir(parents=True, exist_ok=True)
-    for path in ("params.yaml", "stages/recorded/params.yaml"):
-        (folder / path).write_text(yaml.dump(parameters, Dumper=yaml.CSafeDumper))
+    (folder / "params.yaml").write_text(yaml.dump(parameters, Dumper=yaml.CSafeDumper))
 
 
 def change_parameters(project: Path, key: str, **values) -> None:

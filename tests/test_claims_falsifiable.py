@@ -16,6 +16,7 @@ from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
+import motion_tables
 import numpy as np
 import pandas as pd
 import pytest
@@ -39,6 +40,7 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
+from structlearn.tasks.motion.motion_results import motion_findings
 from structlearn.tasks.obstacles.representations_section import representation_findings
 from structlearn.tasks.obstacles.scene_section import scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
@@ -152,69 +154,87 @@ def deaf_to_phase(results: Any) -> Any:
     return replace(results, networks=alike)
 
 
-FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangle"}}
-"""Columns of the recorded tables that are no measurements, but follow from how Cov writes a link."""
+FOLLOWS = {
+    "tables.links": {"positive_mass", "positive_definite", "triangle"},
+    "tables.gravity": {"limit_n_m"},
+}
+"""Columns of tables of arms that follow from how Cov writes a link, or from the URDF: not measured."""
 
 SCRAPING = "structlearn.testbeds.scraping.page"
 PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
-PAGES = {
-    "dynamics": Page(
-        "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
-    ),
-    "obstacles": Page(
-        "structlearn.testbeds.obstacles.page",
-        "claims.yaml",
-        lambda get: [get("obstacles_results")],
-        partial(obstacles_findings, published=obstacles_published()),
-    ),
-    "servoing": Page(
-        "structlearn.testbeds.servoing.page",
-        "claims.yaml",
-        lambda get: servoing(get("servoing_results")),
-        servoing_people,
-    ),
-    "segmentation": Page(
-        SCRAPING,
-        "segmentation_claims.yaml",
-        lambda get: [get("segmentation")],
-        segmentation_of_people,
-        known=arithmetic,
-    ),
-    "feedback": Page(
-        SCRAPING,
-        "feedback_claims.yaml",
-        lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
-        test_scraping_page.feedback_evidence,
-    ),
-    "refinement": Page(
-        SCRAPING,
-        "refinement_claims.yaml",
-        lambda get: [refinement_results()],
-        test_scraping_page.refinement_evidence,
-    ),
-    "calibration": Page(
-        "structlearn.tasks.touch",
-        "calibration_claims.yaml",
-        lambda get: [test_touch_page.calibration(1.0)],
-        find_calibration,
-        lambda place: place == "comparison",
-    ),
-    "boxes": Page(
-        PUBLIC,
-        f"{CLAIMS}/boxes.yaml",
-        lambda get: [test_tasks_obstacles.made_up_ways()],
-        scene_findings,
-    ),
-    "avoidance": Page(
-        PUBLIC,
-        f"{CLAIMS}/avoidance.yaml",
-        lambda get: [test_tasks_representations.made_up_scores()],
-        representation_findings,
-    ),
-} | {
-    name: Page(PUBLIC, f"{CLAIMS}/{name}.yaml", lambda get, made=made: [made()], test_touch_page.FIND[name])
-    for name, made in test_touch_page.MADE_UP.items()
-}
+PAGES = (
+    {
+        "dynamics": Page(
+            "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
+        ),
+        "obstacles": Page(
+            "structlearn.testbeds.obstacles.page",
+            "claims.yaml",
+            lambda get: [get("obstacles_results")],
+            partial(obstacles_findings, published=obstacles_published()),
+        ),
+        "servoing": Page(
+            "structlearn.testbeds.servoing.page",
+            "claims.yaml",
+            lambda get: servoing(get("servoing_results")),
+            servoing_people,
+        ),
+        "segmentation": Page(
+            SCRAPING,
+            "segmentation_claims.yaml",
+            lambda get: [get("segmentation")],
+            segmentation_of_people,
+            known=arithmetic,
+        ),
+        "feedback": Page(
+            SCRAPING,
+            "feedback_claims.yaml",
+            lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
+            test_scraping_page.feedback_evidence,
+        ),
+        "refinement": Page(
+            SCRAPING,
+            "refinement_claims.yaml",
+            lambda get: [refinement_results()],
+            test_scraping_page.refinement_evidence,
+        ),
+        "calibration": Page(
+            "structlearn.tasks.touch",
+            "calibration_claims.yaml",
+            lambda get: [test_touch_page.calibration(1.0)],
+            find_calibration,
+            lambda place: place == "comparison",
+        ),
+        "boxes": Page(
+            PUBLIC,
+            f"{CLAIMS}/boxes.yaml",
+            lambda get: [test_tasks_obstacles.made_up_ways()],
+            scene_findings,
+        ),
+        "avoidance": Page(
+            PUBLIC,
+            f"{CLAIMS}/avoidance.yaml",
+            lambda get: [test_tasks_representations.made_up_scores()],
+            representation_findings,
+        ),
+    }
+    | {
+        name: Page(
+            PUBLIC, f"{CLAIMS}/{name}.yaml", lambda get, made=made: [made()], test_touch_page.FIND[name]
+        )
+        for name, made in test_touch_page.MADE_UP.items()
+    }
+    | {
+        name: Page(
+            PUBLIC,
+            f"{CLAIMS}/{name}.yaml",
+            lambda get, name=name: [motion_tables.made_up(name)],
+            motion_findings,
+            known=partial(dict, FOLLOWS),
+        )
+        for name in motion_tables.JOINTS
+    }
+)
 
 
 def tables(results: Any, place: str = "") -> dict[str, pd.DataFrame]:

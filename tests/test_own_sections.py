@@ -103,7 +103,7 @@ def test_every_kind_has_its_page(page):
         assert f'id="figure-{figure}' in text
         metrics |= values_by_key(read_findings(report / "findings.csv"))
         assert "Doubtful" not in text or kind == "obstacles"
-    assert metrics["motion_nmse_worst"] < 0.02
+    assert metrics["nmse"] < 0.02 < metrics["nmse_urdf"]
     assert metrics["map_nmse"] < 0.2
     assert metrics["none_hits"] == 0.5
     assert metrics["planned_hits"] == 0.0

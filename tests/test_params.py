@@ -118,7 +118,7 @@ def read_by(script: Path) -> Iterator[tuple[str, type[Parameters]]]:
     """Keys that a stage reads with their models: from calls of `stage_parameters`, and mappings for them."""
     tree = ast.parse(script.read_text())
     origins = {
-        name.name: node.module
+        name.asname or name.name: (node.module, name.name)
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom)
         for name in node.names
@@ -132,8 +132,9 @@ def read_by(script: Path) -> Iterator[tuple[str, type[Parameters]]]:
         for key, model in pairs:
             module, _, name = ast.unparse(model).rpartition(".")
             if isinstance(key, ast.Constant) and name.endswith(("Parameters", "Population")):
-                home = f"{origins[module]}.{module}" if module else origins[name]
-                yield key.value, getattr(importlib.import_module(home), name)
+                home, known = origins[module or name]
+                home, known = (f"{home}.{known}", name) if module else (home, known)
+                yield key.value, getattr(importlib.import_module(home), known)
 
 
 @pytest.fixture(scope="module")

@@ -113,7 +113,7 @@ def test_scraping_streams_of_different_length_are_refused(folder):
         (clmc.read_unscrewing, "quat_dmp_unscrewing: holds no logs"),
         (clmc.read_scraping_execution, "scraping: holds no execution"),
         (lambda folder: clmc.read_scraping_execution(folder, "other"), "scraping/other: holds no execution"),
-        (eflesh.read_all_runs, "holds no run"),
+        (lambda folder: eflesh.read_touch(folder, None, {}), "holds no run"),
         (panda.read_motion, "holds no motion"),
         (slide.read_slides, "holds no trials"),
         (ur10e.read_motion, "holds no logs"),

@@ -43,3 +43,10 @@ def test_names_are_unique_and_whole_numbers_are_integers():
     assert isinstance(find.numbers()["robots"], int)
     with pytest.raises(ValueError, match="two findings are called robots"):
         find.exact("robots", 6)
+
+
+def test_rows_can_be_made_headlines_afterwards():
+    find = Findings()
+    find.exact("error", {"a": 1.0, "b": 2.0})
+    find.mark({"error": ("b",), "gone": True})
+    assert find.table().query("headline")["case"].tolist() == ["b"]

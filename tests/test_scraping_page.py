@@ -20,9 +20,6 @@ from reporting_feedback import (
     orderings,
     people,
     phase_weights,
-    scores,
-    traces,
-    with_board,
 )
 from reporting_refinement import COSTS, forms, history, refinement_results, variants
 from reporting_refinement import scores as refined_scores
@@ -158,21 +155,9 @@ def test_an_undecided_or_lost_sweep_over_noise_is_no_yes(segmentation):
     for change, expected in (
         (noise_table(advantage_ms=-5.0), NO),
         (noise_table().query("seed == 0"), UNDECIDED),  # one person decides nothing
-        (_even_at_one_level(noise_table()), UNDECIDED),
     ):
         swept = replace(segmentation, noise=change)
         assert verdicts("segmentation", swept)["least_cut_error"] == expected
-
-
-def _even_at_one_level(table):
-    """The plain crossing errs at one level as much as the result, now more, now less."""
-    table = table.copy()
-    both = ["start_error_s", "end_error_s"]
-    at = table["noise_mm"] == 0.3
-    wls = table.loc[at & (table["method"] == "wls"), both].to_numpy()
-    swing = np.array([[1e-3], [-1e-3], [2e-4]])
-    table.loc[at & (table["method"] == "zvc"), both] = wls + swing * np.sign(wls)
-    return table
 
 
 def test_each_rule_of_stopping_has_its_own_rows(feedback):
@@ -301,30 +286,6 @@ def test_the_share_left_is_the_geometric_mean_of_the_least_clear_tilt():
     assert wider.low < found.low < found.high < wider.high
 
 
-def test_executions_decide_on_cost_force_torque_and_coupling(feedback):
-    dear = scores({"nominal": 4.0, "pointwise": 10.0, "level": 11.0, "unrolled": 5.0})
-    found = verdicts("feedback", with_board(feedback, scores=dear))
-    assert (found["lower_cost"], found["in_the_unroll"], found["kept_at_tilts"]) == (NO, YES, NO)
-    weak = verdicts("feedback", with_board(feedback, scores=scores(force_n=1.1)))
-    assert weak["force_held"] == NO
-    flat = scores()
-    flat["roll_torque_mn_m"] = np.where(flat["setting_deg"] == 5.0, 9.0, flat["roll_torque_mn_m"])
-    assert verdicts("feedback", with_board(feedback, scores=flat))["torque_monotone"] == NO
-    same = with_board(feedback, traces=traces(gain=0.0))
-    assert verdicts("feedback", same)["tells_tilts_apart"] != YES
-    falling = with_board(feedback, traces=traces(gain=-2.0))  # one way is enough
-    assert verdicts("feedback", falling)["tells_tilts_apart"] == YES
-
-
-def test_the_level_board_has_a_row_of_its_own(feedback):
-    table = feedback.board.scores.copy()
-    level = (table["setting_deg"] == 0.0) & (table["model"] != "nominal")
-    table.loc[level, "cost_rad"] = 1.0
-    for evidence in ("level_board", "level_board_ours"):
-        assert verdicts("feedback", feedback)[evidence] == NO
-        assert verdicts("feedback", with_board(feedback, scores=table))[evidence] == YES
-
-
 def changed(setting, **costs):
     """The costs with those of some models in one setting replaced."""
     return {model: COSTS[model] | ({setting: costs[model]} if model in costs else {}) for model in COSTS}
@@ -333,15 +294,9 @@ def changed(setting, **costs):
 @pytest.mark.parametrize(
     ("costs", "evidence", "expected"),
     [
-        (COSTS, "lower_ours", YES),
         (changed(10.0, after=60.0), "lower_ours", NO),
         (changed(10.0, after=60.0), "lower_text", YES),  # less than 30 %, but lower
         (changed(10.0, after=90.0), "lower_text", NO),
-        (COSTS, "seen_text", YES),
-        (changed(7.5, after=42.0), "seen_text", NO),
-        (changed(8.8, after=50.0), "between_ours", NO),
-        (changed(5.0, before=100.0), "nominal_is_worst_text", NO),
-        (COSTS, "level_board_refined_ours", NO),
         (changed(0.0, after=1.0), "level_board_refined_ours", YES),
     ],
 )

@@ -186,35 +186,18 @@ def with_people(results, table):
     )
 
 
-def errors(with_structure=0.2, without=0.1, power=1, of_loss=1.0):
-    """Forward NMSE by key; with a power of the steps, and `of_loss` times that where trained with one."""
-    return {
-        f"forward_nmse_{forward_case(*kind, structure, steps)}": error
-        * (steps / 3) ** power
-        * (of_loss if "none" not in kind else 1)
-        for structure, error in ((True, with_structure), (False, without))
-        for kind in DYNAMICS
-        for steps in (1, 2, 3)
-    }
-
-
-def decoded(with_structure=0.5, without=0.9):
-    return {
-        f"forward_nmse_{forward_case(*kind, structure, column='pressure')}": error
-        for structure, error in ((True, with_structure), (False, without))
-        for kind in DYNAMICS
-    }
-
-
-def latents(reconstruction=0.05, distances=0.005):
-    found = {f"reconstruction_nmse_{split}": reconstruction for split in SPLITS}
-    return found | {f"mds_nmse_{split}": distances for split in SPLITS}
-
-
-def directions(best="nj", without_loss=0.7, forward=0.5):
-    found = {f"cosine_distance_{name}": 0.1 if name == best else 0.3 for name in ("ll", "ng", "nj")}
-    found |= {f"{key}_predicted": forward * value for key, value in found.items()}
-    return found | {"cosine_distance_nj_without_loss": without_loss}
+def predictions():
+    """Numbers of which all that the text says of predictions follows, but that structure helps them."""
+    found = {f"reconstruction_nmse_{split}": 0.05 for split in SPLITS}
+    found |= {f"mds_nmse_{split}": 0.005 for split in SPLITS}
+    for structure, error, pressure in ((True, 0.2, 0.5), (False, 0.1, 0.9)):
+        for kind in DYNAMICS:
+            for steps in (1, 2, 3):
+                found[f"forward_nmse_{forward_case(*kind, structure, steps)}"] = error * steps / 3
+            found[f"forward_nmse_{forward_case(*kind, structure, column='pressure')}"] = pressure
+    cosines = {f"cosine_distance_{name}": 0.1 if name == "nj" else 0.3 for name in ("ll", "ng", "nj")}
+    found |= cosines | {f"{key}_predicted": 0.5 * value for key, value in cosines.items()}
+    return found | {"cosine_distance_nj_without_loss": 0.7}
 
 
 def loops(default=0.1, lost=0, **rates):
@@ -228,7 +211,7 @@ def loops(default=0.1, lost=0, **rates):
 
 
 def everything(**changes):
-    return latents() | errors() | decoded() | directions() | loops() | changes
+    return predictions() | loops() | changes
 
 
 CONTROLLERS = [f"people_servo_success_rate{ending}" for ending in ("", "_published", "_ll_published")]
@@ -245,25 +228,21 @@ def rendered(results):
     )
 
 
-def test_claims_on_predictions_can_say_yes_and_no(results):
+def test_claims_on_predictions_hold_where_numbers_say_so(results):
     yes = verdicts(with_people(results, everything()))
-    decided = ("people_reconstruction_nmse", "grows", "nj_predicts", "loss_directs", "easier")
-    assert {yes[name] for name in decided} == {yes["people_mds_nmse"]} == {"yes"}
-    assert yes["structure_predicts"] == "no"
-    assert yes["structure_predicts_pressure"] == "yes"
-    assert yes["loss_predicts"] == "no"  # equal for every person
-    opposite = latents(0.2, 0.015) | {"reconstruction_nmse_validation": 0.27}  # one split
-    opposite |= errors(0.1, 0.2, power=-1, of_loss=0.5) | decoded(0.9, 0.5)
-    opposite |= directions(best="ll", without_loss=0.05, forward=1.5)
-    no = verdicts(with_people(results, loops() | opposite))
-    assert no["structure_predicts_pressure"] == no["loss_predicts"] == "no"
-    assert (no["people_mds_nmse"], no["structure_predicts"]) == ("yes", "yes")
-    assert {no[name] for name in decided} == {"no"}
-    assert verdicts(with_people(results, everything(**errors(of_loss=1.5))))["loss_predicts"] == "yes"
-    assert verdicts(with_people(results, everything(**errors(power=0))))["grows"] == "no"
+    decided = (
+        "people_reconstruction_nmse",
+        "people_mds_nmse",
+        "grows",
+        "nj_predicts",
+        "loss_directs",
+        "easier",
+    )
+    assert {yes[name] for name in (*decided, "structure_predicts_pressure")} == {"yes"}
+    assert yes["structure_predicts"] == yes["loss_predicts"] == "no"  # the latter is equal for every person
 
 
-def test_claims_on_closed_loops_can_say_yes_and_no(results):
+def test_controllers_that_fail_say_nothing_of_what_they_would_need(results):
     found = verdicts(with_people(results, everything()))
     assert {found[name] for name in CONTROLLERS} == {"no"}  # each reaches one in ten
     gated = ("loss_needed", "loss_needed_ll", "geometry", "geometry_ll")
@@ -279,23 +258,8 @@ def test_claims_on_closed_loops_can_say_yes_and_no(results):
     good = (*CONTROLLERS, "people_servo_contacts_lost", *gated, "geometry_aimed")
     assert {better[name] for name in good} == {"yes"}
     assert better["structure_serves"] == better["structure_serves_resting"] == better["loss_serves"] == "yes"
-    worse = verdicts(
-        with_people(results, everything(**loops(default=0.9, lost=30, **works, sphere_published=0.1)))
-    )
-    assert (
-        worse["people_servo_contacts_lost"]
-        == worse["geometry"]
-        == worse["loss_needed"]
-        == worse["loss_needed_ll"]
-        == "no"
-    )
-    assert worse["geometry_ll"] == "yes"
-    without = loops(default=0.9, **dict.fromkeys(works, 0.3))
-    backwards = verdicts(with_people(results, everything(**without)))
-    assert backwards["structure_serves"] == backwards["structure_serves_resting"] == "no"
-    assert backwards["loss_serves"] == "no"
     assert "rest on the study servoing/people, made by unknown code, not re-run." in rendered(
-        with_people(results, without)
+        with_people(results, everything())
     )
     assert "rest on the study" not in rendered(results)
 

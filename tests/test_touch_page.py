@@ -15,7 +15,7 @@ from structlearn.core.artefacts import write_csv, write_table
 from structlearn.reporting.claims import Evidence, combined, judge, read_claims
 from structlearn.reporting.document import environment, render, words_in_view
 from structlearn.tasks import task_page
-from structlearn.tasks.task_entry import write_task
+from structlearn.tasks.task_entry import source_digests, write_task
 from structlearn.tasks.task_files import LEFT_OUT, TaskFiles
 from structlearn.tasks.touch import calibration_section
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
@@ -131,7 +131,8 @@ def shown(tmp_path, monkeypatch):
     def show(name, tables):
         files = TaskFiles(name)
         changes = {"tuned_on": ["a"]} if name == "eflesh" else {}
-        write_task(committed_entry(name, source="$DATA/none", **changes), files.parameters)
+        entry = committed_entry(name, source="$DATA/none", **changes)
+        write_task(entry, source_digests(entry), files.parameters)
         write_csv(pd.DataFrame({"file": [], "reason": []}), files.recorded / LEFT_OUT)
         for table, its in tables.items():
             write_table(its, files.folder / f"touch/{table}.parquet")

@@ -34,6 +34,8 @@ def learn_over_phase(
     files: TaskFiles, parameters: phase_corrections.PhaseCorrectionParameters, folder: Path
 ) -> None:
     """Coupling of corrected runs of the task's one primitive."""
+    if not (files.recorded / "corrected.parquet").exists():
+        raise MissingInputError("the corrected runs are not recorded here")
     nominal, runs = files.primitives()[0].position, files.runs("corrected")
     ends = phase_corrections.completeness(runs, nominal, parameters.incomplete_m)
     complete = phase_corrections.complete(runs, ends)

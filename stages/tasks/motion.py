@@ -3,20 +3,29 @@
 What loads slowly is imported where it is needed: of a public set that is not here there are no logs.
 """
 
+from shutil import rmtree
+
 from structlearn.core.artefacts import publish
+from structlearn.core.errors import InputError
 from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
-from structlearn.tasks.task_files import TaskFiles, run_for_task
+from structlearn.tasks.task_files import TaskFiles, is_public, leave_out, run_for_task
 
 
 def main(files: TaskFiles) -> None:
     from structlearn.tasks.motion.joint_motion import arm_of, learn_motion
 
     parameters = files.entry(MotionParameters)
-    robot, urdf = arm_of(parameters)
     logs = read_logs(files.recorded / "logs.parquet", parameters)
     with publish(files.folder / "motion") as folder:
-        folder.mkdir()
-        learn_motion(robot, logs, parameters, urdf, folder)
+        try:
+            robot, urdf = arm_of(parameters)
+            folder.mkdir()
+            learn_motion(robot, logs, parameters, urdf, folder)
+        except InputError as error:
+            if not is_public(parameters.source):
+                raise
+            rmtree(folder, ignore_errors=True)
+            leave_out(folder, str(error))
 
 
 if __name__ == "__main__":

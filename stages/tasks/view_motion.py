@@ -9,7 +9,8 @@ from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
 def main(files: TaskFiles) -> None:
     parameters = files.entry(MotionParameters)
     with publish(files.report / "rerun") as folder:
-        if files.absent or parameters.load is None or files.table("motion/carried").empty:
+        carried = files.folder / "motion/carried.parquet"
+        if files.absent or not carried.exists() or files.table("motion/carried").empty:
             leave_out(folder, files.absent or "The task has no load.")
         else:
             folder.mkdir()

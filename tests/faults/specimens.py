@@ -31,7 +31,7 @@ from structlearn.readers.joint_log import (
     write_joint_log,
     write_log_table,
 )
-from structlearn.readers.reaches_past_boxes import TRIALS, read_reaches_past_boxes
+from structlearn.readers.reaches_past_boxes import TRIALS, read_obstacles
 from structlearn.readers.recording import NamedShape
 from structlearn.readers.text_log import read_stamped_table
 from structlearn.readers.ur10e import read_motion
@@ -112,7 +112,7 @@ def _reach(path: Path) -> None:
 
 
 def _reaches(path: Path) -> list:
-    return read_reaches_past_boxes(path.parents[2])
+    return read_obstacles(path.parents[2], None)
 
 
 def _lock(path: Path) -> None:

@@ -21,7 +21,7 @@ from structlearn.core.params import read_values
 from structlearn.feedback.skill_file import KIND, read_skill
 from structlearn.readers import read_demonstrations, read_recording
 from structlearn.readers.text_log import read_stamped_table
-from structlearn.readers.ur10e import read_logs
+from structlearn.readers.ur10e import read_motion
 from structlearn.rigid_body.tree import read_urdf
 
 STAMPS = (10**9 + 10_000_000 * np.arange(4)).tolist()
@@ -102,8 +102,16 @@ DOORS = {
     "sparse.csv": (_sparse, lambda path: read_recording(path, TABLE), "has 200000000000 bytes, more than"),
     "sparse.txt": (_sparse, lambda path: read_stamped_table(path, 4), "has 200000000000 bytes, more than"),
     "rows.parquet": (_rows, lambda path: read_recording(path, TABLE), "has 50000000 rows of 4 columns"),
-    "ur-pipe.csv": (os.mkfifo, lambda path: read_logs(path.parent), "not a file"),
-    "pipe.csv": (os.mkfifo, lambda path: read_recording(path, TABLE), "not a file"),
+    "ur-pipe.csv": (os.mkfifo, lambda path: read_motion(path.parent), "not a file"),
+    **{
+        f"pipe.{suffix}": (os.mkfifo, lambda path: read_demonstrations(path.parent, TABLE), "not a file")
+        for suffix in ("csv", "mcap", "bag")
+    },
+    "metadata.yaml": (
+        lambda path: path.write_text("a: " + "[" * 100_000 + "]" * 100_000),
+        lambda path: read_demonstrations(path.parent),
+        "nested too deeply",
+    ),
     "pipe.urdf": (os.mkfifo, read_urdf, "not a file"),
     "pipe.yaml": (os.mkfifo, read_values, "not a file"),
     "home": (lambda path: None, lambda path: read_demonstrations("~nobody-home/x"), "no such home folder"),

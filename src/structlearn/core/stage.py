@@ -60,8 +60,11 @@ def run(main: Callable[[], None]) -> None:
 
 @contextmanager
 def _alone() -> Iterator[None]:
-    """Hold the stage, of this task where it has one, against all other processes in this folder."""
+    """Hold a stage's script, for its task where it has one, against all other processes in this folder."""
     script, *words = sys.argv
+    if Path(script).resolve().is_relative_to(Path(__file__).parents[1]):  # a command of the package
+        yield
+        return
     words = words or [os.environ.get(RUN_BY_DVC, "").partition("@")[2]]
     name = re.sub(r"\W+", "-", " ".join([os.path.relpath(script), *words])).strip("-")
     lock = Path(f".running-{name[-100:]}")

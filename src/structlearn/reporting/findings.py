@@ -12,7 +12,7 @@ They are written as `findings.csv`. Claims name rows (`evidence: cost_ratio`), t
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +78,11 @@ class Findings(Mapping[str, Found]):
         if twice := set(self._rows) & set(other._rows):
             raise ValueError(f"two findings are called {', '.join(sorted(twice))}")
         self._rows |= other._rows
+
+    def mark(self, headlines: Mapping[str, bool | Collection[str]]) -> None:
+        """Make headlines of rows by name, all or some of their cases; unknown names are left out."""
+        for name in headlines.keys() & self._rows.keys():
+            self._rows[name] = replace(self._rows[name], headline=headlines[name])
 
     def by(
         self, make: Callable[..., Evidence], name: str, *given: Any, missing: str = "", **row: Any

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.core.artefacts import Metrics, publish, write_csv, write_metrics
+from structlearn.core.artefacts import publish, write_csv, write_metrics
 from structlearn.core.parallel import parallel_map
 from structlearn.reporting.claims import Judged, claim_metrics, claims_table, on_recordings
 from structlearn.reporting.document import Document, Panel, Table, render
@@ -23,8 +23,7 @@ def publish_report(
     pages: Mapping[str, Document],
     drawings: Mapping[str, Drawing | Sequence[Drawing]],
     tables: Mapping[str, Table],
-    findings: Findings | Metrics,
-    headlines: Sequence[str] = (),
+    find: Findings,
     recorded: pd.DataFrame | None = None,
 ) -> None:
     """Publish `NAME.html`, `figures/`, `tables/`, `findings.csv` and `metrics.json`.
@@ -34,20 +33,15 @@ def publish_report(
         pages: by name, e.g. `index`.
         drawings: by name; a sequence is a figure of several panels.
         tables: by name; `claims` is added.
-        findings: every number that the pages state; those marked as headlines stand in `metrics.json`, with
-            the counts of verdicts. Numbers alone where a page is not yet converted.
-        headlines: of numbers alone.
+        find: every number that the pages state; those marked as headlines stand in `metrics.json`, with the
+            counts of verdicts.
         recorded: claims about recorded data, by which a page tells which statements were tested on them too.
 
     Raises:
-        ValueError: a headline is no finding, or there are too many of them.
+        ValueError: there are too many headlines.
     """
-    if not isinstance(findings, Findings):
-        if missing := set(headlines) - set(findings):
-            raise ValueError(f"headlines {sorted(missing)} are no metrics")
-        findings = Findings.of_metrics(findings, tuple(headlines))
-    found = findings.table()
-    if (marked := int(found["headline"].sum())) > HEADLINES:
+    found = find.table()
+    if (marked := int((found["headline"] & found["value"].notna()).sum())) > HEADLINES:
         raise ValueError(f"{marked} headlines are more than {HEADLINES}")
     folder = Path(folder)
     shown = {id(one): one for page in pages.values() for one in page.judged}  # two pages may show the same
@@ -63,7 +57,7 @@ def publish_report(
         if judged:
             write_csv(claims_table(judged), target / "claims.csv")
     write_csv(found, folder / "findings.csv")
-    headlines_found = values_by_key(found[found["headline"].astype(bool)])
+    headlines_found = values_by_key(found[found["headline"]])
     write_metrics(headlines_found | claim_metrics(judged), folder / "metrics.json")
     for name, page in pages.items():
         its = [one for one in both if one.counterpart.page == name]

@@ -134,7 +134,10 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
 
 def _logs(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
     """`logs`."""
-    write_log_table(read_source(task, task.source, left_out), folder / "logs.parquet")
+    logs = read_source(task, task.source, left_out)
+    if not logs:
+        raise MissingInputError(f"{task.source}: holds no log that can be read")
+    write_log_table(logs, folder / "logs.parquet")
 
 
 def _touches(task: TouchParameters, folder: Path, left_out: LeftOut) -> None:

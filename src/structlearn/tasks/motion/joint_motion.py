@@ -231,7 +231,7 @@ def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -
     if len(empty) < 2:
         raise MissingInputError(
             f"of {len(logs)} logs {len(empty)} are motions of all joints without a load, and two are needed: "
-            "one to learn from and another one to ask about"
+            "one to learn from and another one to test on"
         )
     train = parameters.train if parameters.train in named else others.pop(0)
     test = parameters.test if parameters.test in named else others.pop(0)

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.core.block_bootstrap import percentiles
-from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, LIGHT_GREY, ORANGE
+from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE
 from structlearn.reporting.figure_style import Drawing, styled
 from structlearn.reporting.panels import legend, panel
 from structlearn.tasks.motion.motion_results import (
@@ -31,7 +31,7 @@ TRACED_JOINTS = 4
 """Joints that are predicted worst, whose torques are drawn."""
 
 STAGES = {
-    LEARNED: ("empty:\nlearned from", LIGHT_GREY),
+    LEARNED: ("empty:\nlearned from", "#e9ebee"),
     EMPTY: ("empty: another\nmotion", "#ffffff"),
     CARRYING: ("with the load", "#e3eef5"),
 }

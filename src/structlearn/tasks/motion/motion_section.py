@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from structlearn.core.artefacts import read_table
 from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
 from structlearn.tasks.motion.motion_figures import motion_figures
 from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
 from structlearn.tasks.motion.motion_results import (
-    ALL_PAIRS,
     BEST,
     BOUNDS,
     EMPTY,
@@ -27,27 +27,10 @@ from structlearn.tasks.motion.motion_results import (
 )
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
-from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.task_files import ABSENT, TaskFiles
 
 NUMBERS = {"mass_kg": ".2f", "viscous": ".2f", "coulomb": ".2f"}
 """How parameters of a link are written; others with three digits behind the point."""
-
-OPTIONAL = (
-    "choice",
-    "drives",
-    "drive_draws",
-    "gains",
-    "delay_curves",
-    "loads",
-    "load_draws",
-    "carried",
-    "bodies",
-)
-REQUIRED = (
-    *("motions", "errors", "blocks", "norms", "friction", "links", "traces", "gravity", "base", "excitation"),
-    "written",
-)
-"""Tables of the stage; a task has the optional ones by its parameters."""
 
 LINKS = ("mass_kg", "centre_x_m", "centre_y_m", "centre_z_m", "viscous", "coulomb")
 """Parameters of a link that a page shows."""
@@ -55,20 +38,28 @@ LINKS = ("mass_kg", "centre_x_m", "centre_y_m", "centre_z_m", "viscous", "coulom
 
 def section(files: TaskFiles) -> Section:
     """Of a task with logs of joints."""
+    reason = files.folder / "motion" / ABSENT
+    if reason.exists():
+        facts = {"reason": reason.read_text(encoding="utf-8").strip()}
+        return Section("unidentified", "The arm's dynamics", "unidentified.html.jinja", facts=facts)
     parameters = files.entry(MotionParameters)
     first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
+    tables = {path.stem: read_table(path) for path in (files.folder / "motion").glob("*.parquet")}
     if not parameters.structures:
-        tables = {name: files.table(f"motion/{name}") for name in ("gravity", "payload_torques", "payloads")}
         return Section(
             "motion",
             "Torques beside the URDF",
             "torque_check.html.jinja",
+            lead="torque_check_lead.html.jinja",
             facts={"origin": first.provenance},
             find=check_findings(tables),
-            tables=check_tables(tables),
+            tables={
+                "payload_torques": shown(tables["payload_torques"]),
+                "payloads": shown(tables["payloads"]),
+                "motion_gravity": _gravity(tables["gravity"]),
+            },
         )
-    there = [name for name in OPTIONAL if (files.folder / f"motion/{name}.parquet").is_file()]
-    results = MotionResults({name: files.table(f"motion/{name}") for name in (*REQUIRED, *there)}, parameters)
+    results = MotionResults(tables, parameters)
     urdf = f"{files.folder}/motion/identified.urdf"
     return Section(
         "motion",
@@ -87,13 +78,13 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
     test, motions, gravity = results.test, results["motions"], results["gravity"]
     best, excitation = results.joint_nmse(results.tested), results["excitation"].iloc[0]
     worst = max(best, key=lambda joint: best[joint].value)
-    seconds = motions[["learned_s", "tested_s"]].sum()
+    named = motions[motions["log"].isin([results.train_log, results.tested])]
+    seconds = (motions if results.parameters.train is None else named)[["learned_s", "tested_s"]].sum()
     carried = {log: results.carried_error(log).evidence() for log in results.carried_logs}
     facts: dict[str, Any] = {
         "chosen": results.parameters,
         "logs": len(motions),
         "joints": len(results.joints),
-        "whole": {name: its.evidence() for name, its in results.whole_errors(results.best).items()},
         "friction": FRICTIONS[results.best[1]],
         "learned_s": seconds["learned_s"],
         "tested_s": seconds["tested_s"],
@@ -104,20 +95,14 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "best": test.loc[results.best].min(),
         "worst_of": {"urdf": test.loc[URDF].max(), "bounds": test.loc[results.bounds].max()}
         | {"viscous": test.loc["cov", "viscous"].max()},
-        "friction_factor": test.loc["cov", "viscous"] / test.loc[results.best],
         "condition": excitation["condition"],
         "base_parameters": int(excitation["parameters"]),
         "unsure": len(results["base"].query("low < 0 < high")),
         "blocks": best[worst].n,
         "gravity": {word: list(its["name"]) for word, its in gravity.groupby("holds")},
         "further": {
-            log: (
-                errors.loc[results.best].max(),
-                errors.loc[results.best].idxmax(),
-                errors.loc[results.bounds].max(),
-            )
-            for log, errors in results.errors.items()
-            if log in results.parts[2:]
+            log: (results.errors[log].loc[results.best], results.errors[log].loc[results.bounds])
+            for log in results.parts[2:]
         },
         "networks": [
             f"{model_words(key)} {rounded(results.errors['train'].loc[key].mean(), '.2g')} "
@@ -127,7 +112,6 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         ],
         "carried": carried,
         "first": next(iter(carried), None),
-        "urdf_difference_n_m": results["written"]["difference_n_m"].max(),
     }
     if "gains" in results.tables:
         gains = results["gains"].set_index("joint")
@@ -136,12 +120,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         facts["stand_in"] = {joint: results.of_drives.assumed_gains[joint] for joint in assumed}
         facts["rest_log"] = results.rest_log
     if carried:
-        empty = chosen(results["carried"], stage=EMPTY)
-        facts["load"] = results.load_error(ALL_PAIRS, "found").evidence()
-        facts["load_kg"] = results.load_kg(ALL_PAIRS, "found").evidence()
-        quoted = not chosen(results["loads"], gains="quoted").empty
-        facts["quoted_percent"] = results.load_error(ALL_PAIRS, "quoted").value if quoted else np.nan
-        facts["largest_empty_kg"] = empty["mass_kg"].abs().max()
+        facts["largest_empty_kg"] = chosen(results["carried"], stage=EMPTY)["mass_kg"].abs().max()
     return facts
 
 
@@ -156,15 +135,6 @@ def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
         "payload", {word: (payloads[sign], 1) for sign, word in signs.items()}, unit="kg", headline=True
     )
     return find
-
-
-def check_tables(tables: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
-    """Tables keyed by name, likewise."""
-    return {
-        "payload_torques": shown(tables["payload_torques"]),
-        "payloads": shown(tables["payloads"]),
-        "motion_gravity": _gravity(tables["gravity"]),
-    }
 
 
 def motion_tables(results: MotionResults) -> dict[str, Table]:
@@ -247,22 +217,15 @@ def _further(results: MotionResults) -> Table:
 
 
 def _logs(results: MotionResults) -> Table:
-    columns = ["log", "part", "start_s", "end_s", "length_s", "learned_s", "tested_s"]
-    frame = results["motions"][columns]
     words = {"start_s": "from (s)", "end_s": "to (s)", "length_s": "length (s)"}
     words |= {"learned_s": "learned from (s)", "tested_s": "tested on (s)"}
-    return Table(frame, dict.fromkeys(words, ".1f"), words)
+    return Table(results["motions"][["log", "part", *words]], dict.fromkeys(words, ".1f"), words)
 
 
 def _gravity(gravity: pd.DataFrame) -> Table:
-    columns = {
-        "gravity_n_m": "URDF's gravity, std (N m)",
-        "torque_n_m": "torque, std (N m)",
-        "share": "share of gravity in the torque",
-        "holds": "contains gravity",
-    }
-    frame = gravity.drop(columns="joint").rename(columns={"name": "joint"})[["joint", *columns]]
-    return Table(frame, dict.fromkeys(list(columns)[:3], ".2f"), columns)
+    words = {"name": "joint", "gravity_n_m": "URDF's gravity, std (N m)", "torque_n_m": "torque, std (N m)"}
+    words |= {"share": "share of gravity in the torque", "holds": "contains gravity"}
+    return Table(gravity[list(words)], dict.fromkeys(("gravity_n_m", "torque_n_m", "share"), ".2f"), words)
 
 
 def _bodies(results: MotionResults) -> Table:

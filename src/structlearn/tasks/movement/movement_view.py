@@ -52,7 +52,7 @@ def write_movements(files: TaskFiles, folder: Path) -> None:
     if own.turns:
         segments = segment_paths(runs, whole(runs), own.fit.smoothing_hz)
         write_turns(folder / "turns.rrd", orientations(segments), primitives[0])
-    if own.corrections is not None:
+    if (files.folder / "feedback/completeness.parquet").exists():
         corrected = complete(files.runs("corrected"), files.table("feedback/completeness"))
         networks = read_networks(files.folder / "feedback/phase_networks.safetensors")
         write_corrected(folder / "corrected.rrd", corrected, primitives, networks)

@@ -6,7 +6,7 @@ they are (`OURS`) and once as in the text (`TEXT`). So people are independent, w
 one person are not. Rows of the person of this run are what the study gathers; they decide nothing.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,17 @@ FIT_COLUMNS = {
     "left_one_out": (True, ("mean_mm", "mean_deg")),
 }
 """By name: whether of demonstrations left out, and what is found of each primitive."""
+
+HEADLINES_OF_ONE: dict[str, bool | Collection[str]] = {
+    "cut_error_ms": ("wls",),
+    "left_one_out": ("down_mean_mm",),
+    "pmnn_prim2_generalization_nmse_best_step": True,
+    "pmnn_prim3_generalization_nmse_best_step": True,
+    "cost_ratio_feedback_over_nominal": ("0", "10"),
+    "cost_ratio_level_over_nominal": ("0", "10"),
+    "rl_cost_ratio": ("prim2", "prim3"),
+}
+"""Where people were not studied with these parameters: by these one compares experiments."""
 
 Numbers = np.ndarray | None
 """(P,) one per person; None where the study was not run, or kept no such number."""
@@ -107,6 +118,8 @@ def findings(
     feedback_of_one(find, feedback)
     refinement_of_one(find, refinement, primitives)
     people = ScrapingPeople(study, OURS, primitives)
+    if not people.count:
+        find.mark(HEADLINES_OF_ONE)
     its = find.among("people", STUDY)
     its.exact("people", people.count or np.nan, headline=True)
     segmentation_of_people(its, people, [one.name for one in segmentation.found_primitives])

@@ -37,6 +37,15 @@ TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)
 RATE, FORWARD = "servo_success_rate", "forward_nmse"
 SPACE_KEYS = {True: "struct", False: "nostruct"}  # latent spaces in the names of findings
 
+HEADLINES_OF_ONE = {
+    "reconstruction_nmse": ("test",),
+    "mds_nmse": ("test",),
+    FORWARD: ("chain3_struct",),
+    "cosine_distance": ("nj", "nj_without_loss"),
+    RATE: ("", "published", "nostruct", "sphere", "flat_pad"),
+}
+"""Where people were not studied with these parameters: by these one compares experiments."""
+
 Numbers = Callable[[str], np.ndarray | None]
 """A person's row over people (P,), by its key; None where the study was not run, or kept no such number."""
 
@@ -45,6 +54,8 @@ def findings(results: ServoingResults) -> Findings:
     """All of the page."""
     find = Findings(f"models of person {results.chosen['toucher'].seed}")
     _of_person(find, results)
+    if not results.people.count:
+        find.mark(HEADLINES_OF_ONE)
     over_people(find.among("people", PEOPLE_STUDY), results)
     return find
 
