@@ -41,8 +41,8 @@ SECONDS_OF_A_YEAR = 3.2e7
 class Findings:
     """What a source holds, and what follows from it.
 
-    Of `sources` of poses the first is taken for the hand's; `motion` is None where it does not move, `proposal`
-    where nothing could be its pose.
+    Of `sources` of poses the first is taken for the hand's; `motion` is None where it does not move,
+    `proposal` where nothing could be its pose.
     """
 
     seen: SourceSeen

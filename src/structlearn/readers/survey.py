@@ -35,7 +35,7 @@ class Stamps:
     """One clock of a topic.
 
     The rate is one over the median step (NaN of a single stamp), the jitter half the range of the inner nine
-    tenths of the steps; `repeated` and `backward` messages have the stamp of the one before, or an earlier one.
+    tenths of the steps; `repeated` and `backward` messages have the stamp of the one before, or an earlier.
     """
 
     count: int
