@@ -22,6 +22,9 @@ REPORT = Path("reports/recorded")
 SIMULATED = ("scraping", "obstacles", "dynamics", "servoing")
 """Testbeds whose statements are held against like ones about recordings."""
 
+SENTENCES = 2
+"""Of what opens a set's page, that the page over all sets quotes."""
+
 HEADLINES: Mapping[str, tuple[str, str, str]] = {
     "reach_cut_error_ms_2mm": ("reaches", "reach_cut_error_ms_2mm", ""),
     "reach_left_ten_out_mean_mm": ("reaches", "primitives_reach_left_out_mm", ""),
@@ -94,10 +97,12 @@ def reported(name: str) -> Reported:
     title = value_at(files.parameters, "entry.title") or name
     figure = re.search(r'<div class="panels.*?</div>', page, re.DOTALL) if not files.absent else None
     picture = re.sub(r'(src|href)="', rf'\1="../tasks/{name}/', figure[0]) if figure else ""
+    lead = re.search(r'(?<=<p class="lead">).*?(?=</p>)', page, re.DOTALL)
+    sentences = re.split(r"(?<=[.?!])\s+(?=[A-Z])", lead[0] if lead else "")
     return Reported(
         name,
         title,
-        Markup("\n".join(re.findall(r'(?<=<p class="lead">).*?(?=</p>)', page, re.DOTALL))),
+        Markup(" ".join(sentences[:SENTENCES]).replace('href="../../', 'href="../')),
         Markup(picture),
         bool(files.absent),
         files.left_out().to_dict("records"),
