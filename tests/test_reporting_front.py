@@ -69,10 +69,6 @@ def test_the_page_counts_the_statements_of_the_dissertation():
     assert '<a href="tasks/pour/index.html">pour</a>' in html
 
 
-def is_of_claims(file: Path) -> bool:
-    return "claims" in file.as_posix() and file.stem != "published"
-
-
 @pytest.mark.parametrize("row", [*ROWS, *TILES], ids=lambda row: f"{row.report}-{row.claim}")
 def test_every_claim_that_the_page_names_exists(row):
     folders = (
