@@ -123,7 +123,7 @@ check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make 
 	$(IN_ENVIRONMENT) dvc repro "stages/tasks/dvc.yaml:check@$$TASK"
 	$(BIN)/python -m structlearn.tasks.movement.check_results "$$TASK"
 
-# Open the recordings of a testbed, e.g. `make view TESTBED=recorded`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
+# Open the recordings of a testbed, e.g. `make view TESTBED=obstacles`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping
 view: export FOLDER = $(if $(TASK),reports/tasks/$(TASK)/rerun,reports/rerun/$(TESTBED))
 view: export MADE_BY = $(if $(TASK),make own TASK=$(TASK),dvc repro, or dvc checkout where it was run)

@@ -180,54 +180,42 @@ def test_joint_states_without_names_keep_their_order(tmp_path):
 FIRST = {"name": ["a", "b"], "position": [1, 2]}
 
 
-@pytest.mark.parametrize(
-    ("messages", "complaint"),
-    [
-        (
-            [FIRST, {"name": ["a", "a"], "position": [1, 2]}],
-            r"row 1 \(stamp 1\.007000001 s\) names joint 'a'",
-        ),
-        ([FIRST, {"position": [1, 2]}], "row 1 .* names no joints, other messages do"),
-        ([FIRST, {"name": ["a", "b"], "position": [1]}], r"row 1 .* has 1 values, the first has 2"),
-        ([FIRST, {"name": ["a", "b"]}], r"row 1 .* has 0 values, the first has 2"),
-        ([{"name": ["a"]}], "without position, velocity and effort"),
-        ([FIRST | {"position": [1, 2, 3]}], "names 2 joints and has 3 joint_positions per message"),
-    ],
-)
-def test_joint_states_that_change_or_lack_values_are_refused(tmp_path, messages, complaint):
-    messages = [joint_message(s, **one) for s, one in zip(STAMPS, messages, strict=False)]
-    with pytest.raises(InputError, match=rf"bag\.mcap: topic '/joints'.* {complaint}"):
-        read(tmp_path / "bag.mcap", messages, joint_states="/joints")
+def joints(*messages):
+    states = [joint_message(s, **one) for s, one in zip(STAMPS, messages, strict=False)]
+    return states, {"joint_states": "/joints"}
+
+
+def counts(*lengths):
+    kind = "std_msgs/msg/Int16MultiArray"
+    rows = zip(lengths, STAMPS, strict=False)
+    return [("/finger", kind, {"data": [1] * n}, s) for n, s in rows], {"tactile": "/finger"}
+
+
+def words(**topics):
+    return [("/words", "std_msgs/msg/String", {"data": "hello"}, s) for s in STAMPS], topics
+
+
+UNKNOWN = "topic '/words' has messages of type std_msgs/msg/String; "
 
 
 @pytest.mark.parametrize(
-    ("lengths", "complaint"),
+    ("content", "complaint"),
     [
-        ((3, 3, 2), r": row 2 \(stamp 1\.014000002 s\) has 2 values, the first has 3"),
-        ((0, 0, 0), ": messages have no values"),
+        (joints(FIRST, {"name": ["a", "a"]}), r"joints'.* row 1 \(stamp 1\.007000001 s\) names joint 'a'"),
+        (joints(FIRST, {"position": [1, 2]}), "joints'.* row 1 .* names no joints, other messages do"),
+        (joints(FIRST, {"name": ["a", "b"], "position": [1]}), "row 1 .* has 1 values, the first has 2"),
+        (joints(FIRST, {"name": ["a", "b"]}), "row 1 .* has 0 values, the first has 2"),
+        (joints({"name": ["a"]}), "without position, velocity and effort"),
+        (joints(FIRST | {"position": [1, 2, 3]}), "names 2 joints and has 3 joint_positions per message"),
+        (counts(3, 3, 2), r"finger': row 2 \(stamp 1\.014000002 s\) has 2 values, the first has 3"),
+        (counts(0, 0, 0), "finger': messages have no values"),
+        (words(pose="/words"), UNKNOWN + "pose .*geometry_msgs/PoseStamped.*nav_msgs/Odometry"),
+        (words(tactile=("/words",)), UNKNOWN + "tactile .*std_msgs/Float32MultiArray"),
+        (words(tool_to_board="/words"), UNKNOWN + "tool_to_board .*geometry_msgs/TransformStamped"),
     ],
 )
-def test_tactile_messages_need_values_and_one_length(tmp_path, lengths, complaint):
-    messages = [
-        ("/finger", "std_msgs/msg/Int16MultiArray", {"data": [1] * n}, s)
-        for n, s in zip(lengths, STAMPS, strict=False)
-    ]
-    with pytest.raises(InputError, match=f"topic '/finger'{complaint}"):
-        read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
-
-
-@pytest.mark.parametrize(
-    ("role", "understood"),
-    [
-        ("pose", "geometry_msgs/PoseStamped.*nav_msgs/Odometry"),
-        ("tactile", "std_msgs/Float32MultiArray"),
-        ("tool_to_board", "geometry_msgs/QuaternionStamped.*geometry_msgs/TransformStamped"),
-    ],
-)
-def test_an_unknown_type_is_named_with_those_that_are_understood(tmp_path, role, understood):
-    text = [("/words", "std_msgs/msg/String", {"data": "hello"}, s) for s in STAMPS]
-    write_bag(tmp_path / "bag.mcap", [*pose_messages(STAMPS, ROWS), *text])
-    topics = {"pose": "/tool"} | {role: ("/words",) if role == "tactile" else "/words"}
-    complaint = rf"bag\.mcap: topic '/words' has messages of type std_msgs/msg/String; {role} .*{understood}"
-    with pytest.raises(InputError, match=complaint):
-        read_recording(tmp_path / "bag.mcap", topic_map(**topics))
+def test_messages_that_cannot_be_read_are_named_with_topic_and_row(tmp_path, content, complaint):
+    messages, topics = content
+    write_bag(tmp_path / "bag.mcap", [*pose_messages(STAMPS, ROWS), *messages])
+    with pytest.raises(InputError, match=rf"bag\.mcap: .*{complaint}"):
+        read_recording(tmp_path / "bag.mcap", topic_map(**{"pose": "/tool"} | topics))

@@ -235,9 +235,10 @@ def test_a_claim_about_one_primitive_is_not_one_about_both(feedback):
 
 
 def test_one_person_decides_nothing(made, feedback):
-    page = made(feedback).pages["feedback"]
-    assert {one.verdict for one in page.judged} == {NOT_TESTED}
-    assert "not studied with these parameters" in render(page, AnyFigure())
+    pages = made(feedback).pages
+    assert {one.verdict for one in pages["feedback"].judged} == {NOT_TESTED}
+    for page in pages.values():
+        assert "not studied with these parameters" in render(page, AnyFigure())
 
 
 def test_pages_show_the_first_person_and_no_constant_is_judged_where_it_was_chosen(settings):

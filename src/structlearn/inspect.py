@@ -41,12 +41,8 @@ SECONDS_OF_A_YEAR = 3.2e7
 class Findings:
     """What a source holds, and what follows from it.
 
-    Attributes:
-        seen: its files.
-        sources: of poses, the one that is taken for the hand's first.
-        motion: runs of motion of the hand; None where it does not move.
-        proposal: an entry of the parameter file; None where nothing could be the hand's pose.
-        answers: whether the files are fit to be learned from.
+    Of `sources` of poses the first is taken for the hand's; `motion` is None where it does not move,
+    `proposal` where nothing could be its pose.
     """
 
     seen: SourceSeen

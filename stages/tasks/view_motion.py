@@ -10,7 +10,7 @@ def main(files: TaskFiles) -> None:
     parameters = files.entry(MotionParameters)
     with publish(files.report / "rerun") as folder:
         carried = files.folder / "motion/carried.parquet"
-        if files.absent or not carried.exists() or files.table("motion/carried").empty:
+        if parameters.load is None or not carried.exists() or files.table("motion/carried").empty:
             leave_out(folder, files.absent or "The task has no load.")
         else:
             folder.mkdir()

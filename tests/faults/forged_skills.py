@@ -1,4 +1,4 @@
-"""Skill files that say something else and carry a right digest: what is read runs, every tick is finite."""
+"""Edited skill files with a valid digest: a skill that is accepted must run with finite outputs."""
 
 import json
 import tempfile
@@ -35,7 +35,7 @@ def sign(path: Path, tensors: dict[str, np.ndarray]) -> None:
 
 
 def run(path: Path) -> np.ndarray:
-    """Outputs of a skill, a row per tick; refuses what is not finite or beyond its bounds."""
+    """Outputs of a skill, a row per tick; raises if one is not finite."""
     skill = read_skill(path)
     controller, first = Controller(skill, 100.0), skill.primitives[0]
     controller.start(first.position.start, None if first.orientation is None else first.orientation.start)
@@ -51,7 +51,7 @@ def run(path: Path) -> np.ndarray:
 
 
 def forged(content: bytes, seed: int) -> tuple[str, bytes]:
-    """Kind of change, and the file with it, signed anew."""
+    """Kind of edit, and the edited file with a valid digest."""
     rng = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "skill.safetensors")

@@ -1,5 +1,6 @@
 """Sound files of every kind that the project reads, and how each is read."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,11 +10,11 @@ import numpy as np
 import pandas as pd
 import pybullet_data
 import yaml
-from committed import own_tasks, parameter_tree
+from committed import own_tasks, parameter_tree, topic_map
 from faults import forged_skills
 from faults.mutants import mutant
 from mcap.writer import CompressionType
-from readers_bags import make_recording, pose_messages, pose_rows, write_bag
+from readers_bags import Older, make_recording, pose_messages, pose_rows, write_bag
 from scraping_motions import constant_network, scraping_skill
 
 from structlearn.core.artefacts import read_metrics, read_table, write_metrics, write_table
@@ -80,6 +81,20 @@ def _bag(path: Path, **options: Any) -> None:
     """As a robot's recorder writes it, with options of the library's writer."""
     stamps = (10**9 + 10_000_000 * np.arange(40)).tolist()
     write_bag(path, pose_messages(stamps, pose_rows(40), "/pose"), **options)
+
+
+def _older(path: Path) -> None:
+    """A bag of ROS 1, or of ROS 2 before MCAP."""
+    from rosbags import rosbag1, rosbag2
+
+    stamps = (10**9 + 10_000_000 * np.arange(20)).tolist()
+    bag = Older(stamps, pose_rows(20), np.zeros((20, 2)), ros1=path.suffix == ".bag")
+    if bag.ros1:
+        bag.write(rosbag1.Writer(path))
+    else:
+        bag.write(rosbag2.Writer(path.parent / "made", version=9))
+        (path.parent / "made/made.db3").rename(path)
+        shutil.rmtree(path.parent / "made")
 
 
 def _drive_text(path: Path) -> None:
@@ -156,6 +171,7 @@ def _metrics(path: Path) -> None:
     write_metrics({"error": 0.1, "runs": 3, "model": "cov", "known": True}, path)
 
 
+TOOL = topic_map(pose="/tool")
 MOVE = {"segment": {"primitives": [{"name": "move", "axis": "z", "threshold_m_s": 0.02}]}}
 
 
@@ -202,6 +218,10 @@ SPECIMENS = {
         Specimen("skill.safetensors", forged_skills.write, forged_skills.run, True),
         Specimen("forged.safetensors", forged_skills.write, forged_skills.run, False, forged_skills.forged),
         Specimen("table.parquet", _table, read_table, True),
+        *(
+            Specimen(f"take.{suffix}", _older, lambda path: read_recording(path, TOOL), False)
+            for suffix in ("db3", "bag")
+        ),
         Specimen("poses.csv", _poses, read_demonstrations, False),
         Specimen("poses.parquet", _poses, read_demonstrations, False),
         Specimen("metadata.yaml", _described_bag, lambda path: read_demonstrations(path.parent), False),

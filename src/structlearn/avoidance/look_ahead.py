@@ -34,7 +34,7 @@ STEP_CELLS = 0.5  # step along the way, in cells: the direction is interpolated 
 class LookAheadParameters(Parameters):
     """The plane, what ways in it cost, and how far ahead is looked.
 
-    Fields: `stages/recorded/params.yaml`, `recorded_boxes.look_ahead`; symbols as above.
+    Fields: `stages/tasks/params.yaml`, `defaults.obstacles.look_ahead`; symbols as above.
     """
 
     cell_m: float = Field(gt=0, le=0.1)

@@ -168,7 +168,7 @@ def unroll_through(
 
 
 class SceneReachParameters(Parameters):
-    """From recordings to reaches. Fields: `stages/recorded/params.yaml`, `recorded_boxes.reaches`."""
+    """From recordings to reaches. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.reaches`."""
 
     smoothing_hz: float = Field(gt=0, le=45)
     onset_share: float = Field(gt=0, lt=1)
@@ -178,7 +178,7 @@ class SceneReachParameters(Parameters):
 
 
 class SceneLearningParameters(Parameters):
-    """Learning to reach through scenes. Fields: `stages/recorded/params.yaml`, `recorded_boxes`."""
+    """Learning to reach through scenes. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
 
     reaches: SceneReachParameters
     folds: int = Field(ge=2)

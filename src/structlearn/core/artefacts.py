@@ -141,7 +141,7 @@ def read_description(path: str | Path) -> str:
 
 @contextmanager
 def holding(path: str | Path, kind: str) -> Iterator[None]:
-    """Say in one line that a sound file holds something else than what is looked for in it."""
+    """Report in one line that a valid file does not hold what is read from it."""
     try:
         yield
     except InputError as error:

@@ -52,7 +52,7 @@ def publish(target: str | Path) -> Iterator[Path]:
 
 
 def disk_fault(error: OSError) -> str | None:
-    """What kept a file from being written, where that is the machine's fault."""
+    """Why the machine did not write a file; None for other errors."""
     return os.strerror(error.errno) if error.errno and error.errno in OF_THE_DISK else None
 
 
@@ -79,10 +79,10 @@ _locks: set[int] = set()  # open files by which this process holds its workspace
 
 @contextmanager
 def alone_in(workspace: Path, complaint: str) -> Iterator[None]:
-    """Make a folder, or take over that of a killed process, and hold it against all others.
+    """Lock a folder against other processes; it is made, or taken over from a killed process.
 
     Raises:
-        InputError: another process holds it, with the complaint.
+        InputError: another process has locked it, with the complaint as its message.
     """
     while True:
         workspace.mkdir(exist_ok=True)

@@ -43,9 +43,9 @@ def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]
 def run(main: Callable[[], None]) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
-    So does a second run of the stage beside this one, whose outputs would mix, and Ctrl-C, with code
-    `INTERRUPTED`. Errors of the program itself keep their traceback. When DVC runs the stage, its time is
-    recorded.
+    A second run of the stage at the same time ends in the same way, since their outputs would mix. So does
+    Ctrl-C, with code `INTERRUPTED`. Errors of the program itself keep their traceback. When DVC runs the
+    stage, its time is recorded.
     """
     try:
         with _alone():
@@ -60,7 +60,7 @@ def run(main: Callable[[], None]) -> None:
 
 @contextmanager
 def _alone() -> Iterator[None]:
-    """Hold a stage's script, for its task where it has one, against all other processes in this folder."""
+    """Lock the stage, for its task if it has one, against other processes in this folder."""
     script, *words = sys.argv
     if Path(script).resolve().is_relative_to(Path(__file__).parents[1]):  # a command of the package
         yield
@@ -76,7 +76,7 @@ def _alone() -> Iterator[None]:
 
 
 def _in_one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Of a disk that is full one line is enough, also where compiled code was to be kept on it."""
+    """Report a full disk in one line, also when numba saves compiled code."""
     fault = disk_fault(error) if isinstance(error, OSError) else None
     if fault is None:
         sys.__excepthook__(kind, error, trace)

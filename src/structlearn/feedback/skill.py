@@ -30,7 +30,7 @@ def _cautious() -> dict[Axis, float]:
     return {axis: LARGEST_TURN if turns(axis) else LARGEST_SHIFT for axis in AXES}
 
 
-Coupling = Annotated[float, Field(gt=0, le=1e4)]  # held for long, 1e4 shifts by 64 m: no robot's
+Coupling = Annotated[float, Field(gt=0, le=1e4)]  # held for long, 1e4 would shift by 64 m
 
 
 class FadingParameters(Parameters):

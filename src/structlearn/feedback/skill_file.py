@@ -44,7 +44,7 @@ UNITS = {
 
 VERSION = 1  # of the form of the file
 LARGEST = 1e9
-"""No number of a skill is as large; whatever is made of smaller ones in a tick is finite."""
+"""Largest absolute value that is accepted; with smaller ones no tick overflows."""
 LONGEST_S = 1000.0  # of a primitive; a longer one suggests a unit error
 
 READINGS = (
@@ -96,7 +96,7 @@ def read_skill(path: str | Path) -> ReactiveSkill:
     """Read a skill, with which every tick is finite.
 
     Raises InputError: the file is missing, damaged or holds no skill, is of another version or in other
-    units, lacks a limit, has a number that is out of all proportion, or its parts do not fit together.
+    units, lacks a limit, has a number out of range, or its parts do not fit together.
     """
     tensors, described = read_tensors(path), _described(path)
     with holding(path, "skill of this version"):
@@ -149,7 +149,7 @@ def _described(path: str | Path) -> dict[str, Any]:
 
 
 def _check(tensors: Mapping[str, np.ndarray], described: Mapping[str, Any]) -> None:
-    """Refuse another version, other units, limits that are missing, and numbers no skill has."""
+    """Refuse other versions and units, missing limits, and numbers or durations out of range."""
     if (version := described.get("version")) != VERSION:
         raise InputError(f"a skill file of version {version}; version {VERSION} is read")
     if described["units"] != UNITS:

@@ -39,19 +39,19 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
 class Budget:
-    """Bytes that may come out of one file, however it is packed: a gigabyte and twenty times its size."""
+    """Limit on the bytes that one file unpacks to: a gigabyte plus twenty times its size."""
 
     def __init__(self, path: Path) -> None:
         self._total = self._left = 2**30 + 20 * path.stat().st_size
 
     def take(self, count: int) -> None:
-        """Raise where more than the budget is unpacked."""
+        """Count unpacked bytes; raise beyond the limit."""
         self._left -= count
         if self._left < 0:
             raise _Damage(f"it unpacks to more than {self._total} bytes, which is allowed for its size")
 
     def message(self, data: bytes) -> bytes:
-        """A message, unpacked where `ros2 bag record --compression-mode message` packed it by itself."""
+        """A message, unpacked if `ros2 bag record --compression-mode message` compressed it."""
         if not data.startswith(ZSTD_MAGIC):
             return data
         size = zstandard.frame_content_size(data)

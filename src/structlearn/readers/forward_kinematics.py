@@ -101,7 +101,7 @@ def robot_element(path: Path) -> ElementTree.Element:
     """The root of a URDF.
 
     Raises:
-        InputError: the file is missing, no file or no URDF, or one of which xacro has still to make one.
+        InputError: the file is missing, a pipe, no URDF, or a xacro file that is not expanded yet.
     """
     if path.exists() and not path.is_file():  # a pipe would be waited for
         raise InputError(f"{path}: cannot be read: not a file")

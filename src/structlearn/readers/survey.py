@@ -34,13 +34,8 @@ number of transforms."""
 class Stamps:
     """One clock of a topic.
 
-    Attributes:
-        rate_hz: one over the median step; NaN where all messages have one stamp.
-        largest_gap_s: s between neighbouring stamps.
-        gap_at_s: where it begins, s since the first stamp.
-        jitter_s: half the range of the inner nine tenths of the steps.
-        repeated: messages whose stamp is that of the one before.
-        backward: messages whose stamp lies before that of the one before.
+    The rate is one over the median step (NaN of a single stamp), the jitter half the range of the inner nine
+    tenths of the steps; `repeated` and `backward` messages have the stamp of the one before, or an earlier.
     """
 
     count: int

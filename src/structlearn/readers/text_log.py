@@ -16,15 +16,14 @@ T = TypeVar("T")
 
 
 LARGEST = 2**30
-"""Bytes of a text log, and of the numbers of a table; a file can say that it has any number."""
+"""Largest size in bytes of a text log, and of the numbers of a Parquet table."""
 
 
 def read_text(path: Path) -> str:
     """A whole text file, without a mark of its byte order.
 
     Raises:
-        InputError: the file is missing, larger than `LARGEST`, or no text; or it is no file: a pipe would be
-            waited for.
+        InputError: the file is missing, a pipe, larger than `LARGEST`, or no text.
     """
     try:
         state = path.stat()

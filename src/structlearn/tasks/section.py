@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from structlearn.core.artefacts import Metrics
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
@@ -21,7 +20,6 @@ class Section:
             the index of public sets quotes both.
         facts: what the sentences name.
         find: every number that it states, in a table; claims and templates name its rows.
-        metrics: numbers alone, of a section that has no such table yet; the first of the page are headlines.
         tables: by name.
         pictures: by name.
         sources: of figures and tables by name: a folder of the task's data, and the stage that writes it;
@@ -34,7 +32,6 @@ class Section:
     lead: str = ""
     facts: Mapping[str, object] = field(default_factory=dict)
     find: Findings = field(default_factory=Findings)
-    metrics: Metrics = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
     pictures: Mapping[str, Drawing | Sequence[Drawing]] = field(default_factory=dict)
     sources: Mapping[str, Source] = field(default_factory=dict)

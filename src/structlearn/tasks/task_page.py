@@ -4,13 +4,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import Judged, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.publishing import HEADLINES, publish_report
+from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion import motion_section
 from structlearn.tasks.movement import (
     check_section,
@@ -68,8 +66,7 @@ def publish_page(files: TaskFiles) -> None:
     shown = {section.name: section for section in sections}
     tables = {name: table for section in sections for name, table in section.tables.items()}
     pictures = {name: drawing for section in sections for name, drawing in section.pictures.items()}
-    metrics = {name: value for section in sections for name, value in section.metrics.items() if known(value)}
-    find = Findings.of_metrics(metrics, tuple(metrics)[:HEADLINES])
+    find = Findings()
     for section in sections:
         find.include(section.find)
     public = is_public(task.source)
@@ -107,11 +104,6 @@ def publish_page(files: TaskFiles) -> None:
         and any(one.simulated for one in files.runs("demonstrations")),
     )
     publish_report(files.report, {"index": page}, pictures, tables, find)
-
-
-def known(value: object) -> bool:
-    """Whether a metric is one: of too few data it is NaN."""
-    return not (isinstance(value, float) and np.isnan(value))
 
 
 def _in_package(section: Section, module: str) -> Section:

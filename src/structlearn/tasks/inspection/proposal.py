@@ -36,14 +36,7 @@ times as good."""
 
 @dataclass(frozen=True)
 class Proposal:
-    """What to paste below `movement:`.
-
-    Attributes:
-        name: of the task.
-        entry: its values, nested as in the file.
-        doubts: of a value, by its keys joined by dots, in words.
-        read: topics that the entry makes the reader read.
-    """
+    """What to paste below `movement:`, doubts by dotted keys, and the topics that are read then."""
 
     name: str
     entry: Mapping[str, Any]

@@ -38,17 +38,10 @@ LARGE = ("Image", "CompressedImage", "PointCloud2", "PointCloud", "CompressedVid
 
 @dataclass(frozen=True)
 class TopicSeen:
-    """A topic of a file.
+    """A topic of a file; without `clocks` where it has no ROS 2 messages.
 
-    Attributes:
-        types: of its messages, `package/Type`.
-        clocks: its stamps; None where there are no messages, or none that are ROS 2 messages.
-        joints: of a topic of joint states, those that share a clock together.
-        links: of a topic of transforms.
-        series: stamps of the joints of whoever publishes the most; else those of the topic, on which several
-            may publish and each be in order.
-        fault: why joint states or transforms cannot be read; empty where they can.
-        frozen: whether all messages say the same, but for their stamps.
+    `series`: stamps of the joints of whoever publishes the most, else those of the topic; `fault`: why joint
+    states or transforms cannot be read; `frozen`: whether all messages say the same, but for their stamps.
     """
 
     types: tuple[str, ...]

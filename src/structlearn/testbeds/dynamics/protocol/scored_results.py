@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -77,10 +78,7 @@ class DynamicsResults:
 
         Epochs not reached are replaced by the most that it was given: a lower bound; `reached` says which.
         """
-        rows = _of(self.outcomes, arm, model, form)
-        limits = self.training.epochs
-        epochs = rows["epochs"].fillna(limits.simulation if arm == IDEAL else limits.robot)
-        return rows.assign(epochs=epochs, reached=rows["epochs"].notna()).set_index("seed").sort_index()
+        return self._outcomes.get((arm, model, form), self._outcomes["none"])
 
     def kept_errors(self, arm: str, model: str, form: Form = TEXT) -> pd.DataFrame:
         """NMSE by seed (rows) and joint (columns, from 1) of the models that were kept."""
@@ -117,8 +115,8 @@ class DynamicsResults:
 
     def robot_error(self, model: str, form: Form = TEXT) -> pd.Series:
         """NMSE on robots' logs, mean over joints, of a known or a learned model, by robot."""
-        known = self.known[self.known["model"] == model].groupby("seed")["nmse"].mean()
-        return known if len(known) else self.outcome(ROBOT, model, form)["nmse_mean"]
+        known = self._known_errors.get(model)
+        return known if known is not None else self.outcome(ROBOT, model, form)["nmse_mean"]
 
     @cached_property
     def robot_models(self) -> list[str]:
@@ -168,6 +166,22 @@ class DynamicsResults:
         late = 0.5 * (self.pick_up_s + self.payload["time_s"].max())
         mass = self.payload[self.payload["time_s"] > late].groupby("seed")["mass_kg"].mean()
         return (mass / self.carried.mass_kg - 1.0).abs()
+
+    @cached_property
+    def _outcomes(self) -> dict[Any, pd.DataFrame]:
+        """See `outcome`, by its arguments; `none` is empty."""
+        limits, rows = self.training.epochs, self.outcomes.sort_values("seed").set_index("seed")
+        most = np.where(rows["arm"] == IDEAL, limits.simulation, limits.robot)
+        rows = rows.assign(
+            epochs=rows["epochs"].where(rows["epochs"].notna(), most), reached=rows["epochs"].notna()
+        )
+        return {**dict(iter(rows.groupby(["arm", "model", "form"]))), "none": rows.iloc[:0]}
+
+    @cached_property
+    def _known_errors(self) -> dict[Any, pd.Series]:
+        """By model that is known, its NMSE by robot."""
+        means = self.known.groupby(["model", "seed"])["nmse"].mean()
+        return {model: its.droplevel("model") for model, its in means.groupby(level="model")}
 
     @cached_property
     def _runs(self) -> dict[tuple[str, str, str, str], pd.DataFrame]:

@@ -1,4 +1,4 @@
-"""Doors that stood open: the smallest case of each, read with bounds on memory and time, is one line."""
+"""Hostile and oversized files: each is refused in one line, within bounds on memory and time."""
 
 import json
 import os
@@ -60,14 +60,14 @@ def _sparse(path: Path) -> None:
 
 
 def _rows(path: Path) -> None:
-    """A table that says of itself that it has a milliard numbers, of which each page has one."""
+    """A small file with 200 million numbers."""
     count = 5 * 10**7
     table = pd.DataFrame(dict.fromkeys(["time_s", "x", "y", "z"], np.zeros(count)))
     table.to_parquet(path, index=False)
 
 
 def _long(path: Path) -> None:
-    """A skill that takes longer than anybody waits."""
+    """A skill with an absurd duration."""
     forged_skills.write(path)
     tensors = read_tensors(path)
     tensors["primitives.tilt.position.local.duration"] = np.array(1e300)
@@ -79,7 +79,7 @@ def _deep(path: Path) -> None:
 
 
 def _strange(path: Path) -> None:
-    """Numbers of a kind that numpy does not have."""
+    """A number type that numpy lacks."""
     header = json.dumps({"a": {"dtype": "F8_E4M3", "shape": [1], "data_offsets": [0, 1]}}).encode()
     signed = json.dumps({"__metadata__": {"description": "x\nsha256 0"}, **json.loads(header)}).encode()
     path.write_bytes(len(signed).to_bytes(8, "little") + signed + b"\0")
@@ -94,7 +94,7 @@ def _robot(encoding: str = "utf-8", inside: str = "") -> str:
 
 TABLE = topic_map(pose="/pose", joint_states="/joint_states")
 TOOL = topic_map(pose="/tool", joint_states="/joint_states")
-DOORS = {
+FILES = {
     "columns.csv": (_columns, lambda path: read_recording(path, TABLE), "has 100003 columns, more than"),
     "joints.mcap": (_joints, lambda path: read_recording(path, TOOL), "names 100000 joints, more than"),
     "chunks.mcap": (_chunks, lambda path: read_recording(path, TOOL), "it unpacks to more than"),
@@ -126,12 +126,12 @@ DOORS = {
         "expand it first",
     ),
 }
-"""By the file's name: how it is written and read, and what is said."""
+"""By the file's name: how it is written and read, and the message."""
 
 
-@pytest.mark.parametrize("name", DOORS)
-def test_the_smallest_case_is_one_line(tmp_path, name):
-    write, read, words = DOORS[name]
+@pytest.mark.parametrize("name", FILES)
+def test_each_is_refused_in_one_line(tmp_path, name):
+    write, read, words = FILES[name]
     write(tmp_path / name)
     came, said = outcome(read, tmp_path / name, "")
     assert came == NAMED, said
