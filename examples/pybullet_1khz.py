@@ -1,6 +1,6 @@
 """Run a skill in PyBullet at 1 kHz beside the true time: a Franka Panda follows by inverse kinematics.
 
-    python examples/pybullet_1khz.py data/tasks/pick/skill.safetensors      # --gui shows it
+    python examples/pybullet_1khz.py data/tasks/pick/skill/skill.safetensors      # --gui shows it
 
 Every millisecond: a pose from the controller, joints for it, a step of the physics, and a wait for the clock.
 """

@@ -22,6 +22,7 @@ from structlearn.feedback.skill_file import read_provenance, read_skill
 from structlearn.primitives.fitting import learn_sequence
 from structlearn.readers import read_recordings, synchronise, write_recordings
 from structlearn.reporting.document import words_in_view
+from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.segmentation.segments import cut
 from structlearn.tasks.movement.skill_check import check_skill
 from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
@@ -93,10 +94,10 @@ def test_a_task_goes_through_to_its_page(root, folder):
         for one in linked
         if one and not one.startswith(("../..", "https://doi.org")) and not (report / one).exists()
     } == set()
-    skill = read_skill("data/tasks/reach/skill.safetensors")
+    skill = read_skill("data/tasks/reach/skill/skill.safetensors")
     assert [primitive.name for primitive in skill.primitives] == ["reach"]
     assert (skill.workspace.high - skill.workspace.low > [0.39, 0.29, 0.1]).all()  # with 5 cm around
-    bags = read_provenance("data/tasks/reach/skill.safetensors")["bags"]["demonstrations"]
+    bags = read_provenance("data/tasks/reach/skill/skill.safetensors")["bags"]["demonstrations"]
     assert list(bags) == [f"bags/take_{number}.mcap" for number in (1, 2, 3)]
 
 
@@ -287,11 +288,11 @@ def test_executions_and_corrections_give_feedback(root, reduced_project, tmp_pat
         scraping={"source": "bags/nominal", "topics": topics, "segment": segment, "feedback": feedback},
     )
     run_stages(root, "scraping", *STAGES, "report")
-    learned = read_skill("data/tasks/scraping/skill.safetensors")
+    learned = read_skill("data/tasks/scraping/skill/skill.safetensors")
     assert set(learned.networks) == {"scrape"}
     assert learned.axes == ("z", "ry")
     assert learned.sensors == (("tactile", 38), ("wrench", 6))
-    values = json.loads(Path("reports/tasks/scraping/metrics.json").read_text())
+    values = values_by_key(read_findings(Path("reports/tasks/scraping/findings.csv")))
     assert values["feedback_scrape_ry_nmse"] > 0.0
     page = Path("reports/tasks/scraping/index.html").read_text()
     assert "Feedback from corrections" in page

@@ -12,6 +12,9 @@ from reduced_pipeline import by_hand, clone, repro
 
 FILE = "stages/tasks/dvc.yaml"
 
+ARRIVED = "servo_length_ratio"
+"""Claim on the trials that arrive: after so little training none may."""
+
 
 @pytest.fixture(scope="module")
 def sets(root) -> list[str]:
@@ -54,7 +57,8 @@ def test_everything_that_is_here_is_shown(root, recorded_data, reduced_project, 
     assert "Not recorded here" not in index
     assert all(f'href="../tasks/{name}/index.html"' in index for name in sets)
     claims = pd.read_csv(project / "reports/recorded/tables/claims.csv", keep_default_na=False)
-    assert (claims["verdict_of_all"] != "not tested").all()
+    untested = claims.loc[claims["verdict_of_all"] == "not tested", "evidence"]
+    assert set(untested) <= {ARRIVED}
     assert json.loads((project / "reports/calibration/metrics.json").read_text())["compared"]
     for name in ("reaches", "slides", "eflesh", "ur10e", "boxes"):
         assert list((project / f"reports/tasks/{name}/rerun").glob("*.rrd")), name

@@ -137,7 +137,7 @@ def test_arrival_is_when_a_trial_stays():
 
 @pytest.mark.parametrize("axes", [2, 3])
 def test_models_take_actions_of_any_number_of_components(axes):
-    networks = committed(NetworkParameters, "recorded_skin.spaces.networks")
+    networks = committed(NetworkParameters, "defaults.touch.spaces.networks")
     models = LatentModels.initial((0, 1), 5, networks, seeded(0), actions=axes).detached()
     place = grid()
     place[::2, 2] = 1e-3 * (axes - 2)

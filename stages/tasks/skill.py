@@ -14,7 +14,6 @@ def main(files: TaskFiles) -> None:
     own, learned = files.entry(MovementEntry), read_feedback(files.folder / "feedback")
     paths = [one.position for one in files.runs("demonstrations")]
     workspace = demonstrated_workspace(paths, own.skill.workspace_margin_m)
-    files.skill.unlink(missing_ok=True)
     try:
         skill = ReactiveSkill(files.primitives(), workspace=workspace)
     except InputError as error:  # a primitive that no controller can step, e.g. a turn beyond half a circle
@@ -35,8 +34,6 @@ def main(files: TaskFiles) -> None:
         folder.mkdir()
         values, digests = files.values()
         write_skill(skill, folder / SKILL, provenance([], values) | {"bags": digests})
-    with publish(files.skill) as link:
-        link.symlink_to(f"skill/{SKILL}")
 
 
 if __name__ == "__main__":

@@ -131,7 +131,7 @@ class TaskFiles:
     @property
     def skill(self) -> Path:
         """All that a robot needs."""
-        return self.folder / SKILL
+        return self.folder / "skill" / SKILL
 
     def table(self, name: str) -> pd.DataFrame:
         """A table by its path below the task's folder, without its ending."""
