@@ -199,7 +199,7 @@ def files_of(check, folder, monkeypatch, robot):
     monkeypatch.chdir(folder)
     files = TaskFiles("pick")
     check_results.write_check(check, files.folder / "check")
-    files.skill.parent.mkdir()
+    files.skill.parent.mkdir(exist_ok=True)
     files.skill.touch()
     own_tasks(folder, pick=ENTRY | ({"robot": robot} if robot else {}))
     content = {"kind": "movement", "entry": read_task("pick").model_dump(mode="json")}
