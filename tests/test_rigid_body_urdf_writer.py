@@ -33,7 +33,7 @@ def source(name: str, folder: Path) -> Path:
 
 
 def other_inertias(robot: Robot):
-    """Bodies that can exist, and are not those of the source."""
+    """Physically consistent inertias that are not those of the source."""
     free = draw("cov", len(robot.tree.names), [torch.Generator().manual_seed(3)])
     return link_inertias("cov", free[0]).arrays()
 
