@@ -216,10 +216,10 @@ def test_a_stage_depends_on_its_script_and_on_its_list_of_code(name):
     lists = ("data/code" if place.parts[0] == "tasks" else "data/code/main") / place
     deps = STAGES[name]["deps"]
     assert deps[:2] == [name, lists.as_posix()]
-    code = [dep for dep in deps[2:] if dep.startswith(("src/", "stages/"))]
-    # what pages read beside their code: words, and claims about public sets, without which edits would be lost
+    beside = [dep for dep in deps[2:] if dep.startswith(("src/", "stages/"))]
+    # what pages read beside their code: words, and claims about public sets
     read = {"stages/report.py": ["stages/report.yaml"], "stages/tasks/report.py": ["stages/tasks/claims"]}
-    assert code == read.get(name, [])
+    assert beside == read.get(name, [])
 
 
 def test_the_lists_of_code_have_every_script_and_every_file_of_the_package():
