@@ -11,7 +11,7 @@ override URDF := $(value URDF)
 override OUTPUT := $(value OUTPUT)
 export TASK SOURCE URDF OUTPUT
 
-.PHONY: help repro test docs lint recorded own own-example inspect check bench profile study studies studies-check other-processor verdicts faults kills upsets view plot-page clean
+.PHONY: help repro test docs lint recorded own own-example inspect excite check bench profile study studies studies-check other-processor verdicts faults kills upsets view plot-page clean
 
 help:
 	@grep -hE '^[a-z -]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## /\1\t/' | expand -t 18
@@ -65,6 +65,11 @@ own-example: $(INSTALLED)  ## write six bags of a simulated task to try it with
 # `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
 inspect: $(INSTALLED)  ## say what recordings hold, and propose an entry: make inspect SOURCE=~/bags
 	$(BIN)/python -m structlearn.inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
+
+# A trajectory to identify an arm from, within the limits of its URDF: the robot of a task, or URDF=robot.urdf, with
+# LOCK="joints that do not move".
+excite: $(INSTALLED)  ## design a trajectory to identify an arm from: make excite TASK=pick, or URDF=robot.urdf
+	$(BIN)/python -m structlearn.tasks.motion.excite $(if $(URDF),--urdf="$$URDF",--task="$$TASK") $(if $(LOCK),--lock $(LOCK))
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks

@@ -43,7 +43,7 @@ def test_models_from_a_file_predict_in_batches_and_compiled_what_they_did_in_tra
     models, errors = trained(kind)
     write_dynamics_models(models, tmp_path / "models.safetensors")
     back = read_dynamics_models(tmp_path / "models.safetensors")
-    for name in ("kind", "joints", "friction", "hidden", "count"):
+    for name in ("kind", "joints", "friction", "hidden"):
         assert getattr(back, name) == getattr(models, name)
     motion = rubbing_motion(arm())
     torques = predicted_torques(back, arm().tree, motion)

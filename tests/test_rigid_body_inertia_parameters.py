@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rigid_body_robots import robot
 
-from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.inertia_learner import squared
 from structlearn.rigid_body.inertia_parameters import (
@@ -15,6 +14,8 @@ from structlearn.rigid_body.inertia_parameters import (
     free_parameters,
     link_inertias,
     parameter_count,
+    structure_gradient,
+    structure_theta,
 )
 from structlearn.rigid_body.regressor import link_parameters
 

@@ -12,6 +12,7 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
 from structlearn.rigid_body.inverse_kinematics import Follower, follow, read_arm, rest_for
+from structlearn.rigid_body.tree import configuration
 from structlearn.simulation.arm import urdf_path
 
 DT = 0.005
@@ -38,7 +39,7 @@ def tip_poses(arm, joints):
     """Where joints (T, n) bring the tip, by Pinocchio."""
     data, frames = arm.model.createData(), []
     for row in joints:
-        pinocchio.forwardKinematics(arm.model, data, arm.configuration(row))
+        pinocchio.forwardKinematics(arm.model, data, configuration(arm.model, row))
         frames.append(pinocchio.SE3ToXYZQUAT(pinocchio.updateFramePlacement(arm.model, data, arm.tip)))
     return np.array(frames)[:, :3], quaternion.from_xyzw(np.array(frames)[:, 3:])
 

@@ -10,7 +10,7 @@ from rigid_body_robots import robot as rigid_body_robot
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_models import bodies_model
+from structlearn.rigid_body.compiled_dynamics import bodies_model
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
     ArmMotionParameters,

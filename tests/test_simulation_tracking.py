@@ -8,8 +8,7 @@ from committed import committed
 from dynamics_motion import committed_motion
 
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.compiled_models import bodies_model, model_torques
+from structlearn.rigid_body.compiled_dynamics import bodies_model, inverse_dynamics, model_torques
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.operational_space_velocity import tool_motion

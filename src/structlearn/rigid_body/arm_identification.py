@@ -13,7 +13,6 @@ from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.base_parameters import link_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
-from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.identification import (
     fit_structure,
     least_squares,
@@ -25,8 +24,9 @@ from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.newton_euler import torque_differences
+from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS
 from structlearn.rigid_body.training_grid import FRICTIONS
-from structlearn.rigid_body.tree import KinematicTree, Robot, read_urdf
+from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.rigid_body.urdf_writer import write_urdf
 
 URDF, LEAST_SQUARES = "urdf", "least_squares"
@@ -53,7 +53,7 @@ CONSISTENT = ("tri", "cov")
 
 @dataclass(frozen=True)
 class NetworkTraining:
-    """How networks of a kind are trained: all epochs are run, by so many networks as there are seeds."""
+    """How networks of a kind are trained: all epochs, one network per seed."""
 
     learning: LearningParameters
     seeds: int
@@ -112,35 +112,23 @@ def identify_arm(
     models: dict[ModelKey, DynamicsModels] = dict(
         zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True)
     )
-
-    torques = {(URDF, "none"): {name: _urdf_torques(robot, part)[None] for name, part in parts.items()}}
-    coefficients = {}
+    tree, coefficients = robot.tree, {}
+    urdf = {name: rigid_body_torques(tree, robot.inertias, part)[None] for name, part in parts.items()}
+    torques: dict[ModelKey, dict[str, np.ndarray]] = {(URDF, "none"): urdf}
     for friction in LEARNED_FRICTIONS:
-        theta = _least_squares(robot.tree, parts[TRAIN], FRICTIONS[friction], fitting.limits)
-        torques[LEAST_SQUARES, friction] = {
-            name: _regressed(robot.tree, part, FRICTIONS[friction], theta)[None]
-            for name, part in parts.items()
+        regressors = {
+            name: MotionRegressor(tree, part, True, FRICTIONS[friction]) for name, part in parts.items()
         }
-        links = 10 * parts[TRAIN].joints
-        coefficients[LEAST_SQUARES, friction] = theta[links:].reshape(parts[TRAIN].joints, -1)
+        theta = least_squares(normalised_triangle(regressors[TRAIN].factors, fitting.limits))
+        key = LEAST_SQUARES, friction
+        torques[key] = {name: (its.columns @ theta)[None] for name, its in regressors.items()}
+        joints = len(tree.names)
+        coefficients[key] = theta[SYMMETRIC_COLUMNS * joints :].reshape(joints, -1)
     for key, learned in models.items():
-        torques[key] = {name: predicted_torques(learned, robot.tree, part) for name, part in parts.items()}
+        torques[key] = {name: predicted_torques(learned, tree, part) for name, part in parts.items()}
         if learned.friction:
             coefficients[key] = learned.friction_coefficients()[0]
     return Identified(models, torques, coefficients)
-
-
-def train_networks(
-    kind: Kind, friction: str, tree: KinematicTree, motion: Motion, training: NetworkTraining
-) -> DynamicsModels:
-    """Networks of a kind after all their epochs."""
-    terms = FRICTIONS[friction]
-    models = learner(
-        kind, Lesson(tree, motion, terms), "normalised", range(training.seeds), training.learning
-    )
-    for _ in shuffled_epochs(models, training.epochs):
-        pass
-    return DynamicsModels(kind, tree.names, terms, training.learning.hidden, models.state())
 
 
 def error_table(identified: Identified, parts: Mapping[str, Motion]) -> pd.DataFrame:
@@ -159,18 +147,11 @@ def error_table(identified: Identified, parts: Mapping[str, Motion]) -> pd.DataF
 def friction_table(identified: Identified) -> pd.DataFrame:
     """`model`, `friction`, `joint`, `term`, `value` in SI units."""
     rows = [
-        {
-            "model": model,
-            "friction": friction,
-            "joint": joint + 1,
-            "term": term,
-            "value": values[joint, place],
-        }
-        for (model, friction), values in identified.friction.items()
-        for joint in range(len(values))
-        for place, term in enumerate(FRICTIONS[friction])
+        (*key, joint + 1, FRICTIONS[key[1]][place], value)
+        for key, values in identified.friction.items()
+        for (joint, place), value in np.ndenumerate(values)
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=["model", "friction", "joint", "term", "value"])
 
 
 def body_table(identified: Identified, robot: Robot) -> pd.DataFrame:
@@ -207,9 +188,7 @@ def trace_table(
 def write_identified(
     source: Path, target: Path, robot: Robot, identified: Identified, friction: str
 ) -> pd.DataFrame:
-    """The model Cov with Coulomb friction, or an offset too, as a URDF from the tree of the maker's.
-
-    A URDF cannot hold the offset.
+    """Write the model Cov with Coulomb friction as a URDF like the maker's; it cannot hold an offset.
 
     Returns:
         `joint`, `difference_n_m`: largest difference at random states between torques of the model and those
@@ -230,38 +209,21 @@ def _learned(
     fitting: Fitting,
     networks: Mapping[Kind, NetworkTraining],
 ) -> DynamicsModels:
-    kind, friction = item
-    terms = FRICTIONS[friction]
+    kind, terms, tree = item[0], FRICTIONS[item[1]], robot.tree
     with one_thread():
-        if kind in STRUCTURES:
-            regressor = MotionRegressor(robot.tree, motion, kind != "nostr", terms)
-            triangle = normalised_triangle(regressor.factors, fitting.limits)
-            prior = fitting.prior if kind in CONSISTENT else 0.0
-            free, rubbing = fit_structure(
-                kind, triangle, terms, robot.inertias, fitting.iterations, prior=prior
-            )
-            if fitting.refit:
-                links = DynamicsModels(kind, robot.tree.names, (), (), {"inertia": free, "friction": rubbing})
-                left = motion.torque - predicted_torques(links, robot.tree, motion)[0]
-                found = refit_friction(left, motion.qd, terms)[None]
-                rubbing = np.where(squared(terms), np.sqrt(np.maximum(found, 0.0)), found)
-            state = {"inertia": free, "friction": rubbing}
-            return DynamicsModels(kind, robot.tree.names, terms, (), state)
-        return train_networks(kind, friction, robot.tree, motion, networks[kind])
-
-
-def _urdf_torques(robot: Robot, motion: Motion) -> np.ndarray:
-    return rigid_body_torques(robot.tree, robot.inertias, motion)
-
-
-def _least_squares(
-    tree: KinematicTree, motion: Motion, terms: Sequence[FrictionTerm], limits: np.ndarray | None
-) -> np.ndarray:
-    return least_squares(normalised_triangle(MotionRegressor(tree, motion, True, terms).factors, limits))
-
-
-def _regressed(
-    tree: KinematicTree, motion: Motion, terms: Sequence[FrictionTerm], theta: np.ndarray
-) -> np.ndarray:
-    """Torques (N, n) of parameters that need not be those of a body."""
-    return MotionRegressor(tree, motion, True, terms).columns @ theta
+        if kind not in STRUCTURES:
+            training, lesson = networks[kind], Lesson(tree, motion, terms)
+            models = learner(kind, lesson, "normalised", range(training.seeds), training.learning)
+            for _ in shuffled_epochs(models, training.epochs):
+                pass
+            return DynamicsModels(kind, tree.names, terms, training.learning.hidden, models.state())
+        regressor = MotionRegressor(tree, motion, kind != "nostr", terms)
+        triangle = normalised_triangle(regressor.factors, fitting.limits)
+        prior = fitting.prior if kind in CONSISTENT else 0.0
+        free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, fitting.iterations, prior=prior)
+        if fitting.refit:
+            links = DynamicsModels(kind, tree.names, (), (), {"inertia": free, "friction": rubbing})
+            left = motion.torque - predicted_torques(links, tree, motion)[0]
+            found = refit_friction(left, motion.qd, terms)[None]
+            rubbing = np.where(squared(terms), np.sqrt(np.maximum(found, 0.0)), found)
+        return DynamicsModels(kind, tree.names, terms, (), {"inertia": free, "friction": rubbing})

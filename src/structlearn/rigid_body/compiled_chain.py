@@ -22,18 +22,12 @@ from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 
 class Body(NamedTuple):
-    """A robot with a fixed base as compiled functions take it; n joints, each after its parent.
+    """A robot with a fixed base as compiled functions take it; fields not listed are `KinematicTree`'s.
 
     Attributes:
-        parents: (n,) index of the parent joint, -1 for the base.
-        rotation: (n, 3, 3) joint frame in the parent's at position zero.
-        translation: (n, 3) m, its origin in the parent's frame.
-        axis: (n, 3) unit vector, in the joint frame.
-        prismatic: (n,) bool; the others turn.
         mass: (n,) kg.
         centre: (n, 3) m, centre of mass in the joint frame.
         inertia: (n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame.
-        gravity: (3,) m/s^2, acceleration of free fall in the base frame.
     """
 
     parents: np.ndarray

@@ -11,13 +11,14 @@ import torch
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 from structlearn.networks.compiled_layers import Layers, layer_values, pack
-from structlearn.rigid_body.compiled_dynamics import friction_rows, inverse_dynamics
-from structlearn.rigid_body.compiled_models import (
+from structlearn.rigid_body.compiled_dynamics import (
     LAGRANGIAN,
     PERCEPTRON,
     InverseDynamics,
     Networks,
     bodies_model,
+    friction_rows,
+    inverse_dynamics,
     networks_model,
 )
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
@@ -66,21 +67,16 @@ class DynamicsModels:
         assert self.kind in STRUCTURES, "networks have no inertias"
         return self.kind
 
-    @property
-    def count(self) -> int:
-        """M."""
-        return len(self.state["friction"])
-
     def inertias(self) -> LinkInertias[np.ndarray]:
         """Of a structure: mass (M, n), first moment and inertia of the links."""
         return link_inertias(self.structure, torch.from_numpy(self.state["inertia"])).arrays()
 
     def friction_coefficients(self) -> np.ndarray:
         """(M, n, t) coefficients of the terms; t is 0 where no friction was learned."""
+        free = self.state["friction"]
         if not self.friction:
-            return np.zeros((self.count, len(self.joints), 0))
-        free = torch.from_numpy(self.state["friction"])
-        return friction_coefficients(free, self.friction).double().numpy()
+            return np.zeros((len(free), len(self.joints), 0))
+        return friction_coefficients(torch.from_numpy(free), self.friction).double().numpy()
 
     def networks(self) -> StackedPerceptrons | StackedLagrangianNetworks:
         """Of networks: all M, without their friction."""
@@ -89,7 +85,7 @@ class DynamicsModels:
 
 
 def write_dynamics_models(models: DynamicsModels, path: str | Path) -> None:
-    """Publish models as safetensors; the tensors are those of the state, the rest is its description."""
+    """Publish models as safetensors: the state, and a description of the rest."""
     description = {name: getattr(models, name) for name in ("kind", "joints", "friction", "hidden")}
     write_tensors(models.state, path, json.dumps({HEADING: description}, sort_keys=True))
 

@@ -22,11 +22,16 @@ import numpy as np
 
 from structlearn.core.block_bootstrap import blocks, drawn_counts
 from structlearn.core.parallel import parallel_map
-from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.inertia_learner import MotionRegressor, initial_friction, squared
-from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, free_parameters
+from structlearn.rigid_body.inertia_parameters import (
+    STRUCTURES,
+    Structure,
+    free_parameters,
+    structure_gradient,
+    structure_theta,
+)
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import (
     SYMMETRIC_COLUMNS,
@@ -85,11 +90,11 @@ def fit_structure(
 
     Args:
         structure: of the inertias.
-        triangle: of the data; the columns are those of the links (full ones for nostr), then of friction.
+        triangle: of the data; columns of the links (full ones for nostr), then of friction.
         friction: its terms.
         start: inertias (n,) to start from.
         iterations: at most so many.
-        known: where the pull goes; None: to the start, e.g. the URDF's values.
+        known: where the pull goes; None: to the start.
         rubbing: (1, n, t) free parameters of friction to start from; None: small ones.
         prior: weight; 0 for structures whose inertias need not be physically consistent.
 
@@ -121,18 +126,12 @@ def fit_structure(
             added = prior * apart.mean()
             slope[: len(reference)] += prior / len(apart) * change
         gradients = structure_gradient(place, *parts(values), squares, slope[None])
-        return error @ error + weight * (pull @ pull) + added, np.concatenate(
-            [its.ravel() for its in gradients]
-        )
+        value = error @ error + weight * (pull @ pull) + added
+        return value, np.concatenate([its.ravel() for its in gradients])
 
-    found = minimize(
-        loss,
-        np.concatenate([free.ravel(), rubbing.ravel()]),
-        jac=True,
-        method="L-BFGS-B",
-        options={"maxiter": iterations, "maxfun": 2 * iterations, "maxcor": 50, "ftol": 1e-14, "gtol": 1e-10},
-    )
-    return parts(found.x)
+    options = {"maxiter": iterations, "maxfun": 2 * iterations, "maxcor": 50, "ftol": 1e-14, "gtol": 1e-10}
+    first = np.concatenate([free.ravel(), rubbing.ravel()])
+    return parts(minimize(loss, first, jac=True, method="L-BFGS-B", options=options).x)
 
 
 def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -143,12 +142,8 @@ def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.nda
     It is convex in theta, does not depend on frames or units, and grows without bound towards inertias that
     no body has.
 
-    Args:
-        theta: (10 n,) of the regressor's columns.
-        known: (10 n,) likewise; both of physically consistent links.
-
-    Returns:
-        (n,) of the links, and the slope (10 n,) of their sum.
+    Of theta (10 n,) and known (10 n,), both of physically consistent links: (n,) of the links, and the slope
+    (10 n,) of their sum.
     """
     found, reference = (
         its.reshape(-1, SYMMETRIC_COLUMNS) @ PSEUDO.reshape(SYMMETRIC_COLUMNS, 16) for its in (theta, known)
@@ -200,41 +195,30 @@ def drawn_fits(
 ) -> DynamicsModels:
     """Fits of a structure to blocks of `length` samples, drawn with replacement: `draws` models.
 
-    Args:
-        model: the fit to the whole motion, one, of a structure other than nostr.
-        regressor: of the motion, with the model's terms of friction.
-        known: where the weak pull goes that decides what the data leave open.
-        iterations: of L-BFGS per draw.
-        length: samples of a block.
-        draws: of the bootstrap.
-        seed: of the draws.
+    Each starts from `model`, the fit to the whole motion, of a structure other than nostr; `known` is where
+    the weak pull goes.
     """
-    start = model.inertias().of(0)
     whole = regressor.factors  # whose number of samples and variances weight every block
+    pieces = zip(blocks(regressor.columns, length), blocks(regressor.torque, length), strict=True)
     triangles = np.array(
-        [
-            normalised_triangle(replace(whole, factors=torque_factors(columns, torque).factors))
-            for columns, torque in zip(
-                blocks(regressor.columns, length), blocks(regressor.torque, length), strict=True
-            )
-        ]
+        [normalised_triangle(replace(whole, factors=torque_factors(*piece).factors)) for piece in pieces]
     )
-    width = triangles.shape[-1]
     drawn = [
-        triangular_factor((np.sqrt(counts)[:, None, None] * triangles).reshape(-1, width))
+        triangular_factor((np.sqrt(counts)[:, None, None] * triangles).reshape(-1, triangles.shape[-1]))
         for counts in drawn_counts(len(triangles), draws, seed)
     ]
-    refit = partial(_refitted, model=model, start=start, known=known, iterations=iterations)
+    refit = partial(
+        fit_structure,
+        model.structure,
+        friction=model.friction,
+        start=model.inertias().of(0),
+        iterations=iterations,
+        known=known,
+        rubbing=np.asarray(model.state["friction"]),
+    )
     inertias, frictions = zip(*parallel_map(refit, drawn, "intervals of inertias"), strict=True)
     state = {"inertia": np.concatenate(inertias), "friction": np.concatenate(frictions)}
     return replace(model, state=state)
-
-
-def _refitted(
-    triangle: np.ndarray, model: DynamicsModels, start: LinkInertias, known: LinkInertias, iterations: int
-) -> tuple[np.ndarray, np.ndarray]:
-    rubbing = np.asarray(model.state["friction"])
-    return fit_structure(model.structure, triangle, model.friction, start, iterations, known, rubbing)
 
 
 def identify_load(

@@ -1,7 +1,7 @@
 """Gradient descent on the inertias of M models at once, by the regressor, compiled.
 
 While the kinematics are fixed, torques are Y theta. The gradient at theta is a matrix product, and
-`compiled_structures` carries it through the parameterisation: the recursive algorithm (`newton_euler`) and
+`inertia_parameters` carries it through the parameterisation: the recursive algorithm (`newton_euler`) and
 autograd give the same, more slowly.
 """
 
@@ -13,9 +13,14 @@ import numpy as np
 import torch
 
 from structlearn.networks.torch_settings import AdamParameters
-from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
-from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, draw
+from structlearn.rigid_body.inertia_parameters import (
+    STRUCTURES,
+    Structure,
+    draw,
+    structure_gradient,
+    structure_theta,
+)
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import TorqueFactors, torque_factors, torque_regressor
 from structlearn.rigid_body.tree import KinematicTree
@@ -78,25 +83,14 @@ class InertiaLearner:
 
     def learn(self, order: torch.Tensor) -> None:
         """Steps of Adam down the mean weighted squared error of samples, a batch each."""
-        count = -(-len(order) // self.batch)
-        inertial_moments, rubbed_moments = self.moments
         _descend(
             self.structure,
-            self.regressor.columns,
-            self.regressor.torque,
-            self.weights,
-            order.numpy(),
-            self.batch,
-            self.free,
-            self.rubbing,
-            self.squared,
-            inertial_moments,
-            rubbed_moments,
-            self.adam.rate,
-            self.adam.second_moment_decay,
-            self.steps,
+            *(self.regressor.columns, self.regressor.torque, self.weights),
+            *(order.numpy(), self.batch),
+            *(self.free, self.rubbing, self.squared, *self.moments),
+            *(self.adam.rate, self.adam.second_moment_decay, self.steps),
         )
-        self.steps += count
+        self.steps += -(-len(order) // self.batch)
 
     def nmse(self, stride: int = 1) -> np.ndarray:
         """(M, n) errors on the whole motion; a stride would save nothing."""

@@ -22,7 +22,7 @@ import pinocchio
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.rigid_body.tree import KinematicTree, read_model, robot_of
+from structlearn.rigid_body.tree import KinematicTree, configuration, read_model, robot_of
 
 CONVERGED = 1e-9
 """m and rad; a third difference of joints at 5 ms, divided by the time, is known to 0.01 rad/s^3 then."""
@@ -58,10 +58,6 @@ class Arm:
     tree: KinematicTree
     model: pinocchio.Model
     tip: int
-
-    def configuration(self, joints: np.ndarray) -> np.ndarray:
-        """Pinocchio's configuration of joints (n,): continuous ones are a cosine and a sine there."""
-        return pinocchio.integrate(self.model, pinocchio.neutral(self.model), joints)
 
 
 @dataclass(frozen=True)
@@ -206,7 +202,7 @@ class Follower:
     def _newton(self, position: np.ndarray, orientation: np.ndarray | None, pull: float) -> np.ndarray:
         """Step (n,) towards a pose, and of free joints by a part of their way to rest."""
         arm, data = self._arm, self._data
-        pinocchio.computeJointJacobians(arm.model, data, arm.configuration(self.joints))
+        pinocchio.computeJointJacobians(arm.model, data, configuration(arm.model, self.joints))
         frame = pinocchio.updateFramePlacement(arm.model, data, arm.tip)
         axes = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = pinocchio.getFrameJacobian(arm.model, data, arm.tip, axes)

@@ -6,14 +6,13 @@ samples is the same for all.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal, Protocol, get_args
+from functools import cache
+from typing import Literal, get_args
 
 import numpy as np
 import pandas as pd
 import torch
 from pydantic import Field
-from torch import Tensor
 
 from structlearn.core.params import Parameters
 from structlearn.networks.torch_settings import AdamParameters, seeded
@@ -21,11 +20,12 @@ from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_learner import InertiaLearner, MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.network_learner import NETWORKS, NetworkKind, NetworkLearner
+from structlearn.rigid_body.network_models import NETWORKS, NetworkKind, NetworkLearner
 from structlearn.rigid_body.tree import KinematicTree
 
 Kind = Literal[NetworkKind, Structure]
 KINDS: tuple[Kind, ...] = (*NETWORKS, *STRUCTURES)
+Learner = InertiaLearner | NetworkLearner
 
 Loss = Literal["raw", "normalised"]
 LOSSES: tuple[Loss, ...] = get_args(Loss)
@@ -43,45 +43,15 @@ class LearningParameters(Parameters):
     threshold: float = Field(gt=0)
 
 
-@dataclass(frozen=True)
 class Lesson:
-    """A motion to learn from, whose regressors are made once, for all structures.
+    """A motion to learn from, and the terms of friction that are learned too.
 
-    Networks do not use the kinematics; friction are the terms that are learned too.
+    Networks do not use the kinematics; `regressor(symmetric)` is made once for all structures.
     """
 
-    tree: KinematicTree
-    motion: Motion
-    friction: tuple[FrictionTerm, ...] = ()
-
-    @cached_property
-    def symmetric(self) -> MotionRegressor:
-        """For structures whose inertias are symmetric."""
-        return MotionRegressor(self.tree, self.motion, True, self.friction)
-
-    @cached_property
-    def full(self) -> MotionRegressor:
-        """For nostr."""
-        return MotionRegressor(self.tree, self.motion, False, self.friction)
-
-
-class Learner(Protocol):
-    """M models that learn from the samples of one motion, so many per step."""
-
-    samples: int
-    batch: int
-
-    def learn(self, order: Tensor) -> None:
-        """Gradient steps on the samples with these places, batch after batch."""
-
-    def nmse(self, stride: int = 1) -> np.ndarray:
-        """(M, n) errors on the motion, or on every `stride`-th sample."""
-
-    def keep(self, models: np.ndarray) -> None:
-        """Go on with some of the models, (M,) whether each is among them."""
-
-    def state(self) -> dict[str, np.ndarray]:
-        """What was learned; tensors with a leading axis of models, unless all models share them."""
+    def __init__(self, tree: KinematicTree, motion: Motion, friction: tuple[FrictionTerm, ...] = ()):
+        self.motion, self.friction = motion, friction
+        self.regressor = cache(lambda symmetric: MotionRegressor(tree, motion, symmetric, friction))
 
 
 @dataclass(frozen=True)
@@ -90,7 +60,7 @@ class Learned:
 
     Attributes:
         state: tensors of the models, each when it became good enough, or as it was in the end.
-        nmse: (E + 1, M, n) at the start and after each epoch (or batch); its last once it has stopped.
+        nmse: (E + 1, M, n) at the start and after each epoch; its last once it has stopped.
         epochs: (M,) epochs that each needed; 0: not good enough after all of them.
     """
 
@@ -116,22 +86,15 @@ def learner(
     """Models of one kind at their start, one per seed."""
     weights, generators = loss_weights(loss, lesson.motion), [seeded(seed) for seed in seeds]
     if kind in STRUCTURES:
-        regressor = lesson.full if kind == "nostr" else lesson.symmetric
+        regressor = lesson.regressor(kind != "nostr")
         return InertiaLearner(kind, regressor, weights, parameters.structures, generators)
     assert kind in NETWORKS
-    return NetworkLearner(
-        kind,
-        [lesson.motion],
-        lesson.friction,
-        weights[None],
-        parameters.networks,
-        parameters.hidden,
-        generators,
-    )
+    motions, adam, hidden = [lesson.motion], parameters.networks, parameters.hidden
+    return NetworkLearner(kind, motions, lesson.friction, weights[None], adam, hidden, generators)
 
 
 def shuffled_epochs(models: Learner, epochs: int) -> Iterator[int]:
-    """Epochs in an order that is the same for all models; the number of each, from 1, after it."""
+    """Shuffled epochs; the number of each, from 1, after it."""
     generator = seeded(0)
     for epoch in range(1, epochs + 1):
         models.learn(torch.randperm(models.samples, generator=generator))
@@ -179,17 +142,16 @@ def learn_in_epochs(
     return Learned(kept, np.array(history), needed)
 
 
-def learn_online(models: Learner, stride: int = 1) -> Learned:
-    """Once through the motion in the order of time, a step per batch (III.4.1.2, figure III.2).
+def learn_online(models: Learner, stride: int = 1) -> np.ndarray:
+    """NMSE (E + 1, M, n), once through the motion in the order of time (III.4.1.2, figure III.2).
 
-    Errors of networks are taken on every `stride`-th sample.
+    A step per batch; errors of networks are taken on every `stride`-th sample.
     """
     history = [models.nmse(stride)]
     for batch in torch.arange(models.samples).split(models.batch):
         models.learn(batch)
         history.append(models.nmse(stride))
-    nmse = np.array(history)
-    return Learned(models.state(), nmse, np.zeros(nmse.shape[1], dtype=int))
+    return np.array(history)
 
 
 def error_table(nmse: np.ndarray, step: str) -> pd.DataFrame:

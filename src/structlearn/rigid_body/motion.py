@@ -135,10 +135,7 @@ def block_table(
 ) -> pd.DataFrame:
     """What errors on each part rest on, block by block of `length` samples: their intervals need no samples.
 
-    Args:
-        torques: (M, N, n) N m of each model (kind and friction) on each part.
-        parts: motions by name.
-        length: samples of a block.
+    Torques are (M, N, n) of each model (kind and friction) on each part.
 
     Returns:
         `part`, `block`, `joint`, `samples`, sums `torque` and `torque_squared`, and a column of summed
@@ -171,9 +168,8 @@ def block_norms(
         }
         columns = {key: block_sums(values, length) for key, values in norms.items()}
         samples = block_sums(np.ones(len(part)), length)
-        tables.append(
-            pd.DataFrame({"part": name, "block": np.arange(len(samples)), "samples": samples, **columns})
-        )
+        keys = {"part": name, "block": np.arange(len(samples)), "samples": samples}
+        tables.append(pd.DataFrame(keys | columns))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -190,10 +186,6 @@ def drawn_nmse(
     columns = ["samples", "torque", "torque_squared", "/".join(model)]
     sums = its[columns].to_numpy().reshape(count, joints, 4)
     drawn = np.tensordot(drawn_counts(count, draws, seed), sums, 1)
-    return _normalised(sums.sum(axis=0)), _normalised(drawn), count
-
-
-def _normalised(sums: np.ndarray) -> np.ndarray:
-    """(..., n) of sums (..., n, 4): samples, torque, its square, squared errors."""
-    samples, torque, squared, error = np.moveaxis(sums, -1, 0)
-    return error / (squared - torque**2 / samples)
+    samples, torque, squared, error = np.moveaxis(np.concatenate([sums.sum(axis=0)[None], drawn]), -1, 0)
+    errors = error / (squared - torque**2 / samples)
+    return errors[0], errors[1:], count

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, configuration
 
 
 def inverse_dynamics(
@@ -159,16 +159,7 @@ def _pinocchio_torques(
     shape = (states, len(robot.tree.names))
     q = generator.uniform(-_LARGEST[0], _LARGEST[0], shape)
     qd, qdd = (generator.normal(0.0, spread, shape) for spread in _LARGEST[1:])
-    data, rows = robot.model.createData(), zip(q, qd, qdd, strict=True)
-    expected = [
-        pinocchio.rnea(robot.model, data, _configuration(robot.model, row), *rest) for row, *rest in rows
-    ]
+    model, data = robot.model, robot.model.createData()
+    rows = zip(q, qd, qdd, strict=True)
+    expected = [pinocchio.rnea(model, data, configuration(model, row), *rest) for row, *rest in rows]
     return (q, qd, qdd), np.array(expected)
-
-
-def _configuration(model: pinocchio.Model, q: np.ndarray) -> np.ndarray:
-    """Pinocchio's configuration: the position of an endless joint is a cosine and a sine there."""
-    parts = []
-    for joint, position in zip(list(model.joints)[1:], q, strict=True):
-        parts += [np.cos(position), np.sin(position)] if joint.nq == 2 else [position]
-    return np.array(parts)

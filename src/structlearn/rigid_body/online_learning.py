@@ -79,10 +79,9 @@ def learn_payload(
     inertias: LinkInertias,
     parameters: PayloadLearningParameters,
 ) -> pd.DataFrame:
-    """A robot identifies its empty arm at the start of a log, and then follows what its last link carries.
+    """Identify the empty arm at the start of a log, starting from `inertias`, then `follow_payload`.
 
-    The log is a motion and the s between its samples; the identification starts from `inertias`, e.g. those
-    of the URDF. The table is that of `follow_payload`.
+    The log is a motion and the s between its samples.
     """
     motion, dt = log
     links, friction = identify_empty(tree, inertias, motion, dt, parameters)
@@ -164,6 +163,6 @@ def _once_through(
     with one_thread():
         for kind, loss in product(kinds, parameters.losses):
             models = learner(kind, lesson, loss, parameters.seeds, learning)
-            table = error_table(learn_online(models, parameters.stride).nmse, "batch")
+            table = error_table(learn_online(models, parameters.stride), "batch")
             tables.append(table.assign(model=kind, loss=loss, seed=seeds[table["seed"]]))
     return pd.concat(tables, ignore_index=True)

@@ -77,10 +77,8 @@ def joint_reference(
     count, position = len(q), _point(work, control.tool_m)
     jacobian = _jacobian(body, work, position)
     velocity, gram = np.zeros(3), np.zeros((3, 3))  # J qd;  J J^T + damping
-    speed, push = (
-        np.empty(3),
-        np.empty(3),
-    )  # of the tool, beside what the null space gives; then (J J^T)^-1 of it
+    # of the tool, beside what the null space gives; then (J J^T)^-1 of it
+    speed, push = np.empty(3), np.empty(3)
     for row in range(3):
         gram[row, row] = DAMPING
         for j in range(count):

@@ -141,21 +141,13 @@ def _move(chain: _Chain, motion: _Motion, link: int, position: float, speed: flo
 def _placement(chain: _Chain, joint: int, position: float) -> tuple[tuple, tuple]:
     """Rows of a joint frame's rotation in its parent's, and its origin there."""
     axis, origin = _vector(chain.axis[joint]), _vector(chain.translation[joint])
-    first, second, third = (
-        _vector(chain.rotation[joint, 0]),
-        _vector(chain.rotation[joint, 1]),
-        _vector(chain.rotation[joint, 2]),
-    )
+    rotation = chain.rotation[joint]
+    x, y, z = _vector(rotation[0]), _vector(rotation[1]), _vector(rotation[2])
     if chain.prismatic[joint]:
-        along = (_dot(first, axis), _dot(second, axis), _dot(third, axis))
-        return (first, second, third), _sum(origin, _scaled(along, position))
-    sine, cosine = np.sin(position), np.cos(position)
-    rows = (
-        _turned(first, axis, sine, cosine),
-        _turned(second, axis, sine, cosine),
-        _turned(third, axis, sine, cosine),
-    )
-    return rows, origin
+        along = (_dot(x, axis), _dot(y, axis), _dot(z, axis))
+        return (x, y, z), _sum(origin, _scaled(along, position))
+    s, c = np.sin(position), np.cos(position)
+    return (_turned(x, axis, s, c), _turned(y, axis, s, c), _turned(z, axis, s, c)), origin
 
 
 @numba.njit(cache=True, inline="always")

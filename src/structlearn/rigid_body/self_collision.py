@@ -13,6 +13,7 @@ import pinocchio
 
 from structlearn.core.errors import InputError
 from structlearn.rigid_body.inverse_kinematics import Arm
+from structlearn.rigid_body.tree import configuration
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,7 @@ def link_distances(shapes: LinkShapes, joints: np.ndarray, near: float) -> np.nd
     hulls, meshes = pinocchio.GeometryData(shapes.hulls), pinocchio.GeometryData(shapes.meshes)
     distances = np.empty((len(joints), len(shapes.pairs)))
     for sample, row in enumerate(joints):
-        configuration = arm.configuration(row)
-        pinocchio.computeDistances(arm.model, data, shapes.hulls, hulls, configuration)
+        pinocchio.computeDistances(arm.model, data, shapes.hulls, hulls, configuration(arm.model, row))
         distances[sample] = [result.min_distance for result in hulls.distanceResults]
         suspected = np.flatnonzero(distances[sample] < near)
         if len(suspected):
@@ -113,7 +113,7 @@ def _distant_pairs(arm: Arm, shapes: pinocchio.GeometryModel) -> list[pinocchio.
 def _drop_touching(arm: Arm, shapes: pinocchio.GeometryModel, rest: np.ndarray) -> tuple[str, ...]:
     """Take out the pairs that touch at rest; their names."""
     data, found = arm.model.createData(), pinocchio.GeometryData(shapes)
-    pinocchio.computeCollisions(arm.model, data, shapes, found, arm.configuration(rest), False)
+    pinocchio.computeCollisions(arm.model, data, shapes, found, configuration(arm.model, rest), False)
     touching = [
         pinocchio.CollisionPair(pair.first, pair.second)
         for pair, result in zip(shapes.collisionPairs, found.collisionResults, strict=True)

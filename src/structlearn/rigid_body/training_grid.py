@@ -35,7 +35,7 @@ from structlearn.rigid_body.learner import (
 )
 from structlearn.rigid_body.model_names import COULOMB, IDEAL, ROBOT
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.network_learner import NETWORKS, NetworkKind, NetworkLearner
+from structlearn.rigid_body.network_models import NETWORKS, NetworkKind, NetworkLearner
 from structlearn.rigid_body.tree import KinematicTree
 
 FRICTIONS: Mapping[str, tuple[FrictionTerm, ...]] = {
@@ -204,10 +204,7 @@ def scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
 
 
 def _together(work: Sequence[Training], motions: Mapping[str, Motion]) -> list[list[int]]:
-    """Places of trainings that share a process.
-
-    Structures have a common regressor, networks of several robots are one stack.
-    """
+    """Places of trainings that share a process: structures a regressor, networks of robots a stack."""
     groups: dict[tuple, list[int]] = {}
     for place, training in enumerate(work):
         own = training.kind == "nostr" if training.kind in STRUCTURES else (training.kind, training.form)
@@ -223,33 +220,19 @@ def _train_together(
     tree: KinematicTree,
     parameters: DynamicsTrainingParameters,
 ) -> list[Learned]:
-    first, friction = work[0], FRICTIONS[work[0].friction]
+    first, terms = work[0], FRICTIONS[work[0].friction]
     with one_thread():
-        if first.kind in STACKED and first.arm == ROBOT:
-            return _train_stack(first.kind, work, [motions[training.motion] for training in work], parameters)
-        lesson = Lesson(tree, motions[first.motion], friction)
-        return [_train_one(training, lesson, parameters) for training in work]
-
-
-def _train_stack(
-    kind: NetworkKind,
-    work: Sequence[Training],
-    motions: Sequence[Motion],
-    parameters: DynamicsTrainingParameters,
-) -> list[Learned]:
-    """A network of one kind and form on each robot's log."""
-    learning, loss = parameters.of(work[0].form), LOSSES[work[0].form]
-    models = NetworkLearner(
-        kind,
-        motions,
-        FRICTIONS[work[0].friction],
-        np.stack([loss_weights(loss, motion) for motion in motions]),
-        learning.networks,
-        learning.hidden,
-        [seeded(*training.seeds) for training in work],
-    )
-    learned = learn_in_epochs(models, 0.0, parameters.epochs.robot)
-    return [learned.part(place) for place in range(len(work))]
+        if first.kind not in STACKED or first.arm != ROBOT:
+            lesson = Lesson(tree, motions[first.motion], terms)
+            return [_train_one(training, lesson, parameters) for training in work]
+        learning, logs = parameters.of(first.form), [motions[training.motion] for training in work]
+        weights = np.stack([loss_weights(LOSSES[first.form], log) for log in logs])
+        generators = [seeded(*training.seeds) for training in work]
+        models = NetworkLearner(
+            first.kind, logs, terms, weights, learning.networks, learning.hidden, generators
+        )
+        learned = learn_in_epochs(models, 0.0, parameters.epochs.robot)
+        return [learned.part(place) for place in range(len(work))]
 
 
 def _train_one(training: Training, lesson: Lesson, parameters: DynamicsTrainingParameters) -> Learned:

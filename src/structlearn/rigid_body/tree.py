@@ -145,6 +145,11 @@ def robot_of(model: pinocchio.Model) -> Robot:
     return Robot(model.name, _tree(model), _inertias(model), model)
 
 
+def configuration(model: pinocchio.Model, joints: np.ndarray) -> np.ndarray:
+    """Pinocchio's configuration of joints (n,): continuous ones are a cosine and a sine there."""
+    return pinocchio.integrate(model, pinocchio.neutral(model), joints)
+
+
 def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -> np.ndarray:
     """Columns of a log in the order of the robot's joints: `log[:, order]`.
 
@@ -153,16 +158,13 @@ def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -
             message. Joints that the robot lacks are left out.
     """
     names = list(names)
-    missing = [name for name in tree.names if name not in names]
-    if missing:
+    if missing := [name for name in tree.names if name not in names]:
         raise InputError(
             f"{source}: the log lacks the robot's joints {', '.join(missing)}; it has {', '.join(names)}"
         )
-    repeated = [name for name in tree.names if names.count(name) > 1]
-    if repeated:
-        raise InputError(
-            f"{source}: joint '{repeated[0]}' stands {names.count(repeated[0])} times in the log"
-        )
+    for name in tree.names:
+        if (count := names.count(name)) > 1:
+            raise InputError(f"{source}: joint '{name}' stands {count} times in the log")
     return np.array([names.index(name) for name in tree.names])
 
 
@@ -191,10 +193,8 @@ def _screws(model: pinocchio.Model) -> np.ndarray:
     """Twist (n, 6) of each link in its own frame for unit speed of its joint: linear, angular."""
     data = model.createData()
     pinocchio.computeJointJacobians(model, data, pinocchio.neutral(model))
-    jacobians = [
-        pinocchio.getJointJacobian(model, data, joint, pinocchio.ReferenceFrame.LOCAL)
-        for joint in range(1, model.njoints)
-    ]
+    local, joints = pinocchio.ReferenceFrame.LOCAL, range(1, model.njoints)
+    jacobians = [pinocchio.getJointJacobian(model, data, joint, local) for joint in joints]
     # Pinocchio gives a vector where there is one joint only
     return np.array([jacobian.reshape(6, -1)[:, joint] for joint, jacobian in enumerate(jacobians)])
 

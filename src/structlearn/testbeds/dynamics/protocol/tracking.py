@@ -11,8 +11,7 @@ from pydantic import Field
 
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.compiled_models import InverseDynamics, bodies_model
+from structlearn.rigid_body.compiled_dynamics import InverseDynamics, bodies_model, inverse_dynamics
 from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model
 from structlearn.rigid_body.model_names import model_name
 from structlearn.rigid_body.operational_space_velocity import tool_motion

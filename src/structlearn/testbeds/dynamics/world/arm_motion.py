@@ -17,8 +17,7 @@ from pydantic import Field, model_validator
 from structlearn.core import minimum_jerk
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.compiled_models import InverseDynamics
+from structlearn.rigid_body.compiled_dynamics import InverseDynamics, inverse_dynamics
 from structlearn.rigid_body.operational_space_velocity import (
     VelocityControl,
     VelocityControlParameters,

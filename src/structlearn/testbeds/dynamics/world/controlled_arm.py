@@ -11,7 +11,7 @@ import numpy as np
 
 from structlearn.core.compiled_vectors import compiled_inside
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
-from structlearn.rigid_body.compiled_models import InverseDynamics, model_torques
+from structlearn.rigid_body.compiled_dynamics import InverseDynamics, model_torques
 from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference
 from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Mechanics, Payload, carrying

@@ -10,8 +10,7 @@ import structlearn
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.readers.joint_log import JointLog
-from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.compiled_models import bodies_model
+from structlearn.rigid_body.compiled_dynamics import bodies_model, inverse_dynamics
 from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Payload, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (

@@ -1,0 +1,231 @@
+"""Trajectories that excite an arm for its identification: D-optimal Fourier series within its limits.
+
+Each joint follows a periodic series (Swevers et al. 1997) that starts and ends at rest,
+
+    q(t) = q0 + sum_k (a_k sin(k w t) - b_k cos(k w t)) / (k w)        sum a_k = 0, sum k b_k = 0
+
+Torques are linear in what is to be identified, tau = Y theta + noise. With noise in proportion to each
+joint's torque limit, where the URDF has one, the information on theta is sum Y^T W Y. Its log-determinant is
+maximised: the volume of the confidence ellipsoid becomes as small as it can, whatever the parameters' units.
+
+A series is scaled into the limits of position and velocity before it is looked at, so that both hold for all
+free parameters; too large torques cost, and what is left of them is taken away by a longer period.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from pydantic import Field, NonNegativeInt
+
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
+from structlearn.rigid_body.base_parameters import BaseParameters, base_parameters
+from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.regressor import torque_regressor
+from structlearn.rigid_body.tree import KinematicTree, Robot
+
+SAMPLES_PER_WAVE = 20
+"""Of the shortest wave, while a series is scaled and rated; a peak between two is missed by 1.2 % at most."""
+
+DIFFERENCE = 1e-6
+"""Of free parameters, for forward differences."""
+
+TORQUE_COST = 100.0
+"""Of a joint's squared excess over its torque limit, as a share of it, beside the mean log-determinant."""
+
+STRETCH = 1.02
+"""Factor by which the period grows until torques are within their limits, at most `STRETCHES` times."""
+
+STRETCHES = 100
+
+
+class ExcitationParameters(Parameters):
+    """How a trajectory is designed. Fields: `stages/tasks/params.yaml`, `excite`."""
+
+    harmonics: int = Field(ge=2)
+    period_s: float = Field(gt=0)
+    rate_hz: float = Field(gt=0)
+    share: float = Field(gt=0, lt=0.988)
+    starts: int = Field(ge=1)
+    iterations: int = Field(ge=1)
+    seed: NonNegativeInt
+
+
+@dataclass(frozen=True)
+class Arena:
+    """What a trajectory is designed for.
+
+    Attributes:
+        tree: n joints.
+        base: the r parameters to be identified, beside friction.
+        theta: (r,) their values in the URDF, for the torques.
+        effort: (n,) N m, limits of the torques; infinite where the URDF has none.
+        friction: terms that are identified too.
+        harmonics: K.
+        period_s: of a series.
+        share: of the limits that may be used.
+        reach: of the range of positions that may be used, about its middle.
+    """
+
+    tree: KinematicTree
+    base: BaseParameters
+    theta: np.ndarray
+    effort: np.ndarray
+    friction: tuple[FrictionTerm, ...]
+    harmonics: int
+    period_s: float
+    share: float
+    reach: float
+
+    @property
+    def free(self) -> tuple[int, int]:
+        """Shape of free parameters: a_k, b_k, then where in the range and how large, of each joint."""
+        return len(self.tree.names), 2 * self.harmonics + 2
+
+
+def arena(robot: Robot, parameters: ExcitationParameters, friction: Sequence[FrictionTerm] = ()) -> Arena:
+    """A robot as its URDF has it."""
+    base, effort = base_parameters(robot.tree), robot.model.effortLimit
+    return Arena(
+        tree=robot.tree,
+        base=base,
+        theta=base.values(robot.inertias),
+        effort=np.where((effort > 0.0) & np.isfinite(effort), effort, np.inf),
+        friction=tuple(friction),
+        harmonics=parameters.harmonics,
+        period_s=parameters.period_s,
+        share=parameters.share,
+        reach=parameters.share,
+    )
+
+
+def series(its: Arena, free: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities and accelerations (..., T, n) of free parameters (..., n, 2 K + 2).
+
+    The series is within the limits of position and velocity whatever the free parameters are.
+    """
+    order = np.arange(1, its.harmonics + 1)
+    a, b = free[..., : its.harmonics], free[..., its.harmonics : -2]
+    a = a - a.mean(axis=-1, keepdims=True)  # at rest at the start: no velocity, no acceleration
+    b = b - (b * order).sum(axis=-1, keepdims=True) * order / (order**2).sum()
+    place, size = 1.0 / (1.0 + np.exp(-free[..., -2])), 1.0 / (1.0 + np.exp(-free[..., -1]))
+    waves = order * 2.0 * np.pi / its.period_s
+
+    def unscaled(when: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        sine, cosine = np.sin(np.outer(waves, when)), np.cos(np.outer(waves, when))  # (K, T)
+        q = (a / waves) @ sine - (b / waves) @ cosine
+        return q, a @ cosine + b @ sine, (b * waves) @ cosine - (a * waves) @ sine
+
+    q, qd, _ = unscaled(_rated_times(its))
+    least, span = q.min(axis=-1), np.ptp(q, axis=-1)
+    lower = np.where(np.isfinite(its.tree.lower), its.tree.lower, -np.pi)
+    upper = np.where(np.isfinite(its.tree.upper), its.tree.upper, np.pi)
+    room, middle = its.reach * (upper - lower), 0.5 * (lower + upper)
+    fits = np.minimum(room / span, its.share * its.tree.velocity / np.abs(qd).max(axis=-1))
+    scale = size * fits
+    offset = middle - 0.5 * room + place * (room - scale * span) - scale * least
+    q, qd, qdd = (np.swapaxes(scale[..., None] * values, -1, -2) for values in unscaled(times))
+    return q + offset[..., None, :], qd, qdd
+
+
+def information(its: Arena, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Information (..., P, P) of states (..., T, n) on base parameters, then friction."""
+    return _rated(its, q, qd, qdd)[0]
+
+
+def log_determinant(information: np.ndarray) -> np.ndarray:
+    """Log-determinant (...) of information (..., P, P), of columns of unit length; -inf if it is singular."""
+    size = np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
+    size = np.where(size > 0.0, size, 1.0)
+    sign, value = np.linalg.slogdet(information / (size[..., :, None] * size[..., None, :]))
+    return np.where(sign > 0.0, value + 2.0 * np.log(size).sum(axis=-1), -np.inf)
+
+
+def design(its: Arena, starts: int, iterations: int, seed: int) -> list[np.ndarray]:
+    """Free parameters of local optima from random starts, the one with the largest information first."""
+    found = parallel_map(partial(_improved, its, iterations), random_series(its, starts, seed), "excitation")
+    return [free for _, free in sorted(found, key=lambda item: item[0])]
+
+
+def random_series(its: Arena, count: int, seed: int) -> np.ndarray:
+    """Free parameters (count, n, 2 K + 2) of random series that use all of their joints' limits."""
+    free = np.random.default_rng(seed).normal(size=(count, *its.free))
+    free[..., -1] = 3.0
+    return free
+
+
+def written(its: Arena, free: np.ndarray, rate_hz: float) -> tuple[np.ndarray, Motion]:
+    """Times (T,) s and the motion of one period, slowed down as far as the torque limits ask for.
+
+    Torques are those of the URDF.
+
+    Raises:
+        InputError: torques exceed the limits however slowly the arm moves.
+    """
+    for stretch in STRETCH ** np.arange(STRETCHES):
+        slower = replace(its, period_s=stretch * its.period_s)
+        times = np.arange(int(np.floor(slower.period_s * rate_hz)) + 1) / rate_hz
+        states = series(slower, free, times)
+        torque = torque_regressor(its.tree, *states)[..., its.base.columns] @ its.theta
+        if np.all(np.abs(torque) <= its.share * its.effort):
+            return times, Motion(*states, torque)
+    raise InputError("the arm's torque limits are exceeded by its own weight, however slowly it moves")
+
+
+def parameter_errors(its: Arena, motion: Motion, noise: np.ndarray, draws: int, seed: int) -> np.ndarray:
+    """Root mean square errors (P,) of base parameters, then friction, that least squares find in noisy logs.
+
+    A log is the motion, with normal noise (n,) N m on the torques. Errors of least squares do not depend on
+    the true parameters.
+    """
+    rows = _columns(its, motion.q, motion.qd, motion.qdd) / noise[:, None]
+    rows = rows.reshape(-1, rows.shape[-1])
+    size = np.linalg.norm(rows, axis=0)
+    generator = np.random.default_rng(seed)
+    errors = np.linalg.lstsq(rows / size, generator.normal(size=(len(rows), draws)), rcond=None)[0]
+    return np.sqrt((errors**2).mean(axis=1)) / size
+
+
+def _rated_times(its: Arena) -> np.ndarray:
+    count = SAMPLES_PER_WAVE * its.harmonics
+    return np.arange(count) * its.period_s / count
+
+
+def _columns(its: Arena, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """(N, n, P) of what is identified."""
+    columns = torque_regressor(its.tree, q, qd, qdd)[..., its.base.columns]
+    return np.concatenate([columns, friction_regressor(qd, its.friction)], axis=-1)
+
+
+def _rated(its: Arena, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Information (..., P, P), and torques (..., T, n) in N m of the URDF."""
+    columns = _columns(its, *(values.reshape(-1, q.shape[-1]) for values in (q, qd, qdd)))
+    torque = (columns[..., : len(its.theta)] @ its.theta).reshape(q.shape)
+    weights = np.where(np.isfinite(its.effort), 1.0 / its.effort, 1.0)
+    rows = (columns * weights[:, None]).reshape(*q.shape[:-2], -1, columns.shape[-1])
+    return np.swapaxes(rows, -1, -2) @ rows, torque
+
+
+def _costs(its: Arena, free: np.ndarray) -> np.ndarray:
+    """(B,) of free parameters (B, n, 2 K + 2): minus the mean log-determinant, and the excess of torques."""
+    known, torque = _rated(its, *series(its, free, _rated_times(its)))
+    excess = np.maximum(np.abs(torque).max(axis=-2) / (its.share * its.effort) - 1.0, 0.0)
+    return TORQUE_COST * (excess**2).sum(axis=-1) - log_determinant(known) / known.shape[-1]
+
+
+def _improved(its: Arena, iterations: int, start: np.ndarray) -> tuple[float, np.ndarray]:
+    """Cost and free parameters of the local optimum near a start, by L-BFGS with forward differences."""
+    from scipy.optimize import minimize
+
+    steps = DIFFERENCE * np.vstack([np.zeros(start.size), np.eye(start.size)])
+
+    def cost(values: np.ndarray) -> tuple[float, np.ndarray]:
+        found = _costs(its, (values + steps).reshape(-1, *its.free))
+        return found[0], (found[1:] - found[0]) / DIFFERENCE
+
+    found = minimize(cost, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": iterations})
+    return float(found.fun), found.x.reshape(its.free)

@@ -1,0 +1,267 @@
+"""Design a trajectory to identify an arm from, within the limits of its URDF: `make excite TASK=arm`.
+
+A robot moves so before there are logs of it, so this asks for a URDF and for no recordings. It writes into
+`reports/excitation/NAME`: `trajectory.csv`, and a page with the check against the URDF and the gain over
+random trajectories. What stands around the robot is not known here.
+"""
+
+import argparse
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from pydantic import Field
+
+from structlearn.core.artefacts import write_csv
+from structlearn.core.errors import InputError
+from structlearn.core.stage import run, stage_parameters
+from structlearn.palette import BLUE, CATEGORICAL_COLOURS, GREY
+from structlearn.reporting.document import Document, Source
+from structlearn.reporting.figure_style import styled
+from structlearn.reporting.findings import Findings
+from structlearn.reporting.panels import legend, panel
+from structlearn.reporting.publishing import publish_report
+from structlearn.rigid_body.excitation import (
+    Arena,
+    ExcitationParameters,
+    arena,
+    design,
+    parameter_errors,
+    random_series,
+    written,
+)
+from structlearn.rigid_body.inverse_kinematics import Arm
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.self_collision import LinkShapes, link_distances, read_shapes
+from structlearn.rigid_body.training_grid import FRICTIONS
+from structlearn.rigid_body.tree import Robot, read_urdf
+from structlearn.simulation.arm import urdf_path
+from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.task_entry import DEFAULTS, FOLDER, OWN, read_task
+from structlearn.tasks.task_files import local_path
+
+REPORTS = Path("reports/excitation")
+
+SHRINKS = 0.93 ** np.arange(40)
+"""Factors of ranges and amplitudes that are tried where links come too close."""
+
+ALL_BUT = 1.0 - 1e-9
+"""Largest amplitude, as a share of what fits, whose free parameter is finite."""
+
+NEAR_M = 0.1
+"""Distance of hulls below which the links' meshes are looked at."""
+
+LOOKED_AT_HZ = 20.0
+"""Samples per second at which distances of links are computed."""
+
+
+class ExciteParameters(ExcitationParameters):
+    """How a trajectory is designed and compared. Fields: `stages/tasks/params.yaml`, `excite`."""
+
+    clearance_m: float = Field(gt=0)
+    compared: int = Field(ge=5)
+    noise_share: float = Field(gt=0)
+    draws: int = Field(ge=10)
+
+
+def main() -> None:
+    """Design, write, and say what came out."""
+    given = _arguments()
+    parameters = stage_parameters("excite", ExciteParameters, FOLDER / DEFAULTS)
+    urdf, locked = robot_of(given.task) if given.task else (given.urdf, given.lock)
+    name = given.task or re.sub(r"[^a-z0-9_-]", "_", Path(urdf).stem.lower())
+    path = urdf_path(str(local_path(urdf)))
+    robot = read_urdf(path, locked)
+    its, shapes, links = space(robot, path, locked, parameters)
+    found = design(its, parameters.starts, parameters.iterations, parameters.seed)
+    times, motion = written(its, clear(its, found[0], shapes, parameters), parameters.rate_hz)
+    joints, gains = joint_table(robot, its, motion), gain_table(its, shapes, times, motion, parameters)
+    facts = {"urdf": urdf, "name": name, "seconds": times[-1], "links": links, "samples": len(times)}
+    facts["command"] = f"make excite TASK={given.task}" if given.task else f"make excite URDF={given.urdf}"
+    publish_excitation(REPORTS / name, facts, joints, gains, (times, motion), parameters)
+    write_csv(trajectory_table(robot, times, motion), REPORTS / name / "trajectory.csv")
+    gain, kept = gains["gain"].median(), " ".join(joints["kept"])
+    print(f"{times[-1]:.1f} s, {len(times)} samples; limits kept by joints: {kept}; links: {links}")
+    print(f"errors of base parameters are {gain:.2f} times smaller than after random trajectories")
+    print(f"{REPORTS / name}/trajectory.csv, {REPORTS / name}/index.html")
+
+
+def robot_of(task: str) -> tuple[str, Sequence[str]]:
+    """URDF and locked joints of the robot that a task's entry names; its recordings need not be there."""
+    entry = read_task(task)
+    robot = entry if isinstance(entry, MotionParameters) else getattr(entry, "robot", None)
+    if robot is None:
+        raise InputError(f"{FOLDER / OWN}: {task}: names no robot")
+    return robot.urdf, robot.locked_joints
+
+
+def space(
+    robot: Robot, urdf: Path, locked: Sequence[str], parameters: ExciteParameters
+) -> tuple[Arena, LinkShapes | None, str]:
+    """What may be used: the largest part of the joints' ranges in which random motion keeps links apart.
+
+    Returns:
+        The limits, shapes of the links if the URDF has some, and what is known of collisions.
+    """
+    its = arena(robot, parameters, FRICTIONS["offset"])
+    lower, upper = (np.clip(bound, -np.pi, np.pi) for bound in (robot.tree.lower, robot.tree.upper))
+    try:
+        shapes = read_shapes(Arm(urdf, robot.tree, robot.model, 0), locked, 0.5 * (lower + upper))
+    except InputError as error:
+        return its, None, f"not checked for collisions ({error})"
+    for shrink in SHRINKS:
+        smaller = replace(its, reach=shrink * its.reach)
+        tried = random_series(smaller, parameters.compared, parameters.seed)
+        if all(least_distance(smaller, free, shapes) >= parameters.clearance_m for free in tried):
+            blind = f"; not watched: {', '.join(shapes.touching)}" if shapes.touching else ""
+            words = f"{1e3 * parameters.clearance_m:g} mm apart or more, in {smaller.reach:.0%} of the ranges"
+            return smaller, shapes, words + blind
+    raise InputError(
+        f"{urdf}: links are closer than {parameters.clearance_m:g} m where the joints' ranges end"
+    )
+
+
+def clear(
+    its: Arena, free: np.ndarray, shapes: LinkShapes | None, parameters: ExciteParameters
+) -> np.ndarray:
+    """Free parameters with amplitudes made smaller until all links keep their distance."""
+    smaller = free.copy()
+    for shrink in SHRINKS if shapes is not None else ():
+        size = np.minimum(shrink / (1.0 + np.exp(-free[:, -1])), ALL_BUT)
+        smaller[:, -1] = np.log(size / (1.0 - size))
+        if least_distance(its, smaller, shapes) >= parameters.clearance_m:
+            break
+    return smaller
+
+
+def least_distance(its: Arena, free: np.ndarray, shapes: LinkShapes) -> float:
+    """Least distance of two links in m, as far as it matters."""
+    _, motion = written(its, free, LOOKED_AT_HZ)
+    return float(link_distances(shapes, motion.q, NEAR_M).min())
+
+
+def joint_table(robot: Robot, its: Arena, motion: Motion) -> pd.DataFrame:
+    """What is used of the limits of every joint, and whether each of them is kept."""
+    tree = robot.tree
+    table = pd.DataFrame(
+        {
+            "joint": tree.names,
+            "lower": tree.lower,
+            "least": motion.q.min(axis=0),
+            "most": motion.q.max(axis=0),
+            "upper": tree.upper,
+            "fastest": np.abs(motion.qd).max(axis=0),
+            "velocity_limit": tree.velocity,
+            "largest_torque_n_m": np.abs(motion.torque).max(axis=0),
+            "torque_limit_n_m": its.effort,
+        }
+    )
+    kept = (table["lower"] <= table["least"]) & (table["most"] <= table["upper"])
+    kept &= table["fastest"] <= table["velocity_limit"]
+    kept &= table["largest_torque_n_m"] <= table["torque_limit_n_m"]
+    return table.assign(kept=np.where(kept, "yes", "no"))
+
+
+def gain_table(
+    its: Arena, shapes: LinkShapes | None, times: np.ndarray, motion: Motion, parameters: ExciteParameters
+) -> pd.DataFrame:
+    """By what factor errors of base parameters are larger after each random trajectory than after this one.
+
+    The geometric mean over the parameters, of logs of equal length with noise on the torques.
+    """
+    spread = np.where(np.isfinite(its.effort), its.effort, motion.torque.std(axis=0))
+    draw = parameters.noise_share * spread, parameters.draws, parameters.seed
+    own = parameter_errors(its, motion, *draw) * np.sqrt(len(times))
+    gains = []
+    for free in random_series(its, parameters.compared, parameters.seed + 1):
+        others, other = written(its, clear(its, free, shapes, parameters), parameters.rate_hz)
+        ratio = parameter_errors(its, other, *draw) * np.sqrt(len(others)) / own
+        gains.append(np.exp(np.log(ratio[: len(its.theta)]).mean()))
+    return pd.DataFrame({"random_trajectory": np.arange(1, len(gains) + 1), "gain": gains})
+
+
+def trajectory_table(robot: Robot, times: np.ndarray, motion: Motion) -> pd.DataFrame:
+    """`time_s`, then positions, velocities and accelerations of all joints, in rad (m where they slide)."""
+    columns = {"time_s": times}
+    for name, values in (("position", motion.q), ("velocity", motion.qd), ("acceleration", motion.qdd)):
+        columns |= {f"{name}_{joint}": values[:, place] for place, joint in enumerate(robot.tree.names)}
+    return pd.DataFrame(columns)
+
+
+def publish_excitation(
+    folder: Path,
+    facts: dict[str, object],
+    joints: pd.DataFrame,
+    gains: pd.DataFrame,
+    moved: tuple[np.ndarray, Motion],
+    parameters: ExciteParameters,
+) -> None:
+    """The page with its figures and tables."""
+    find = Findings("random trajectories")
+    find.exact("gain_median", gains["gain"].median(), len(gains), headline=True)
+    find.exact("gain_least", gains["gain"].min(), len(gains), headline=True)
+    find.among("joints").exact(
+        "limits_kept", int((joints["kept"] == "yes").sum()), len(joints), headline=True
+    )
+    page = Document(
+        template="excite.html.jinja",
+        package="structlearn.tasks.motion",
+        facts=facts | find.numbers() | {"compared": len(gains), "noise": 100 * parameters.noise_share},
+        tables={"joints": shown(joints), "gains": shown(gains)},
+        sources={"trajectory": Source(f"{folder}/trajectory.csv", "")},
+        command=str(facts["command"]),
+        parameters={"excite": parameters},
+        simulated=True,
+    )
+    drawn = {"trajectory": share_panels(joints, *moved), "gains": gain_panel(gains)}
+    publish_report(folder, {"index": page}, drawn, page.tables, find)
+
+
+@styled
+def share_panels(joints: pd.DataFrame, times: np.ndarray, motion: Motion) -> list[Figure]:
+    """Positions within their range, velocities and torques over their limits."""
+    middle, half = 0.5 * (joints["upper"] + joints["lower"]), 0.5 * (joints["upper"] - joints["lower"])
+    shares = {
+        "position": (motion.q - middle.to_numpy()) / half.to_numpy(),
+        "velocity": motion.qd / joints["velocity_limit"].to_numpy(),
+        "torque of the URDF": motion.torque / joints["torque_limit_n_m"].to_numpy(),
+    }
+    figures = []
+    for name, values in shares.items():
+        figure, axes = panel(name, xlabel="time (s)", ylabel="share of the limit", ylim=(-1.05, 1.05))
+        for place, joint in enumerate(joints["joint"]):
+            colour = CATEGORICAL_COLOURS[place % len(CATEGORICAL_COLOURS)]
+            axes.plot(times, values[:, place], color=colour, linewidth=1.2, label=joint)
+        figures.append(legend(figure, 3))
+    return figures
+
+
+@styled
+def gain_panel(gains: pd.DataFrame) -> Figure:
+    """Errors after random trajectories over those after the designed one."""
+    figure, axes = panel(
+        "Errors after random trajectories", xlabel="random trajectory", ylabel="times larger"
+    )
+    axes.bar(gains["random_trajectory"], np.sort(gains["gain"])[::-1], color=BLUE)
+    axes.axhline(1.0, color=GREY, linewidth=1.5)
+    return figure
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="excite", description="Design a trajectory to identify an arm from."
+    )
+    robot = parser.add_mutually_exclusive_group(required=True)
+    robot.add_argument("--task", help="a task whose entry names the robot")
+    robot.add_argument("--urdf", help="the robot")
+    parser.add_argument("--lock", nargs="*", default=(), help="joints that do not move, e.g. of a gripper")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    run(main)
