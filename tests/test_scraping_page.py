@@ -58,9 +58,7 @@ from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page import findings as own
 from structlearn.testbeds.scraping.page import scraping_report as module
 from structlearn.testbeds.scraping.page.feedback_results import (
-    dominant_features,
     informative_channel,
-    sharing_over_phase,
 )
 from structlearn.testbeds.scraping.page.findings import ScrapingPeople, refinement_of_one, share_left
 from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
@@ -244,17 +242,6 @@ def test_each_rule_of_stopping_has_its_own_rows(feedback):
     }
     assert {claims[name] for name in (*text[:3], "phase_helps")} == {"text"}
     assert {by for name, by in claims.items() if name.endswith("_validated")} == {"ours"}
-
-
-def test_sharing_of_dominant_nodes_is_nought_on_average_with_permuted_weights(feedback):
-    rng = np.random.default_rng(0)
-    found = [
-        sharing_over_phase(dominant_features(weights))
-        for weights in (rng.permuted(phase_weights(), axis=1) for _ in range(100))
-    ]
-    assert abs(np.mean(found)) < 2.0 * np.std(found) / 10.0
-    assert np.std(found) < 0.1
-    assert sharing_over_phase(dominant_features(phase_weights())) < -0.3
 
 
 def test_no_two_rows_rest_on_the_same_number(made, root):
