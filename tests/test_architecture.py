@@ -150,7 +150,7 @@ def loaded_at_start(script: Path) -> set[Path]:
 
 def floor(room: str) -> int:
     """Height of a package; of the modules beside the packages, programs stand above all, others below."""
-    beside = len(FLOORS) if room in PROGRAMS else 0
+    beside = len(FLOORS) + (room == "command") if room in PROGRAMS else 0  # `structlearn inspect` runs one
     return next((height for height, rooms in enumerate(FLOORS) if room in rooms), beside)
 
 
