@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from committed import committed
-from viewer_files import colour_of, contents, note
 
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
@@ -29,8 +28,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.recording import NamedShape
 from structlearn.reporting.claims import read_claims
 from structlearn.tasks.obstacles.coupling_representations import samples_of_reaches
-from structlearn.tasks.obstacles.reaches_view import write_reaches_past_obstacles
-from structlearn.tasks.obstacles.scene_section import LOOKS, SceneWays, scene_findings, scene_pictures
+from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
 QUICK = {"folds": 2, "network": {"members": 1, "training": {"iterations": 4}}}
@@ -386,15 +384,3 @@ def test_one_person_alone_in_scenes_of_their_own_without_a_blocked_reach(root):
     assert words["hits_blocked"] == "not tested"
     assert words["path"] == "undecided"  # one person has no interval
     assert "people_apart" not in scene_findings(found)
-
-
-def test_the_recording_shows_every_scene_and_way(tmp_path):
-    path = tmp_path / "obstacles.rrd"
-    write_reaches_past_obstacles(path, made_up_ways().tables, "boxes: reaches past obstacles")
-    rows, entities, _ = contents(path)
-    name = LOOKS["scene"].name.replace(" ", "\\ ")
-    assert colour_of(path, f"/p0_1/{name}/path", "LineStrips3D") == LOOKS["scene"].colour
-    for reach in ("p0_1", "p1_1", "p2_1"):
-        assert {f"/{reach}/{part}" for part in ("obstacles", "walls", "axes", "recorded/hand")} <= entities
-    assert rows["/p0_1/recorded/hand"] == rows["/distance/p0_1/recorded"] == 20
-    assert "recorded" in note(path)
