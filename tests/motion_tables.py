@@ -67,6 +67,8 @@ def made_up(name: str, good: bool = True) -> MotionResults:
             name=[f"joint_{joint}" for joint in joints],
         ),
         "base": rows({"parameter": "m[a]", "low": 0.5, "high": 1.5, "urdf": 1.0}, value=[1.0]),
+        "fitness": rows({"question": "condition number", "joint": 0, "verdict": "yes"}, value=[50.0]),
+        "determined": rows({"parameter": "m[a]", "determined": "doubtful"}, percent=[50.0]),
         "excitation": rows({"parameters": 40}, condition=[50.0]),
         "written": rows({}, joint=joints, difference_n_m=1e-13 if good else 1e-3),
     }

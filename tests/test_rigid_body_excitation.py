@@ -90,7 +90,7 @@ def test_velocities_and_accelerations_are_those_of_the_positions(its):
 
 
 def test_weak_drives_make_the_motion_slower_and_too_weak_ones_are_an_error(tmp_path):
-    strong, weak = two_joints(tmp_path, 60.0), two_joints(tmp_path, 18.0)
+    strong, weak = two_joints(tmp_path, 60.0), two_joints(tmp_path, 15.0)
     fast = random_series(strong, 1, 0)[0]
     assert written(weak, fast, 100.0)[0][-1] > written(strong, fast, 100.0)[0][-1]
     with pytest.raises(InputError, match="own weight"):

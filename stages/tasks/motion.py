@@ -12,6 +12,7 @@ from structlearn.tasks.task_files import TaskFiles, is_public, leave_out, run_fo
 
 
 def main(files: TaskFiles) -> None:
+    from structlearn.rigid_body.log_fitness import fitness_lines
     from structlearn.tasks.motion.joint_motion import arm_of, learn_motion
 
     parameters = files.entry(MotionParameters)
@@ -20,7 +21,9 @@ def main(files: TaskFiles) -> None:
         try:
             robot, urdf = arm_of(parameters)
             folder.mkdir()
-            learn_motion(robot, logs, parameters, urdf, folder)
+            _, tables = learn_motion(robot, logs, parameters, urdf, folder)
+            if "fitness" in tables:
+                print("Fit to identify the arm from?", *fitness_lines(tables["fitness"]), sep="\n")
         except InputError as error:
             if not is_public(parameters.source):
                 raise

@@ -78,11 +78,17 @@ def inertia_about_origin(inertias: LinkInertias) -> np.ndarray:
     return inertias.inertia + (squares - moment[:, :, None] * moment[:, None, :]) / mass[:, None, None]
 
 
-def chain_arrays(tree: KinematicTree) -> list[np.ndarray]:
+def chain_arrays(
+    tree: KinematicTree,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Kinematics for compiled functions: parents, rotation, translation, axis, prismatic."""
-    arrays = (tree.parents, tree.rotation, tree.translation, tree.axis, tree.prismatic)
-    kinds = (np.int64, float, float, float, bool)
-    return [np.ascontiguousarray(array, dtype=kind) for array, kind in zip(arrays, kinds, strict=True)]
+    return (
+        np.ascontiguousarray(tree.parents, dtype=np.int64),
+        np.ascontiguousarray(tree.rotation, dtype=float),
+        np.ascontiguousarray(tree.translation, dtype=float),
+        np.ascontiguousarray(tree.axis, dtype=float),
+        np.ascontiguousarray(tree.prismatic, dtype=bool),
+    )
 
 
 @numba.njit(cache=True, inline="always")

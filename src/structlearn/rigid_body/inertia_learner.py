@@ -83,12 +83,22 @@ class InertiaLearner:
 
     def learn(self, order: torch.Tensor) -> None:
         """Steps of Adam down the mean weighted squared error of samples, a batch each."""
+        inertial_moments, rubbed_moments = self.moments
         _descend(
             self.structure,
-            *(self.regressor.columns, self.regressor.torque, self.weights),
-            *(order.numpy(), self.batch),
-            *(self.free, self.rubbing, self.squared, *self.moments),
-            *(self.adam.rate, self.adam.second_moment_decay, self.steps),
+            self.regressor.columns,
+            self.regressor.torque,
+            self.weights,
+            order.numpy(),
+            self.batch,
+            self.free,
+            self.rubbing,
+            self.squared,
+            inertial_moments,
+            rubbed_moments,
+            self.adam.rate,
+            self.adam.second_moment_decay,
+            self.steps,
         )
         self.steps += -(-len(order) // self.batch)
 

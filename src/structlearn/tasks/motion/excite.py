@@ -21,7 +21,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.stage import run, stage_parameters
 from structlearn.palette import BLUE, CATEGORICAL_COLOURS, GREY
 from structlearn.reporting.document import Document, Source
-from structlearn.reporting.figure_style import styled
+from structlearn.reporting.figure_style import Drawing, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.publishing import publish_report
@@ -40,9 +40,10 @@ from structlearn.rigid_body.self_collision import LinkShapes, link_distances, re
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.simulation.arm import urdf_path
+from structlearn.tasks import project
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.shown_tables import shown
-from structlearn.tasks.task_entry import DEFAULTS, FOLDER, OWN, read_task
+from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import local_path
 
 REPORTS = Path("reports/excitation")
@@ -72,7 +73,7 @@ class ExciteParameters(ExcitationParameters):
 def main() -> None:
     """Design, write, and say what came out."""
     given = _arguments()
-    parameters = stage_parameters("excite", ExciteParameters, FOLDER / DEFAULTS)
+    parameters = stage_parameters("excite", ExciteParameters, project.defaults_file())
     urdf, locked = robot_of(given.task) if given.task else (given.urdf, given.lock)
     name = given.task or re.sub(r"[^a-z0-9_-]", "_", Path(urdf).stem.lower())
     path = urdf_path(str(local_path(urdf)))
@@ -96,7 +97,7 @@ def robot_of(task: str) -> tuple[str, Sequence[str]]:
     entry = read_task(task)
     robot = entry if isinstance(entry, MotionParameters) else getattr(entry, "robot", None)
     if robot is None:
-        raise InputError(f"{FOLDER / OWN}: {task}: names no robot")
+        raise InputError(f"{project.entry_files()[-1]}: {task}: names no robot")
     return robot.urdf, robot.locked_joints
 
 
@@ -130,8 +131,10 @@ def clear(
     its: Arena, free: np.ndarray, shapes: LinkShapes | None, parameters: ExciteParameters
 ) -> np.ndarray:
     """Free parameters with amplitudes made smaller until all links keep their distance."""
+    if shapes is None:
+        return free
     smaller = free.copy()
-    for shrink in SHRINKS if shapes is not None else ():
+    for shrink in SHRINKS:
         size = np.minimum(shrink / (1.0 + np.exp(-free[:, -1])), ALL_BUT)
         smaller[:, -1] = np.log(size / (1.0 - size))
         if least_distance(its, smaller, shapes) >= parameters.clearance_m:
@@ -218,7 +221,10 @@ def publish_excitation(
         parameters={"excite": parameters},
         simulated=True,
     )
-    drawn = {"trajectory": share_panels(joints, *moved), "gains": gain_panel(gains)}
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {
+        "trajectory": share_panels(joints, *moved),
+        "gains": gain_panel(gains),
+    }
     publish_report(folder, {"index": page}, drawn, page.tables, find)
 
 

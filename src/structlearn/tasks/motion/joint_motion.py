@@ -41,6 +41,7 @@ from structlearn.rigid_body.dynamics_models import (
 )
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
+from structlearn.rigid_body.log_fitness import log_fitness, parameter_table
 from structlearn.rigid_body.motion import (
     Motion,
     block_norms,
@@ -104,7 +105,8 @@ def learn_motion(
         `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `friction`, `links`,
         `traces`, `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
         of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
-        `excitation`: one row, `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and what
+        `fitness` and `determined`: of `rigid_body.log_fitness`. `excitation`: one row, `condition` and
+        `parameters`. `choice`: of `choose_networks`. `bodies` and what
         is found of drives and loads: of `drives_and_load`. Without structures nothing is learned, and the
         tables are those of `check_torques`.
 
@@ -153,6 +155,7 @@ def learn_motion(
     base = base_parameters(robot.tree)
     fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *parameters.drawing)
     bounds = {"value": fit.parameters, "low": fit.low, "high": fit.high}
+    stamps, clock_hz = [log.time for log in asked.values()], (parameters.rate_hz, parameters.smoothing_hz)
     stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
     tables |= {
         "motions": _motion_table(asked, {name: its for name, (_, its) in cuts.items()}, pieces, parameters),
@@ -166,6 +169,8 @@ def learn_motion(
         "base": pd.DataFrame(
             {"parameter": base.formulas(robot.tree)} | bounds | {"urdf": base.values(robot.inertias)}
         ),
+        "fitness": log_fitness(robot, stamps, parts[TRAIN], clock_hz, fit, FRICTION),
+        "determined": parameter_table(base.formulas(robot.tree), fit),
         "excitation": pd.DataFrame({"condition": [fit.condition], "parameters": [len(base.columns)]}),
         "written": arm_identification.write_identified(
             source, folder / "identified.urdf", robot, identified, parameters.judged_friction

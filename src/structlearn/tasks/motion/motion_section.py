@@ -146,6 +146,8 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
         "motion_logs": _logs(results),
         "motion_gravity": _gravity(results["gravity"]),
         "motion_base": shown(results["base"].rename(columns={"urdf": "URDF"})),
+        "motion_fitness": shown(results["fitness"]),
+        "motion_determined": shown(results["determined"]),
         "motion_bodies": _bodies(results),
     }
     if results.parts[2:]:
