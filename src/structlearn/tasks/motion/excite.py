@@ -13,18 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from pydantic import Field
 
 from structlearn.core.artefacts import write_csv
 from structlearn.core.errors import InputError
 from structlearn.core.stage import run, stage_parameters
-from structlearn.palette import BLUE, CATEGORICAL_COLOURS, GREY
-from structlearn.reporting.document import Document, Source
-from structlearn.reporting.figure_style import Drawing, styled
-from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
-from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.excitation import (
     Arena,
     ExcitationParameters,
@@ -41,8 +34,8 @@ from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks import project
+from structlearn.tasks.motion.excite_section import publish_excitation
 from structlearn.tasks.motion.motion_parameters import MotionParameters
-from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import local_path
 
@@ -83,6 +76,7 @@ def main() -> None:
     times, motion = written(its, clear(its, found[0], shapes, parameters), parameters.rate_hz)
     joints, gains = joint_table(robot, its, motion), gain_table(its, shapes, times, motion, parameters)
     facts = {"urdf": urdf, "name": name, "seconds": times[-1], "links": links, "samples": len(times)}
+    facts["noise"] = 100 * parameters.noise_share
     facts["command"] = f"make excite TASK={given.task}" if given.task else f"make excite URDF={given.urdf}"
     publish_excitation(REPORTS / name, facts, joints, gains, (times, motion), parameters)
     write_csv(trajectory_table(robot, times, motion), REPORTS / name / "trajectory.csv")
@@ -138,8 +132,8 @@ def clear(
         size = np.minimum(shrink / (1.0 + np.exp(-free[:, -1])), ALL_BUT)
         smaller[:, -1] = np.log(size / (1.0 - size))
         if least_distance(its, smaller, shapes) >= parameters.clearance_m:
-            break
-    return smaller
+            return smaller
+    raise InputError(f"links are closer than {parameters.clearance_m:g} m where the joints hardly move")
 
 
 def least_distance(its: Arena, free: np.ndarray, shapes: LinkShapes) -> float:
@@ -194,68 +188,6 @@ def trajectory_table(robot: Robot, times: np.ndarray, motion: Motion) -> pd.Data
     for name, values in (("position", motion.q), ("velocity", motion.qd), ("acceleration", motion.qdd)):
         columns |= {f"{name}_{joint}": values[:, place] for place, joint in enumerate(robot.tree.names)}
     return pd.DataFrame(columns)
-
-
-def publish_excitation(
-    folder: Path,
-    facts: dict[str, object],
-    joints: pd.DataFrame,
-    gains: pd.DataFrame,
-    moved: tuple[np.ndarray, Motion],
-    parameters: ExciteParameters,
-) -> None:
-    """The page with its figures and tables."""
-    find = Findings("random trajectories")
-    find.exact("gain_median", gains["gain"].median(), len(gains), headline=True)
-    find.exact("gain_least", gains["gain"].min(), len(gains), headline=True)
-    find.among("joints").exact(
-        "limits_kept", int((joints["kept"] == "yes").sum()), len(joints), headline=True
-    )
-    page = Document(
-        template="excite.html.jinja",
-        package="structlearn.tasks.motion",
-        facts=facts | find.numbers() | {"compared": len(gains), "noise": 100 * parameters.noise_share},
-        tables={"joints": shown(joints), "gains": shown(gains)},
-        sources={"trajectory": Source(f"{folder}/trajectory.csv", "")},
-        command=str(facts["command"]),
-        parameters={"excite": parameters},
-        simulated=True,
-    )
-    drawn: dict[str, Drawing | Sequence[Drawing]] = {
-        "trajectory": share_panels(joints, *moved),
-        "gains": gain_panel(gains),
-    }
-    publish_report(folder, {"index": page}, drawn, page.tables, find)
-
-
-@styled
-def share_panels(joints: pd.DataFrame, times: np.ndarray, motion: Motion) -> list[Figure]:
-    """Positions within their range, velocities and torques over their limits."""
-    middle, half = 0.5 * (joints["upper"] + joints["lower"]), 0.5 * (joints["upper"] - joints["lower"])
-    shares = {
-        "position": (motion.q - middle.to_numpy()) / half.to_numpy(),
-        "velocity": motion.qd / joints["velocity_limit"].to_numpy(),
-        "torque of the URDF": motion.torque / joints["torque_limit_n_m"].to_numpy(),
-    }
-    figures = []
-    for name, values in shares.items():
-        figure, axes = panel(name, xlabel="time (s)", ylabel="share of the limit", ylim=(-1.05, 1.05))
-        for place, joint in enumerate(joints["joint"]):
-            colour = CATEGORICAL_COLOURS[place % len(CATEGORICAL_COLOURS)]
-            axes.plot(times, values[:, place], color=colour, linewidth=1.2, label=joint)
-        figures.append(legend(figure, 3))
-    return figures
-
-
-@styled
-def gain_panel(gains: pd.DataFrame) -> Figure:
-    """Errors after random trajectories over those after the designed one."""
-    figure, axes = panel(
-        "Errors after random trajectories", xlabel="random trajectory", ylabel="times larger"
-    )
-    axes.bar(gains["random_trajectory"], np.sort(gains["gain"])[::-1], color=BLUE)
-    axes.axhline(1.0, color=GREY, linewidth=1.5)
-    return figure
 
 
 def _arguments() -> argparse.Namespace:
