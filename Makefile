@@ -10,7 +10,8 @@ override TASK := $(value TASK)
 override SOURCE := $(or $(value SOURCE),data/example/pick)
 override URDF := $(value URDF)
 override OUTPUT := $(value OUTPUT)
-export TASK SOURCE URDF OUTPUT
+override LOCK := $(value LOCK)
+export TASK SOURCE URDF OUTPUT LOCK
 
 .PHONY: help repro test docs lint recorded own own-example inspect excite check bench profile study studies studies-check other-processor verdicts faults kills upsets view plot-page clean
 
@@ -81,7 +82,7 @@ inspect: $(INSTALLED)  ## say what recordings hold, and propose an entry: make i
 # A trajectory to identify an arm from, within the limits of its URDF: the robot of a task, or URDF=robot.urdf, with
 # LOCK="joints that do not move".
 excite: $(INSTALLED)  ## design a trajectory to identify an arm from: make excite TASK=pick, or URDF=robot.urdf
-	$(BIN)/python -m structlearn.tasks.motion.excite $(if $(URDF),--urdf="$$URDF",--task="$$TASK") $(if $(LOCK),--lock $(LOCK))
+	$(BIN)/python -m structlearn.tasks.motion.excite $(if $(URDF),--urdf="$$URDF",--task="$$TASK") $(if $(LOCK),--lock $$LOCK)
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks

@@ -22,7 +22,6 @@ SYMBOLS = ("m", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 """Of the columns of a link; inertias about the joint origin."""
 
 _STATES = 200
-_MOST_SAMPLES = 3000  # of a motion whose condition number is asked for: more would change its third digit
 _DEPENDENT = 1e-4  # of a column; rounding leaves 1e-15, and URDFs write a right angle as 1.5708 rad
 _SINGULAR = 1e-10  # directions excited by less than this share of the strongest (of squares) are left at zero
 _PIECES_PER_PARAMETER = 3  # of a motion: blocks times joints, at least, for intervals
@@ -69,30 +68,13 @@ def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
     return BaseParameters(columns, combination)
 
 
-def condition_number(tree: KinematicTree, motion: Motion) -> float:
-    """Condition number of the regressor of the base parameters over a motion, columns scaled to unit length.
-
-    By so much errors of the torques may grow on their way to the parameters; below 100 counts as well
-    excited. It is infinite where a parameter does not show at all, or there are fewer torques than
-    parameters.
-    """
-    part = motion.part(np.unique(np.linspace(0, len(motion) - 1, _MOST_SAMPLES).round().astype(int)))
-    columns = base_parameters(tree).columns
-    stacked = torque_regressor(tree, part.q, part.qd, part.qdd).reshape(part.q.size, -1)[:, columns]
-    lengths = np.linalg.norm(stacked, axis=0)
-    if len(stacked) < len(columns) or not lengths.all():
-        return float("inf")
-    values = np.linalg.svd(stacked / lengths, compute_uv=False)
-    return float(values[0] / values[-1]) if values[-1] > 0.0 else float("inf")
-
-
 @dataclass(frozen=True)
 class BaseFit:
     """Least squares of base parameters and friction.
 
     Attributes:
-        condition: ratio of the largest to the least singular value, columns scaled to unit length; infinite
-            where something does not show at all.
+        condition: ratio of the largest to the least singular value, columns scaled to unit length: by so much
+            errors of the torques may grow on their way to the parameters. Below 100 counts as well excited.
         parameters: (r,) base parameters, SI units.
         low: (r,) lower end of the 95 % interval; `high` the upper.
     """
