@@ -14,8 +14,14 @@ from structlearn.core.artefacts import write_tensors
 from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
-from structlearn.tactile.latent_comparison import learn, learn_spaces, own_units, seen_in
-from structlearn.tactile.latent_evaluation import ChainData, decoded_errors, direction_errors, latent_errors
+from structlearn.tactile.latent_comparison import (
+    ChainData,
+    decoded_errors,
+    direction_errors,
+    latent_errors,
+    learn,
+    seen_in,
+)
 from structlearn.tactile.latent_models import LatentModels, read_models, write_models
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
@@ -33,6 +39,8 @@ from structlearn.tactile.latent_training import (
     direction_loss,
     draw_pairs,
     dynamics_loss,
+    learn_spaces,
+    own_units,
     training_data,
 )
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo

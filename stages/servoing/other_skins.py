@@ -13,7 +13,7 @@ from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_models import write_models
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
-from structlearn.testbeds.servoing.protocol.other_skins import learn_other_skin
+from structlearn.testbeds.servoing.protocol.servo_trials import learn_other_skin
 from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters
 
 SHARED = {

@@ -26,7 +26,7 @@ def main() -> None:
     prepared = stage_parameters("touch_dataset", TouchDataParameters)
     person = stage_parameters("toucher", ToucherParameters)
     map_unit = stage_parameters("train_latent", LatentParameters).map_unit_m
-    skin, dataset, latent_map = SKINS[person.skin], files.touch(), files.model_scores().latent_map
+    skin, dataset, latent_map = SKINS[person.skin], files.touch(), files.tables("models")["latent_map"]
     shown = shown_touches(
         read_runs(files.RUNS),
         dataset,
@@ -37,13 +37,13 @@ def main() -> None:
     )
     points = dataset.contact_point
     laid = flat_skin(skin, points, latent_map[["x", "y"]].to_numpy(float), map_unit)
-    with publish(files.RECORDINGS) as folder:
+    with publish("reports/rerun/servoing") as folder:
         folder.mkdir()
         handle_m = 1e-3 * person.handle_radius_mm
         write_touch_demonstrations(folder / "demonstrations.rrd", shown, skin, handle_m)
         write_latent_maps(folder / "latent.rrd", shown, laid, latent_map, points, chosen.map_points)
-        loops = files.closed_loops()
-        runs = shown_runs(loops.trials, loops.paths, chosen.trials)
+        loops = files.tables("loops")
+        runs = shown_runs(loops["trials"], loops["paths"], chosen.trials)
         write_servo_runs(folder / "servo.rrd", runs, laid, handle_of(person))
 
 

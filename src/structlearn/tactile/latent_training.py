@@ -17,17 +17,33 @@ from torch import Tensor
 from tqdm import tqdm
 
 from structlearn.core.errors import InputError
-from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
+from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread, seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action
 from structlearn.tactile.latent_models import LatentModels, latent_losses
-from structlearn.tactile.latent_parameters import FORWARD_OF, TRAINED_WITH, LatentTrainingParameters
-from structlearn.tactile.touch_dataset import Chains, TouchSamples, TouchUnits
+from structlearn.tactile.latent_parameters import (
+    FORWARD_OF,
+    TRAINED_WITH,
+    LatentSpaceParameters,
+    LatentTrainingParameters,
+)
+from structlearn.tactile.touch_dataset import (
+    TRAIN,
+    Chains,
+    TouchDataset,
+    TouchSamples,
+    TouchUnits,
+    chains,
+    touch_units,
+)
 
 CHAIN_STEPS = 3  # actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)
 DRAWN_AT_ONCE = 100  # steps whose batches are drawn in one call
 COMPARED_PAIRS = 4096  # pairs by which starts are compared
 SHORTEST_ACTION = 1e-6  # floor of the length by which an action is divided, in the networks' units
+
+NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
+"""Dynamics are not trained."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +160,52 @@ def best_start(
         for number, other in enumerate(arrays):
             arrays[0][name][best == number] = other[name][best == number]
     return draws[0]
+
+
+def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:
+    """Units of a set by its training samples; that of length is the root mean square distance on the skin.
+
+    Raises:
+        InputError: there is no training sample, or an electrode, the pressure or the velocity never changes.
+    """
+    length = float(np.sqrt(np.mean(np.square(geodesics.distance, dtype=float))))
+    return touch_units(samples, chains(samples, CHAIN_STEPS, split=TRAIN), length)
+
+
+def learn_spaces(
+    samples: TouchDataset, geodesics: Geodesics, units: TouchUnits, parameters: LatentSpaceParameters
+) -> LatentModels:
+    """Train autoencoders of all seeds, with and without structure, on the training samples of a set.
+
+    Returns the stack; its dynamics are as they were drawn. Raises InputError: a bin has fewer than two
+    training samples.
+    """
+    rng = np.random.default_rng(parameters.training.seed)
+    pairs = draw_pairs(samples, geodesics, TRAIN, parameters.pair_pool, rng)
+    return learn_from(samples, pairs, NO_CHAINS, units, parameters)
+
+
+def learn_from(
+    samples: TouchSamples, pairs: Pairs, taught: Chains, units: TouchUnits, parameters: LatentSpaceParameters
+) -> LatentModels:
+    """Train models of all seeds, with and without structure, on pairs whose distances are known.
+
+    `pairs`: of training samples; `taught`: chains of training samples; without any, dynamics stay as they
+    were drawn.
+    """
+    training = parameters.training
+    data = training_data(samples, pairs, taught, units)
+    models = LatentModels.initial(
+        range(parameters.seeds),
+        samples.signals.shape[1],
+        parameters.networks,
+        seeded(training.seed),
+        actions=taught.actions.shape[-1],
+    )
+    with one_thread():
+        for _ in train(models, data, training):
+            pass  # only the end counts
+    return models.detached()
 
 
 def autoencoder_loss(

@@ -1,7 +1,6 @@
 """From recordings of a finger that touches to samples: low-pass, offsets, contacts, splits (II.4.1.1)."""
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -9,6 +8,7 @@ from pydantic import Field, model_validator
 from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
+from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.touch_dataset import (
     OTHER,
@@ -44,36 +44,8 @@ class TouchDataParameters(Parameters):
         return self
 
 
-class GuidedTouch(Protocol):
-    """A recording on one uniform clock, as `readers.Demonstration` is; the finger's pose and counts."""
-
-    @property
-    def name(self) -> str:
-        """Of the recording."""
-
-    @property
-    def position(self) -> np.ndarray:
-        """(T, 3) m."""
-
-    @property
-    def orientation(self) -> np.ndarray | None:
-        """(T, 4)."""
-
-    @property
-    def tactile(self) -> np.ndarray | None:
-        """(T, E) counts."""
-
-    @property
-    def provenance(self) -> Mapping[str, str]:
-        """What is known of the origin."""
-
-    @property
-    def dt(self) -> float:
-        """Sampling interval in s."""
-
-
 def prepare(
-    demonstrations: Sequence[GuidedTouch], skin: Skin, parameters: TouchDataParameters
+    demonstrations: Sequence[Demonstration], skin: Skin, parameters: TouchDataParameters
 ) -> TouchDataset:
     """Samples of all contacts of all demonstrations, in their order.
 
@@ -87,7 +59,8 @@ def prepare(
     for trial, demonstration in enumerate(demonstrations):
         for fields in _contacts(demonstration, skin, parameters):
             size = len(fields["pressure"])
-            labels = {"contact": count, "trial": trial, "motion": _motion(demonstration)}
+            motion = MOTIONS.get(demonstration.provenance.get("motion"), OTHER)
+            labels = {"contact": count, "trial": trial, "motion": motion}
             parts.append(fields | {name: np.full(size, value) for name, value in labels.items()})
             count += 1
     if count < 3:
@@ -123,12 +96,8 @@ def splits(motions: np.ndarray, parameters: TouchDataParameters) -> np.ndarray:
     return split
 
 
-def _motion(demonstration: GuidedTouch) -> int:
-    return MOTIONS.get(demonstration.provenance.get("motion"), OTHER)
-
-
 def _contacts(
-    demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters
+    demonstration: Demonstration, skin: Skin, parameters: TouchDataParameters
 ) -> list[dict[str, np.ndarray]]:
     """Signals, pressure, velocity, orientation and time of every contact of one demonstration."""
     tactile, turned = _checked(demonstration, skin, parameters)
@@ -167,7 +136,7 @@ def _contacts(
 
 
 def _checked(
-    demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters
+    demonstration: Demonstration, skin: Skin, parameters: TouchDataParameters
 ) -> tuple[np.ndarray, np.ndarray]:
     """Counts (T, E) and orientation (T, 4) of a demonstration that is fit for use."""
     name = demonstration.name

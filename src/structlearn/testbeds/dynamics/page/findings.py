@@ -6,7 +6,7 @@ that did not meet the criterion (`UNMET`): the dissertation trained until it was
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +34,8 @@ SUFFIXES = {OURS: "", TEXT: "_plain"}
 HEADLINES = (*(f"{model}_plain" for model in STRICT), "mlp", "delan", "cov")
 """Models whose epochs stand in `metrics.json`."""
 
-Samples = Mapping[str, pd.Series]
-"""By model, a row per seed or robot."""
-
 Scores = Callable[[str], pd.Series]
-"""Of a model, by seed or robot."""
+"""Of a model, by seed or robot; empty where it was not run."""
 
 
 @lru_cache
@@ -58,12 +55,13 @@ def findings(results: DynamicsResults) -> Findings:
     """
     find = Findings("seeds")
     robots = find.among("simulated robots")
-    robots.exact("robots", len(results.robots))
+    robots.exact("robots", results.outcomes.loc[results.outcomes["arm"] == ROBOT, "seed"].nunique())
+    differences = results.agreement[["recursion_n_m", "regressor_n_m", "compiled_n_m"]].to_numpy()
     find.among("URDFs").exact(
-        "rnea_max_error_nm", results.largest_disagreement, len(results.agreement), unit="N m", headline=True
+        "rnea_max_error_nm", differences.max(), len(differences), unit="N m", headline=True
     )
     find.exact("base_parameters", results.base["parameter"].nunique())
-    find.exact("epochs_limit", results.training.epochs.simulation)
+    find.exact("epochs_limit", results.chosen["train_dynamics"].epochs.simulation)
     _models(find, robots, results)
     for form in (TEXT, OURS):
         _in_simulation(find, results, form)
@@ -87,51 +85,47 @@ def _models(find: Findings, robots: Findings, results: DynamicsResults) -> None:
     """Scores of every model that was run, in both forms."""
     epochs, errors = {}, {name: results.robot_error(name) for name in results.known["model"].unique()}
     for form, suffix in SUFFIXES.items():
-        for kind in results.kinds:
-            epochs[f"{kind}{suffix}"] = results.outcome(IDEAL, kind, form)["epochs"]
-        for model in results.robot_models:
-            errors[f"{model}{suffix}"] = results.robot_error(model, form)
-    find.mean("epochs", _known(epochs), headline=HEADLINES)
-    robots.mean("robot_nmse", _known(errors), headline=(DEFAULT, "cov_plain", f"cov{COULOMB}_plain"))
+        epochs |= {f"{kind}{suffix}": results.outcome(IDEAL, kind, form)["epochs"] for kind in results.kinds}
+        errors |= {f"{model}{suffix}": results.robot_error(model, form) for model in results.robot_models}
+    find.mean("epochs", _run(epochs), headline=HEADLINES)
+    robots.mean("robot_nmse", _run(errors), headline=(DEFAULT, "cov_plain", f"cov{COULOMB}_plain"))
     for robot, its, prefix in ((IDEAL, find, ""), (ROBOT, robots, "robot_")):
         tried = {
             f"{model}{'' if model in (GROUND_TRUTH, DEFAULT) else suffix}": (robot, model, form)
             for form, suffix in SUFFIXES.items()
             for model in results.tracked(robot)
         }
-        velocity = _known({case: results.velocity(*key) for case, key in tried.items()})
-        stopped = {case: (results.stopped(*tried[case]), results.count(*tried[case])) for case in velocity}
+        velocity = _run({case: _velocity(results, *key) for case, key in tried.items()})
         marked = (GROUND_TRUTH, "cov_plain") if robot == IDEAL else ()
         its.mean(f"{prefix}ee_velocity_nmse", velocity, headline=marked)
-        its.counted(f"{prefix}unstable", stopped)
+        its.counted(f"{prefix}unstable", {case: results.stopped(*tried[case]) for case in velocity})
 
 
 def _in_simulation(find: Findings, results: DynamicsResults, form: Form) -> None:
     def epochs(model: str) -> pd.Series:
         return results.outcome(IDEAL, model, form)["epochs"]
 
-    def velocity(model: str) -> pd.Series:
-        return results.velocity(IDEAL, model, form)
+    def excess(model: str) -> pd.DataFrame:
+        """NMSE in reaches above the ground truth's, of position and velocity, by seed."""
+        columns = ["position_nmse", "velocity_nmse"]
+        its, truth = (results.runs(IDEAL, one, REACH, form)[columns] for one in (model, GROUND_TRUTH))
+        return (its - truth).dropna()
 
-    strict = results.strict
-    tracked_rivals = NETWORKS if form == TEXT else RIVALS[form]
-    excess = {model_name(model): _excess(results, model, form) for model in strict}
+    strict = _strict(results)
     _cases(find.geometric_mean, f"epochs_{form}", {model: epochs(model) for model in strict})
     _ratios(find, f"epochs_more_{form}", epochs, RIVALS[form], strict)
-    find.by(_largest, f"above_truth_{form}", excess, missing=UNMET)
-    _ratios(find, f"over_strict_{form}", velocity, tracked_rivals, strict)
+    above = {model_name(model): excess(model) for model in strict}
+    find.by(_largest, f"above_truth_{form}", above, missing=UNMET)
+    velocity = partial(_velocity, results, IDEAL, form=form)
+    _ratios(find, f"over_strict_{form}", velocity, NETWORKS if form == TEXT else RIVALS[form], strict)
 
 
 def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
-    def error(model: str) -> pd.Series:
-        return results.robot_error(model, form)
-
-    def velocity(model: str) -> pd.Series:
-        return results.velocity(ROBOT, model, form)
-
-    structured = [model for model in ("symm", *results.strict) if model in results.kinds]
+    error, velocity = partial(results.robot_error, form=form), partial(_velocity, results, ROBOT, form=form)
+    strict = _strict(results)
+    structured = [model for model in ("symm", *strict) if model in results.kinds]
     gains = {model: error(DEFAULT) / error(model) for model in structured}
-    lacking = {model: error(model) - error(f"{model}{COULOMB}") for model in results.strict}
+    lacking = {model: error(model) - error(f"{model}{COULOMB}") for model in strict}
     stopped = results.runs(ROBOT, "delan", REACH, form)["stopped"] != ""
     _cases(find.geometric_mean, f"robot_gain_{form}", gains)
     _cases(find.mean, f"robot_networks_{form}", {model: error(model) for model in NETWORKS})
@@ -146,35 +140,40 @@ def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
 
 def _online(find: Findings, results: DynamicsResults) -> None:
     """NMSE on the whole motion of the others over that of SPD, Tri and Cov."""
-    scores = results.online_scores()
+    scores, strict, nothing = results.online_scores(), _strict(results), pd.Series(dtype=float)
 
     def course(model: str) -> pd.Series:
-        return 10.0 ** scores["speed"].get(model, NONE)
+        return 10.0 ** scores["speed"].get(model, nothing)
 
     def final(model: str) -> pd.Series:
-        return scores["final"].get(model, NONE)
+        return scores["final"].get(model, nothing)
 
     find.mean("online_nmse", {model: final(model) for model in in_order(scores.index.unique("model"))})
-    _ratios(find, "online_course", course, RIVALS[TEXT], results.strict)
-    _ratios(find, "online_final", final, RIVALS[TEXT], results.strict)
-    scaled = {
-        when: _over(score, "mlp_scaled", results.strict).dropna()
-        for when, score in (("over the course", course), ("after one pass", final))
-    }
-    found = {when: geometric_mean(its) if len(its) else unknown(UNMET) for when, its in scaled.items()}
+    _ratios(find, "online_course", course, RIVALS[TEXT], strict)
+    _ratios(find, "online_final", final, RIVALS[TEXT], strict)
+    found: dict[str, Evidence] = {}
+    for when, score in (("over the course", course), ("after one pass", final)):
+        ratio = _over(score, "mlp_scaled", strict).dropna()
+        found[when] = geometric_mean(ratio) if len(ratio) else unknown(UNMET)
     find.add("online_scaled", found)
 
 
-NONE = pd.Series(dtype=float)
-"""Scores of a model that was not run."""
+def _strict(results: DynamicsResults) -> list[str]:
+    """Those of `STRICT` that were trained."""
+    return [kind for kind in results.kinds if kind in STRICT]
 
 
-def _known(samples: Samples) -> Samples:
+def _velocity(results: DynamicsResults, arm: str, model: str, form: Form) -> pd.Series:
+    """NMSE of the tool's velocity in reaches, by seed."""
+    return results.runs(arm, model, REACH, form)["velocity_nmse"]
+
+
+def _run(samples: Mapping[str, pd.Series]) -> Mapping[str, pd.Series]:
     """Those of models that were run."""
     return {model: its for model, its in samples.items() if len(its)}
 
 
-def _cases(found: Callable[..., Found], name: str, samples: Samples) -> None:
+def _cases(found: Callable[..., Found], name: str, samples: Mapping[str, pd.Series]) -> None:
     """A case per model; `UNMET` where it has no samples."""
     found(name, {model_name(model): its.dropna() for model, its in samples.items()}, missing=UNMET)
 
@@ -192,13 +191,6 @@ def _ratios(
 ) -> None:
     """Scores of models over the geometric mean of others; a seed that only one of both has is left out."""
     _cases(find.geometric_mean, name, {model: _over(score, model, references) for model in models})
-
-
-def _excess(results: DynamicsResults, model: str, form: Form) -> pd.DataFrame:
-    """NMSE in reaches above the ground truth's, of position and velocity, by seed."""
-    columns = ["position_nmse", "velocity_nmse"]
-    its, truth = (results.runs(IDEAL, one, REACH, form)[columns] for one in (model, GROUND_TRUTH))
-    return (its - truth).dropna()
 
 
 def _largest(samples: pd.DataFrame, comparisons: int) -> Evidence:

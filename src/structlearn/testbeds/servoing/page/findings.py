@@ -26,8 +26,7 @@ from structlearn.testbeds.servoing.names import (
     TEXT,
     dynamics_name,
 )
-from structlearn.testbeds.servoing.page.results import PEOPLE_STUDY, ServoingResults
-from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
+from structlearn.testbeds.servoing.page.results import PEOPLE_STUDY, TEST_CHAIN, ServoingResults
 from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import AS_DATA, Variant, variants_of_other_skins
 
@@ -112,17 +111,12 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
     """
     models, loops = results.models, results.trials
     ours = loops.rate(OURS)
-    known = {
-        "samples": len(results.dataset),
-        "pairs": results.pairs,
-        "contact_point_error_mm": results.contact_errors["error_mm"].median(),
-        "pressure_nmse_test": models.latents("pressure").mean(),
-        "servo_trials": ours["trials"],
-        "servo_reach_s": ours["reach_s"],
-        "servo_path_ratio": ours["path_ratio"],
-    }
-    for name, value in known.items():
-        find.exact(name, value)
+    find.exact("samples", len(results.dataset))
+    find.exact("pairs", results.pairs)
+    find.exact("contact_point_error_mm", results.contact_errors["error_mm"].median())
+    find.exact("pressure_nmse_test", models.latents("pressure").mean())
+    for name in ("trials", "reach_s", "path_ratio"):
+        find.exact(f"servo_{name}", ours[name])
     for name, column in (("reconstruction_nmse", "reconstruction"), ("mds_nmse", "distances")):
         find.mean(name, {split: models.latents(column, split=split) for split in SPLITS})
     errors = {f"chain3_{SPACE_KEYS[space]}": models.forwards("NL", "NJ", space) for space in STRUCTURES}
@@ -144,8 +138,9 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
         rates |= {rate_case(one, skin): rate(its, one) for one in variants_of_other_skins()}
     find.add(RATE, rates)
     lost = {"": loops.counts(OURS), "published": loops.counts(TEXT)}
-    counts = {case: (its["lost"].sum(), its["trials"].sum()) for case, its in lost.items()}
-    find.counted("servo_contacts_lost", counts)
+    find.counted(
+        "servo_contacts_lost", {case: (its["lost"].sum(), its["trials"].sum()) for case, its in lost.items()}
+    )
 
 
 def _prediction(find: Findings, numbers: Numbers) -> None:
@@ -212,10 +207,10 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
         share(f"people_servo_contacts_lost{ending}", None if lost is None else lost / trials)
     for ending, variant in (("", TEXT), ("_ll", TEXT_LL), ("_aimed", OURS)):
         with_skins = {SKIN_NAMES[skin]: rates(variant, skin) for skin in results.skins}
-        serves = variant == OURS or _serves(results, rates(variant))
-        if (
-            variant != OURS
-        ):  # where it fails, its failing elsewhere or without the loss says nothing of either
+        its = rates(variant)
+        serves = variant == OURS or (its is not None and _clustered(trials, its).low > 0.5)
+        # where a controller fails, its failing elsewhere or without the loss says nothing of either
+        if variant != OURS:
             share(f"loss_needed{ending}", rates(replace(variant, with_loss=False)) if serves else None)
         if serves:
             share(f"geometry{ending}", with_skins, skin="other")
@@ -224,11 +219,6 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
     gain("structure_serves", TEXT, structure=False)
     gain("structure_serves_resting", OURS, structure=False)
     gain("loss_serves", OURS, with_loss=False)
-
-
-def _serves(results: ServoingResults, rates: np.ndarray | None) -> bool:
-    """Whether a controller works over people in its own training setting."""
-    return rates is not None and _clustered(results.trials_per_person(), rates).low > 0.5
 
 
 def _clustered(trials: int, rates: np.ndarray, comparisons: int = 1) -> Evidence:

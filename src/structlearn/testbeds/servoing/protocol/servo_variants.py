@@ -45,7 +45,7 @@ class PublishedParameters(Parameters):
 
 
 class RestingParameters(Parameters):
-    """Controllers that correct their model (`tactile.resting_servo`)."""
+    """Controllers that correct their model (`tactile.servo_controller`)."""
 
     action_penalty: float = Field(gt=0)
     largest_action: float = Field(gt=0)

@@ -123,7 +123,7 @@ def write_latent_maps(
 ) -> None:
     """Write the latent map and paths on it as a recording, a tab for each demonstration.
 
-    `latent_map`: see `tactile.latent_evaluation.latent_map`; `contact_points` (N, 3) m of the same samples;
+    `latent_map`: see `tactile.latent_comparison.latent_map`; `contact_points` (N, 3) m of the same samples;
     `count`: of samples that are drawn.
     """
     origin = origin_label([one.demonstration for one in shown])

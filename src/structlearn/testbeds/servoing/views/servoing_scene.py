@@ -293,7 +293,7 @@ def shown_touches(
     """The demonstrations of these names, with their samples.
 
     `demonstrations`: all of them, in the order in which the dataset numbers them; `dataset`: samples of their
-    contacts; `latent_map`: a row for each sample, see `tactile.latent_evaluation.latent_map`; `names`: which
+    contacts; `latent_map`: a row for each sample, see `tactile.latent_comparison.latent_map`; `names`: which
     are wanted; see `ServoingViewParameters`; `air_s`: at the start of each, in the air; counts there are the
     offset. Raises InputError: there is no demonstration of such a name.
     """
