@@ -16,7 +16,7 @@ from structlearn.rigid_body.online_learning import OnlineParameters
 from structlearn.rigid_body.training_grid import OURS, TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
-from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
+from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, StandInParameters

@@ -17,13 +17,14 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.findings import findings, published
-from structlearn.testbeds.dynamics.page.page import dynamics_page, tables
-from structlearn.testbeds.dynamics.protocol.scored_results import (
+from structlearn.testbeds.dynamics.page.findings import (
+    findings,
     friction_table,
     known_errors,
+    published,
     residual_torques,
 )
+from structlearn.testbeds.dynamics.page.page import dynamics_page, tables
 from structlearn.testbeds.dynamics.world.joint_logs import StandInParameters, stand_in
 
 

@@ -15,14 +15,14 @@ from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
 from structlearn.testbeds.dynamics.page.figures import arm_still, drawings
-from structlearn.testbeds.dynamics.page.findings import findings
-from structlearn.testbeds.dynamics.page.page import dynamics_page
-from structlearn.testbeds.dynamics.protocol.scored_results import (
+from structlearn.testbeds.dynamics.page.findings import (
     DynamicsResults,
+    findings,
     friction_table,
     known_errors,
     residual_torques,
 )
+from structlearn.testbeds.dynamics.page.page import dynamics_page
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (

@@ -7,12 +7,11 @@ from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
-from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.tactile.touch_dataset import TouchDataParameters
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.page.figures import drawings
-from structlearn.testbeds.servoing.page.findings import findings
+from structlearn.testbeds.servoing.page.findings import STUDIES, ModelScores, ServoingResults, findings
 from structlearn.testbeds.servoing.page.page import document
-from structlearn.testbeds.servoing.page.results import STUDIES, ModelScores, ServoingResults
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     Comparison,
     OtherSkinsParameters,

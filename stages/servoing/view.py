@@ -6,18 +6,15 @@ from structlearn.readers.runs import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters
-from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.tactile.touch_dataset import TouchDataParameters
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.views.demonstrated_touches import (
+    shown_touches,
     write_latent_maps,
     write_touch_demonstrations,
 )
 from structlearn.testbeds.servoing.views.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.views.servoing_scene import (
-    ServoingViewParameters,
-    flat_skin,
-    shown_touches,
-)
+from structlearn.testbeds.servoing.views.servoing_scene import FlatSkin, ServoingViewParameters
 from structlearn.testbeds.servoing.world.servo_loop import handle_of
 
 
@@ -36,7 +33,7 @@ def main() -> None:
         prepared.air_s,
     )
     points = dataset.contact_point
-    laid = flat_skin(skin, points, latent_map[["x", "y"]].to_numpy(float), map_unit)
+    laid = FlatSkin.fitted(skin, points, latent_map[["x", "y"]].to_numpy(float), map_unit)
     with publish("reports/rerun/servoing") as folder:
         folder.mkdir()
         handle_m = 1e-3 * person.handle_radius_mm

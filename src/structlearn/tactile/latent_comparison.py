@@ -8,7 +8,9 @@ model and quantity; `structure` and `seed` name the latent space.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -55,7 +57,6 @@ from structlearn.tactile.touch_dataset import (
 PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
 """Parts of an action whose directions are compared."""
 
-PREDICTED = ["structure", "seed", "forward", "trained_with", "steps"]  # columns that name a prediction
 SHORTEST = 1e-9  # floor of a norm by which is divided
 
 
@@ -82,22 +83,16 @@ class ChainData:
 
 @dataclass(frozen=True)
 class LatentComparison:
-    """What came out."""
+    """What came out.
+
+    Tables are `latent`, `forward`, `decoded` and `directions`, see the functions `..._errors`, all but the
+    first on the test split; `latent_map`, see the function; and `curve`, key figures of the three while they
+    trained, on the test split: `step`, `structure`, `seed`, `quantity`, `value`.
+    """
 
     models: LatentModels  # all of them, of all seeds
     units: TouchUnits  # that they see touch in
-    latent: pd.DataFrame  # `latent_errors`
-    forward: pd.DataFrame  # `forward_errors` on the test split
-    decoded: pd.DataFrame  # `decoded_errors` on the test split
-    directions: pd.DataFrame  # `direction_errors` on the test split
-    # key figures of the three while they trained, on the test split: `step`, `structure`, `seed`, `quantity`,
-    # `value`
-    curve: pd.DataFrame
-    latent_map: pd.DataFrame  # `latent_map` of the first seed
-
-    def tables(self) -> dict[str, pd.DataFrame]:
-        """The tables by name."""
-        return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
+    tables: Mapping[str, pd.DataFrame]  # by name
 
 
 def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
@@ -115,27 +110,30 @@ def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParamet
     for name, split in SPLITS.items():
         compared = draw_pairs(dataset, geodesics, split, parameters.evaluation_pairs, rng)
         splits[name] = asked_of(units, dataset, compared, split)
-    tested = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
+    found = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
+    actions, time_step = as_tensor(found.actions / units.action_scale), as_tensor(found.time_step)
+    tested = ChainData(data.signals, torch.from_numpy(found.rows), actions, time_step)
     groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
-    work = [
-        (tuple(group.tolist()), data, splits, _chain_data(data, tested, units), units, parameters)
-        for group in groups
-    ]
-    stacks, *tables = zip(*parallel_map(_learned, work, "latent spaces", local=True), strict=True)
-    latent, forward, decoded, directions, curve = (pd.concat(parts, ignore_index=True) for parts in tables)
+    seeds = [tuple(group.tolist()) for group in groups]
+    learned = partial(_learned, data=data, splits=splits, tested=tested, units=units, parameters=parameters)
+    stacks, parts = zip(*parallel_map(learned, seeds, "latent spaces", local=True), strict=True)
     models = LatentModels.joined(stacks)
+    tables = {name: pd.concat([part[name] for part in parts], ignore_index=True) for name in parts[0]}
     shown = latent_map(models, data.signals, dataset)
-    return LatentComparison(models, units, latent, forward, decoded, directions, curve, shown)
+    return LatentComparison(models, units, tables | {"latent_map": shown})
 
 
 def _learned(
-    work: tuple[tuple[int, ...], TrainingData, dict[str, SplitData], ChainData, TouchUnits, LatentParameters],
-) -> tuple[LatentModels | pd.DataFrame, ...]:
-    """A trained stack, and its tables in the order of `LatentComparison`."""
-    seeds, data, splits, tested, units, parameters = work
-    training = parameters.training
+    seeds: tuple[int, ...],
+    data: TrainingData,
+    splits: Mapping[str, SplitData],
+    tested: ChainData,
+    units: TouchUnits,
+    parameters: LatentParameters,
+) -> tuple[LatentModels, dict[str, pd.DataFrame]]:
+    """A trained stack, and its tables."""
+    training, electrodes = parameters.training, data.signals.shape[1]
     generator = seeded(training.seed * 1000 + seeds[0])
-    electrodes = data.signals.shape[1]
     draws = [
         LatentModels.initial(seeds, electrodes, parameters.networks, generator)
         for _ in range(parameters.starts)
@@ -145,35 +143,28 @@ def _learned(
         models = best_start(draws, data, training, parameters.start_steps)
         for step in train(models, data, training):
             curve.append(_point(models, splits["test"], tested, training.action_penalty).assign(step=step))
-        tables = (
-            latent_errors(models, splits),
-            forward_errors(models, tested),
-            decoded_errors(models, tested, units),
-            direction_errors(models, tested, training.action_penalty),
-        )
-    return models.detached(), *tables, pd.concat(curve, ignore_index=True)
+        tables = {
+            "latent": latent_errors(models, splits),
+            "forward": forward_errors(models, tested),
+            "decoded": decoded_errors(models, tested, units),
+            "directions": direction_errors(models, tested, training.action_penalty),
+            "curve": pd.concat(curve, ignore_index=True),
+        }
+    return models.detached(), tables
 
 
 def _point(models: LatentModels, split: SplitData, tested: ChainData, penalty: float) -> pd.DataFrame:
     """Key figures of a stack on the test split: `structure`, `seed`, `quantity`, `value`."""
-    keys = ["structure", "seed"]
-    latent = latent_errors(models, {"test": split}).melt(
-        keys, ["reconstruction", "distances", "pressure"], "quantity"
-    )
+    keys, names = ["structure", "seed"], ["reconstruction", "distances", "pressure"]
+    latent = latent_errors(models, {"test": split}).melt(keys, names, "quantity")
     forward = forward_errors(models, tested).query("steps == 3 and forward != 'unchanged'")
     forward = forward.assign(quantity="forward " + forward["forward"] + "-" + forward["trained_with"])
     asked = direction_errors(models, tested, penalty).query("comparison == 'encoder'")
     asked = asked.assign(quantity="direction " + asked["inverse"] + "-" + asked["trained_with"])
     asked = asked.groupby([*keys, "quantity"], as_index=False)["distance"].mean()
-    columns = [*keys, "quantity", "value"]
-    return pd.concat(
-        [
-            latent[columns],
-            forward.rename(columns={"nmse": "value"})[columns],
-            asked.rename(columns={"distance": "value"})[columns],
-        ],
-        ignore_index=True,
-    )
+    same = {"nmse": "value", "distance": "value"}
+    tables = [table.rename(columns=same)[[*keys, "quantity", "value"]] for table in (latent, forward, asked)]
+    return pd.concat(tables, ignore_index=True)
 
 
 def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: str) -> Chains:
@@ -186,11 +177,6 @@ def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: s
             f"{split} split has none"
         )
     return found
-
-
-def _chain_data(data: TrainingData, found: Chains, units: TouchUnits) -> ChainData:
-    rows, time_step = torch.from_numpy(found.rows), as_tensor(found.time_step)
-    return ChainData(data.signals, rows, as_tensor(found.actions / units.action_scale), time_step)
 
 
 def seen_in(
@@ -225,7 +211,7 @@ def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.D
     largest), `distances` (map against geodesic), `pressure`.
     """
     spaces = models.autoencoders
-    rows = []
+    tables = []
     for split, data in splits.items():
         signals, first, second = (
             values.T.expand(len(models), -1, -1) for values in (data.signals, data.first, data.second)
@@ -233,21 +219,14 @@ def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.D
         latent = spaces.encoder.forward(signals)
         electrodes = _nmse(spaces.decoder.forward(latent), signals)  # (M, E)
         distance = map_distance(spaces.encoder.forward(first), spaces.encoder.forward(second))
-        distances = _nmse(distance, data.geodesic)
-        pressure = _nmse(latent[:, 2], data.pressure)
-        for place, (structure, seed) in enumerate(models.keys()):
-            rows.append(
-                {
-                    "structure": structure,
-                    "seed": seed,
-                    "split": split,
-                    "reconstruction": float(electrodes[place].mean()),
-                    "worst_electrode": float(electrodes[place].max()),
-                    "distances": float(distances[place]),
-                    "pressure": float(pressure[place]),
-                }
-            )
-    return pd.DataFrame(rows)
+        errors = {
+            "reconstruction": electrodes.mean(dim=1),
+            "worst_electrode": electrodes.amax(dim=1),
+            "distances": _nmse(distance, data.geodesic),
+            "pressure": _nmse(latent[:, 2], data.pressure),
+        }
+        tables.append(_by_model(models, errors, split=split))
+    return pd.concat(tables, ignore_index=True)
 
 
 @torch.no_grad()
@@ -259,13 +238,13 @@ def forward_errors(models: LatentModels, data: ChainData) -> pd.DataFrame:
     and the pressure. Rows with the forward model `UNCHANGED` hold that of the prediction that nothing moves.
     """
     latents, predictions = _predictions(models, data)
-    rows = []
-    for kind, predicted in predictions.items():
+    tables = []
+    for (forward, way), predicted in predictions.items():
         for steps, found in enumerate(predicted, start=1):
-            errors = _nmse(found, latents[steps])
-            parts = [part.tolist() for part in (errors.mean(dim=1), errors[:, :2].mean(dim=1), errors[:, 2])]
-            rows += [(*key, *kind, steps, *its) for key, *its in zip(models.keys(), *parts, strict=True)]
-    return pd.DataFrame(rows, columns=[*PREDICTED, "nmse", "plane", "third"])
+            nmse = _nmse(found, latents[steps])
+            errors = {"nmse": nmse.mean(dim=1), "plane": nmse[:, :2].mean(dim=1), "third": nmse[:, 2]}
+            tables.append(_by_model(models, errors, forward=forward, trained_with=way, steps=steps))
+    return pd.concat(tables, ignore_index=True)
 
 
 @torch.no_grad()
@@ -282,15 +261,17 @@ def decoded_errors(models: LatentModels, data: ChainData, units: TouchUnits) -> 
     def pressure(signals: Tensor) -> Tensor:
         return -(signals * scale[:, None] + mean[:, None]).mean(dim=-2)
 
-    rows = []
-    for kind, predicted in predictions.items():
+    tables = []
+    for (forward, way), predicted in predictions.items():
         for steps, found in enumerate(predicted, start=1):
             measured = data.signals[data.rows[:, steps]].T
             decoded = models.autoencoders.decoder.forward(found)
-            electrodes = _nmse(decoded, measured.expand_as(decoded)).mean(dim=1)
-            parts = electrodes.tolist(), _nmse(pressure(decoded), pressure(measured)).tolist()
-            rows += [(*key, *kind, steps, *its) for key, *its in zip(models.keys(), *parts, strict=True)]
-    return pd.DataFrame(rows, columns=[*PREDICTED, "electrodes", "pressure"])
+            errors = {
+                "electrodes": _nmse(decoded, measured.expand_as(decoded)).mean(dim=1),
+                "pressure": _nmse(pressure(decoded), pressure(measured)),
+            }
+            tables.append(_by_model(models, errors, forward=forward, trained_with=way, steps=steps))
+    return pd.concat(tables, ignore_index=True)
 
 
 @torch.no_grad()
@@ -305,7 +286,7 @@ def direction_errors(models: LatentModels, data: ChainData, penalty: float) -> p
     """
     latents, actions, time_step = _along_chains(models, data, samples=3)
     step = LatentStep(latents[1], latents[0], actions[0], time_step)
-    rows = []
+    tables = []
     for inverse, forward in FORWARD_OF.items():
         for way in (NO_INVERSE, inverse):
             dynamics = models.dynamics(forward, way)
@@ -319,14 +300,12 @@ def direction_errors(models: LatentModels, data: ChainData, penalty: float) -> p
                 "encoder": (by_encoder, actions[1]),
                 "agreement": (by_encoder, by_forward),
             }
-            for comparison, (found, wanted) in comparisons.items():
-                for part, components in PARTS.items():
-                    weight = actions[1][:, components].norm(dim=1)
-                    distances = _cosine_distance(found[:, components], wanted[:, components], weight)
-                    for (structure, seed), distance in zip(models.keys(), distances.tolist(), strict=True):
-                        rows.append((structure, seed, inverse, way, comparison, part, distance))
-    columns = ["structure", "seed", "inverse", "trained_with", "comparison", "part", "distance"]
-    return pd.DataFrame(rows, columns=columns)
+            for (comparison, (found, wanted)), part in product(comparisons.items(), PARTS):
+                its = PARTS[part]
+                distance = _cosine_distance(found[:, its], wanted[:, its], actions[1][:, its].norm(dim=1))
+                keys = {"inverse": inverse, "trained_with": way, "comparison": comparison, "part": part}
+                tables.append(_by_model(models, {"distance": distance}, **keys))
+    return pd.concat(tables, ignore_index=True)
 
 
 @torch.no_grad()
@@ -340,6 +319,12 @@ def latent_map(models: LatentModels, signals: Tensor, dataset: TouchDataset) -> 
     latent = first.forward(signals.T[None])[0].numpy()
     columns = dict(zip("xyz", latent, strict=True))
     return pd.DataFrame(columns | {"electrode": dataset.signals.argmin(axis=1) + 1, "split": dataset.split})
+
+
+def _by_model(models: LatentModels, errors: Mapping[str, Tensor], **keys: str | int) -> pd.DataFrame:
+    """A row per autoencoder: `structure`, `seed`, the keys, and errors (M,) by name."""
+    columns = keys | {name: values.tolist() for name, values in errors.items()}
+    return pd.DataFrame(models.keys(), columns=["structure", "seed"]).assign(**columns)
 
 
 def _predictions(models: LatentModels, data: ChainData) -> tuple[Tensor, dict[tuple[str, str], Tensor]]:

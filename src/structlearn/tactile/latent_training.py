@@ -105,13 +105,8 @@ def training_data(dataset: TouchSamples, pairs: Pairs, chains: Chains, units: To
 def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingParameters) -> Iterator[int]:
     """Train a stack in place; in the pauses the caller may evaluate it.
 
-    Args:
-        models: the stack.
-        data: what it trains on; without chains the dynamics stay as they are.
-        parameters: of the training.
-
-    Yields:
-        Steps done, every `evaluate_every` of them and at the end.
+    Without chains among the data the dynamics stay as they are. Yields steps done, every `evaluate_every` of
+    them and at the end.
     """
     rngs = [np.random.default_rng([parameters.seed, seed]) for seed in models.seeds]
     descents = [
@@ -121,7 +116,7 @@ def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingPa
             _batches(len(drawn_from), parameters, rngs),
         )
         for trained, loss, drawn_from in (
-            (models.autoencoders.parameters(), autoencoder_loss, data.pairs),
+            (models.autoencoders.parameters(), autoencoder_losses, data.pairs),
             (models.dynamics_parameters(), dynamics_loss, data.chains),
         )
         if len(drawn_from)
@@ -130,7 +125,8 @@ def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingPa
         rate = parameters.learning_rate * 0.5 * (1.0 + np.cos(np.pi * step / parameters.steps))
         for optimiser, loss, batches in descents:
             optimiser.rate = rate
-            optimiser.step(loss(models, data, next(batches), parameters))
+            # a sum over models mixes no gradients
+            optimiser.step(loss(models, data, next(batches), parameters).sum())
         done = step + 1
         if done % parameters.evaluate_every == 0 or done == parameters.steps:
             yield done
@@ -153,7 +149,7 @@ def best_start(
         for _ in train(models, alone, short):
             pass  # only the end counts
         with torch.no_grad():
-            losses.append(_autoencoder_losses(models, data, drawn, parameters))
+            losses.append(autoencoder_losses(models, data, drawn, parameters))
     best = torch.stack(losses).argmin(dim=0)
     arrays = [models.to_arrays() for models in draws]  # they share memory with the stacks
     for name in (name for name in arrays[0] if name.startswith(("encoder.", "decoder."))):
@@ -165,8 +161,7 @@ def best_start(
 def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:
     """Units of a set by its training samples; that of length is the root mean square distance on the skin.
 
-    Raises:
-        InputError: there is no training sample, or an electrode, the pressure or the velocity never changes.
+    Raises InputError: as `touch_units`.
     """
     length = float(np.sqrt(np.mean(np.square(geodesics.distance, dtype=float))))
     return touch_units(samples, chains(samples, CHAIN_STEPS, split=TRAIN), length)
@@ -208,17 +203,10 @@ def learn_from(
     return models.detached()
 
 
-def autoencoder_loss(
+def autoencoder_losses(
     models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
-    """Loss of the autoencoders (eq. II.23) on pairs (S, B), summed over models: gradients do not mix."""
-    return _autoencoder_losses(models, data, drawn, parameters).sum()
-
-
-def _autoencoder_losses(
-    models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
-) -> Tensor:
-    """Loss of each autoencoder (M,)."""
+    """Loss of each autoencoder (M,) on pairs (S, B) (eq. II.23)."""
     rows = data.pairs[drawn].transpose(1, 2).flatten(1)  # (S, 2 B): all first ones, then all second ones
     losses = latent_losses(
         models.autoencoders,
@@ -234,7 +222,7 @@ def _autoencoder_losses(
 def dynamics_loss(
     models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
-    """Loss of the dynamics (eq. II.11, II.24), summed over models: their gradients do not mix.
+    """Loss of the dynamics (eq. II.11, II.24), summed over models.
 
     `models`: the stack; nothing flows back into its encoders; `drawn` (S, B) numbers of chains, per seed.
     """

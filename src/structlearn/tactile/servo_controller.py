@@ -85,16 +85,8 @@ class ServoMemory:
 class TactileServo:
     """Controllers of all seeds of a stack, for latent spaces with or without structure.
 
-    Args:
-        models: trained models.
-        units: that they see touch in.
-        structure: whether the latent space has structure.
-        parameters: of the controller.
-        rate_hz: steps of prediction per second; the models were trained for about 3.
-        actions_per_step: W.
-
-    Raises:
-        InputError: NG has no longer horizon.
+    `units`: that the models see touch in; `rate_hz`: steps of prediction per second, the models were trained
+    for about 3; `actions_per_step`: W. Raises InputError: NG has no longer horizon.
     """
 
     def __init__(
@@ -128,10 +120,8 @@ class TactileServo:
 
     def decode(self, latent: np.ndarray) -> np.ndarray:
         """Signals (S, T, E) counts of latent states (S, T, 3)."""
-        return (
-            _array(self._decoder.forward(as_states(latent))) * self.units.signal_scale
-            + self.units.signal_mean
-        )
+        decoded = _array(self._decoder.forward(as_states(latent)))
+        return decoded * self.units.signal_scale + self.units.signal_mean
 
     def start(self, latent: np.ndarray) -> ServoMemory:
         """Memory at the start, after a rest: the latent states (S, T, 3) were the same, the action was 0."""
@@ -221,9 +211,8 @@ class RestingServo(TactileServo):
     def start(self, latent: np.ndarray) -> RestingMemory:  # type: ignore[override]  # it takes its own memory
         """As `TactileServo.start`; nothing is known yet of the model's errors."""
         seeds, trials = latent.shape[:2]
-        return RestingMemory(
-            super().start(latent), torch.zeros(seeds, LATENT, len(self._likely), trials, dtype=torch.float64)
-        )
+        unknown = torch.zeros(seeds, LATENT, len(self._likely), trials, dtype=torch.float64)
+        return RestingMemory(super().start(latent), unknown)
 
     @torch.no_grad()
     def act(  # type: ignore[override]  # likewise

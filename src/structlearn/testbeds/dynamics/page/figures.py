@@ -27,12 +27,11 @@ from structlearn.testbeds.dynamics.names import (
     colour,
     look,
 )
-from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
+from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach, tracked_reaches
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters, sine_path
 
-HIGHEST_NMSE = 1e6
-"""What diverges leaves the picture there."""
+HIGHEST_NMSE = 1e6  # what diverges leaves the picture there
 
 EPOCH_TICKS = (0, 1, 2, 5, 10, 20, 40, 64)
 
@@ -46,19 +45,15 @@ FORM_MARKERS = {TEXT: "o", OURS: "s"}
 
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
 
-SHOWN_JOINTS = (1, 2, 4, 6)
-"""Of which friction is drawn: large and small ones, one of a kind."""
-
-WIDE: dict[str, Any] = {"color": names.REFERENCE, "linewidth": 4.0}
-"""Of what a model is held against."""
+SHOWN_JOINTS = (1, 2, 4, 6)  # of which friction is drawn: large and small ones, one of a kind
+WIDE: dict[str, Any] = {"color": names.REFERENCE, "linewidth": 4.0}  # of what a model is held against
 
 VIEW = View(target=(0.0, 0.0, 0.6), distance=2.45, yaw_deg=50.0, pitch_deg=-16.0)
 
 SHOWN_AT = (0.708, 0.146, 0.925)
 """Moments of the motion that the still shows, as shares of it, at which all joints are bent."""
 
-COLUMNS = slice(235, 785)
-"""Pixels across that are kept of each: the arm, and little beside it."""
+COLUMNS = slice(235, 785)  # pixels across that are kept of each: the arm, and little beside it
 
 
 @styled
@@ -96,7 +91,7 @@ def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
 
 def arm_still(urdf: str, tree: KinematicTree, motion: SineParameters) -> np.ndarray:
     """(H, W, 3) bytes: the arm of a URDF in poses of its sine motion, beside each other."""
-    path = sine_path(tree, motion).q
+    path = sine_path(tree, motion).position
     poses = (path[int(share * len(path))] for share in SHOWN_AT)
     return np.hstack([still(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
 

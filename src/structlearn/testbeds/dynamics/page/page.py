@@ -18,8 +18,13 @@ from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
 from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
-from structlearn.testbeds.dynamics.page.findings import published, unmet
-from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
+from structlearn.testbeds.dynamics.page.findings import (
+    SETTLED_SHARE,
+    STOPPED_NMSE,
+    DynamicsResults,
+    published,
+    unmet,
+)
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
@@ -42,8 +47,7 @@ SCORES = {
 CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
 """On a physically consistent body, columns of `inertia_tables.link_table`."""
 
-DETAILED = "cov"
-"""Structure whose learned bodies are listed."""
+DETAILED = "cov"  # structure whose learned bodies are listed
 
 
 def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
@@ -217,7 +221,7 @@ def _by_model(columns: Mapping[str, pd.Series], models: list[str], number_format
 
 def _online(results: DynamicsResults) -> Table:
     """Of learning online, mean over seeds: NMSE after one pass, and over the course, by `model`."""
-    columns = {}
+    columns: dict[str, pd.Series] = {}
     for form, loss in LOSSES.items():
         means = results.online_scores(form).groupby("model").mean()
         columns |= {f"final_{loss}": means["final"], f"course_{loss}": 10.0 ** means["speed"]}
@@ -288,7 +292,7 @@ def _robot_errors(results: DynamicsResults) -> Table:
 def _friction(results: DynamicsResults) -> Table:
     """Friction that `DETAILED` learned beside the truth: `joint`; `true_` and learned terms, as text."""
     its = results.friction[results.friction["model"] == f"{DETAILED}{COULOMB}"]
-    columns = {}
+    columns: dict[str, pd.Series] = {}
     for term, rows in its.groupby("term", sort=False):
         joints = rows.groupby("joint")
         columns |= {f"true_{term}": joints["truth"].first(), term: joints["value"].agg(_spread, ".3f")}

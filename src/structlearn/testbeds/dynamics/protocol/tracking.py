@@ -35,11 +35,8 @@ from structlearn.testbeds.dynamics.world.controlled_arm import (
     run,
 )
 
-SHOWN_RATE_HZ = 25.0
-"""Of the paths that are kept to be looked at."""
-
-KNOWN = ""
-"""Form of a model that is known instead of learned."""
+SHOWN_RATE_HZ = 25.0  # of the paths that are kept to be looked at
+KNOWN = ""  # form of a model that is known instead of learned
 
 
 class TrackingParameters(Parameters):
@@ -247,12 +244,9 @@ def tracked_reaches(
         )
         if len(path):
             first = score.sort_values("seed").iloc[0]
-            places = (
-                "time_s",
-                list(joints),
-                ["tool_x", "tool_y", "tool_z"],
-                ["wanted_x", "wanted_y", "wanted_z"],
-            )
-            arrays = (path[columns].to_numpy(float) for columns in places)
-            found.append(TrackedReach(model, *arrays, float(first["velocity_nmse"]), first["stopped"]))
+            tool, wanted = (path[[f"{name}_{axis}" for axis in "xyz"]] for name in ("tool", "wanted"))
+            columns = (path["time_s"], path[list(joints)], tool, wanted)
+            signals = (one.to_numpy(float) for one in columns)
+            end = {"velocity_nmse": float(first["velocity_nmse"]), "stopped": first["stopped"]}
+            found.append(TrackedReach(model, *signals, **end))
     return found

@@ -36,11 +36,8 @@ from structlearn.viewer.rrd import (
 
 ARM, BODY, WANTED = "arm", "payload", "wanted"
 
-MEASURED = "_measured"
-"""Drawn below the models: curves are drawn in the order of their names."""
-
-RADIUS_M = 0.05
-"""Of the drawn payload."""
+MEASURED = "_measured"  # drawn below the models: curves are drawn in the order of their names
+RADIUS_M = 0.05  # of the drawn payload
 
 LEARNED, EMPTY = colour("cov"), colour(GROUND_TRUTH)
 """Of the model that learns online, and of that of the empty arm."""

@@ -86,11 +86,7 @@ def joint_range(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray]:
 
 
 def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: FeedbackParameters) -> Feedback:
-    """Gains of an arm with the inertias of its URDF.
-
-    Raises:
-        InputError: there are fewer stiffnesses than joints.
-    """
+    """Gains of an arm with the inertias of its URDF; InputError where stiffnesses are too few."""
     stiffness = of_joints("stiffness_n_m_rad", parameters.stiffness_n_m_rad, tree)
     middle, zero = joint_range(tree)[0], np.zeros(len(stiffness))
     torques = inverse_dynamics(tree, inertias)
@@ -100,11 +96,7 @@ def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: Feed
 
 
 def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.ndarray:
-    """Values (n,) of an arm's joints from a parameter that has at least as many.
-
-    Raises:
-        InputError: it has fewer.
-    """
+    """Values (n,) of an arm's joints from a parameter; InputError where it has fewer."""
     count = len(tree.names)
     if len(values) < count:
         raise InputError(f"{key}: has {len(values)} values, the arm has {count} joints")
@@ -114,8 +106,7 @@ def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.nd
 def sine_path(tree: KinematicTree, parameters: SineParameters) -> ReferencePath:
     """Sines in all joints at once.
 
-    Raises:
-        InputError: there are fewer periods or amplitudes than joints, or a joint would be faster than it can.
+    Raises InputError: periods or amplitudes are too few, or a joint would be faster than it can.
     """
     middle, half = joint_range(tree)
     amplitude = of_joints("amplitudes", parameters.amplitudes, tree) * half

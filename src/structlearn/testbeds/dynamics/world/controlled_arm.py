@@ -17,8 +17,7 @@ from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Mechanics, Payload, carrying
 from structlearn.simulation.compiled_arm import step
 
-OVERSPEED = 1.5
-"""Multiple of its speed limit at which a joint counts as run away; overshoot stays below."""
+OVERSPEED = 1.5  # multiple of its speed limit at which a joint counts as run away; overshoot stays below
 
 _FAULTS = ("", "speed limit", "joint limit", "not finite")
 

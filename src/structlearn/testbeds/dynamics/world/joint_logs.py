@@ -71,10 +71,7 @@ def stand_in(
     """One of the stand-ins of an arm, by the seed of its links' true inertias.
 
     A link that weighs more than in the URDF, which the default model believes, is denser: its inertia grows
-    with its mass, and stays that of a real body.
-
-    Raises:
-        InputError: there are fewer rated torques than joints.
+    with its mass, and stays that of a real body. Raises InputError: rated torques are too few.
     """
     rated = of_joints("rated_n_m", parameters.rated_n_m, tree)
     rng = np.random.default_rng([seed, 0])
@@ -114,10 +111,7 @@ def stand_in_log(
     """
     motion = motion.cut(parameters.log_s)
     arm = SimulatedArm(robot, stand_in(robot.tree, robot.inertias, parameters, seed), 1.0 / motion.rate_hz)
-    remark = {
-        "arm": "stand-in with friction, ripple, latency and other inertias",
-        "seed": str(seed),
-    }
+    remark = {"arm": "stand-in with friction, ripple, latency and other inertias", "seed": str(seed)}
     if payload is None:
         log = _sine_log("sine", arm, motion, remark, pybullet)
     else:

@@ -22,13 +22,13 @@ from structlearn.simulation.still import Sheet, Solid, View, still
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.latent_parameters import NO_INVERSE, STRUCTURES, InverseModel
 from structlearn.testbeds.servoing import names
-from structlearn.testbeds.servoing.page.findings import rate
-from structlearn.testbeds.servoing.page.results import (
+from structlearn.testbeds.servoing.page.findings import (
     PUBLISHED,
     TEST_CHAIN,
     ModelScores,
     ServoingResults,
     contact_bias,
+    rate,
 )
 from structlearn.testbeds.servoing.protocol.servo_scores import KEYS, rows_of, success_by_tolerance
 from structlearn.testbeds.servoing.protocol.servo_variants import RESTING, Variant

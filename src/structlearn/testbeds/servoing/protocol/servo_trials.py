@@ -28,8 +28,7 @@ from structlearn.tactile.latent_comparison import LatentComparison, learn
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchUnits
-from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
+from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, TouchUnits, prepare
 from structlearn.testbeds.servoing.protocol.servo_scores import THINNED, progress, scored
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     ALL_ALIKE,

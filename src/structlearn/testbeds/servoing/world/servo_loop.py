@@ -52,7 +52,7 @@ class Controller(Protocol[StateT]):
 
 
 class LoopParameters(Parameters):
-    """Timing of the loop. Fields: `params.yaml`, `servo.loop`."""
+    """Timing of the loop."""
 
     cutoff_hz: float = Field(gt=0)
     samples_per_action: PositiveInt
@@ -105,10 +105,7 @@ class Servoed:
 class LowPass:
     """Butterworth low-pass of signals (T, B, E) that come piece by piece; before the first they were zero.
 
-    Args:
-        cutoff_hz: its cut-off, below half of `rate_hz`.
-        rate_hz: samples per second.
-        shape: (B, E).
+    The cut-off is below half of `rate_hz`; `shape`: (B, E).
     """
 
     def __init__(self, cutoff_hz: float, rate_hz: float, shape: tuple[int, int]) -> None:
