@@ -160,7 +160,8 @@ def test_tables_stand_beside_the_published_ones(results):
 def test_epochs_say_how_many_seeds_got_there(results):
     chosen = {"model": "cov", "arm": IDEAL, "seed": SEEDS[0], "form": OURS}
     partly = changed(results, "outcomes", chosen, epochs=np.nan)
-    assert tables(partly)["epochs"].frame.set_index("model").loc["Cov", "ours"] == "2.0 ± 0.0 (2 of 3)"
+    table = tables(partly)["simulation"].frame.set_index(["model", "source"])
+    assert table.loc[("Cov", "our training"), "epochs"] == "2.0 ± 0.0 (2 of 3)"
     assert findings(partly).numbers()["epochs_cov"] == pytest.approx(
         (2 + 2 + results.chosen["train_dynamics"].epochs.simulation) / 3
     )

@@ -43,10 +43,18 @@ class AffineDynamics:
 
 
 @dataclass(frozen=True)
-class LocallyLinearDynamics:
-    """M locally linear models."""
+class StackedDynamics:
+    """M forward models, each a network."""
 
-    network: StackedLayers  # gives the entries of A, B and c
+    network: StackedLayers
+
+    def part(self, models: slice) -> Self:
+        """Some of the models."""
+        return type(self)(self.network.part(models))
+
+
+class LocallyLinearDynamics(StackedDynamics):
+    """M locally linear models, whose networks give the entries of A, B and c."""
 
     @classmethod
     def initial(
@@ -55,10 +63,6 @@ class LocallyLinearDynamics:
         """Models to be trained, with a network of these hidden layers, for actions of K components."""
         sizes = (LATENT, *hidden, LATENT * (LATENT + actions + 1))
         return cls(StackedLayers.initial(models, sizes, generator))
-
-    def part(self, models: slice) -> Self:
-        """Some of the models."""
-        return type(self)(self.network.part(models))
 
     @property
     def actions(self) -> int:
@@ -77,21 +81,14 @@ class LocallyLinearDynamics:
         return self.affine(latent).rate(latent, action)
 
 
-@dataclass(frozen=True)
-class NonLinearDynamics:
-    """M non-linear models with one hidden layer of tanh, whose Jacobians are closed-form."""
-
-    network: StackedLayers  # of [z, a]
+class NonLinearDynamics(StackedDynamics):
+    """M non-linear models of [z, a] with one hidden layer of tanh, whose Jacobians are closed-form."""
 
     @classmethod
     def initial(cls, models: int, hidden: int, generator: torch.Generator, actions: int = ACTION) -> Self:
         """Models to be trained, with so many nodes in the hidden layer, for actions of K components."""
         sizes = (LATENT + actions, hidden, LATENT)
         return cls(StackedLayers.initial(models, sizes, generator))
-
-    def part(self, models: slice) -> Self:
-        """Some of the models."""
-        return type(self)(self.network.part(models))
 
     @property
     def actions(self) -> int:

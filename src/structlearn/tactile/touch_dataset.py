@@ -247,18 +247,13 @@ def prepare(
         raise InputError(f"touch: three splits need three contacts, the recordings have {count}")
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     motions = np.array([part["motion"][0] for part in parts])
+    numbers = {name: columns.pop(name) for name in ("contact", "trial", "motion")}
+    measured = columns | {"contact_point": contact_points(columns["signals"], skin)}
     return TouchDataset(
-        signals=columns["signals"].astype(np.float32),
-        pressure=columns["pressure"].astype(np.float32),
-        contact_point=contact_points(columns["signals"], skin).astype(np.float32),
-        velocity=columns["velocity"].astype(np.float32),
-        orientation=columns["orientation"].astype(np.float32),
-        contact=columns["contact"],
+        **{name: values.astype(np.float32) for name, values in measured.items()},
+        **numbers,
         pressed=columns["pressure"] >= parameters.pressed_counts,
-        trial=columns["trial"],
-        time=columns["time"].astype(np.float32),
-        motion=columns["motion"],
-        split=splits(motions, parameters)[columns["contact"]],
+        split=splits(motions, parameters)[numbers["contact"]],
         rate_hz=np.array(parameters.rate_hz),
     )
 

@@ -35,7 +35,7 @@ from structlearn.testbeds.servoing.page.findings import (
     contact_bias,
     rate,
 )
-from structlearn.testbeds.servoing.protocol.servo_scores import KEYS, ControllerScores
+from structlearn.testbeds.servoing.protocol.servo_scores import KEYS, ControllerScores, success_rates
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 
 MOTIONS = {"rotation": ROTATION, "translation": TRANSLATION, "any motion": OTHER}
@@ -179,10 +179,18 @@ def skin_table(results: ServoingResults) -> pd.DataFrame:
     return errors.join(distances[columns]).rename(index=SKIN_NAMES).reset_index()
 
 
-def loop_table(trials: ControllerScores) -> pd.DataFrame:
-    """A row for each controller, see `ControllerScores.table`; `low` to `high`: interval of its rate."""
-    table = trials.table()
-    found = [rate(trials, Variant(**keys)) for keys in table[KEYS].to_dict("records")]
+def loop_table(scores: ControllerScores) -> pd.DataFrame:
+    """A row for each controller.
+
+    Returns `KEYS`; the columns of `success_rates`, with the interval of the rate from `low` to `high`;
+    `rate_<motion>`; medians of all `position_error_mm` and `pressure_error`.
+    """
+    trials = scores.trials
+    motions = success_rates(trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
+    motions = motions[trials["motion"].unique()].add_prefix("rate_")
+    errors = trials.groupby(KEYS)[["position_error_mm", "pressure_error"]].median()
+    table = scores.rates.join(motions).join(errors).reset_index()
+    found = [rate(scores, Variant(**keys)) for keys in table[KEYS].to_dict("records")]
     place = table.columns.get_loc("rate") + 1
     table.insert(place, "low", [one.low for one in found])
     table.insert(place + 1, "high", [one.high for one in found])

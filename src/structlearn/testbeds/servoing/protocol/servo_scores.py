@@ -141,19 +141,6 @@ class ControllerScores:
         rows = rows_of(self.trials, variant)
         return int((~rows["success"] & (rows["position_error_mm"] <= position_mm)).sum())
 
-    def table(self) -> pd.DataFrame:
-        """A row for each controller.
-
-        Returns `KEYS`; `trials`, `successes`, `rate`; medians of successes `reach_s` and `path_ratio`;
-        numbers of trials `lifted` and `off_skin`; `rate_<motion>`; medians of all `position_error_mm` and
-        `pressure_error`.
-        """
-        motions = success_rates(self.trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
-        motions = motions[self.trials["motion"].unique()].add_prefix("rate_")
-        errors = self.trials.groupby(KEYS)[["position_error_mm", "pressure_error"]].median()
-        columns = ["trials", "successes", "rate", "reach_s", "path_ratio", "lifted", "off_skin"]
-        return self.rates[columns].join(motions).join(errors).reset_index()
-
 
 def rows_of(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
     """Rows of one controller of a table with the columns `KEYS`."""

@@ -169,17 +169,14 @@ def _run(
         | {f"target_latent_{name}": run.target_latent[:, place] for place, name in enumerate("xyz")}
     )
     trials = trials.join(scored(run, start, target, scene, parameters.tolerance))
-    shown = np.flatnonzero(number < parameters.shown) if _is_shown(variant) else np.empty(0, dtype=int)
+    plain = variant == Variant(variant.form, variant.inverse)
+    shown = np.flatnonzero(plain & (number < parameters.shown))
     tables = (
         trials,
         progress(run, target, scene, parameters.tolerance),
         _paths(run, scene, shown, seed[shown], number[shown]),
     )
     return Comparison(*(_labelled(table, variant) for table in tables))
-
-
-def _is_shown(variant: Variant) -> bool:
-    return variant == Variant(variant.form, variant.inverse)
 
 
 def _contact(name: str, held: Held) -> Iterator[tuple[str, np.ndarray]]:

@@ -7,7 +7,7 @@ pass a low-pass that knows no future; actions come slower still.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from pydantic import Field, PositiveInt
@@ -32,23 +32,11 @@ from structlearn.simulation.touch_demonstrator import (
     held_on_handle,
 )
 
+if TYPE_CHECKING:  # torch takes a second to load, and the report needs none
+    from structlearn.tactile.servo_controller import TactileServo
+
 CENTRE = (0.5, 0.1, 0.9)  # m, of the handle in the base frame; its axis is y
 FILTER_ORDER = 2  # of the low-pass, as in the preparation of the training data
-
-StateT = TypeVar("StateT")
-
-
-class Controller(Protocol[StateT]):
-    """What says how fingers are to move, as `tactile.servo_controller`; S models, T fingers each."""
-
-    def encode(self, signals: np.ndarray) -> np.ndarray:
-        """Latent states (S, T, 3) of signals (S, T, E)."""
-
-    def start(self, latent: np.ndarray) -> StateT:
-        """Its memory at the start."""
-
-    def act(self, latent: np.ndarray, target: np.ndarray, memory: StateT) -> tuple[np.ndarray, StateT]:
-        """Actions (S, T, 6), m/s and rad/s in the frame of the finger, and the next memory."""
 
 
 class LoopParameters(Parameters):
@@ -148,7 +136,7 @@ def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Gen
 
 
 def servo(
-    controller: Controller,
+    controller: "TactileServo",
     models: int,
     start: Held,
     target: Held,
