@@ -244,9 +244,14 @@ def tracked_reaches(
         )
         if len(path):
             first = score.sort_values("seed").iloc[0]
-            tool, wanted = (path[[f"{name}_{axis}" for axis in "xyz"]] for name in ("tool", "wanted"))
-            columns = (path["time_s"], path[list(joints)], tool, wanted)
-            signals = (one.to_numpy(float) for one in columns)
-            end = {"velocity_nmse": float(first["velocity_nmse"]), "stopped": first["stopped"]}
-            found.append(TrackedReach(model, *signals, **end))
+            reach = TrackedReach(
+                model,
+                time=path["time_s"].to_numpy(float),
+                joints=path[list(joints)].to_numpy(float),
+                tool=path[["tool_x", "tool_y", "tool_z"]].to_numpy(float),
+                wanted=path[["wanted_x", "wanted_y", "wanted_z"]].to_numpy(float),
+                velocity_nmse=float(first["velocity_nmse"]),
+                stopped=first["stopped"],
+            )
+            found.append(reach)
     return found
