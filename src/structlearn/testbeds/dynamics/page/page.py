@@ -19,7 +19,6 @@ from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, i
 from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.page.findings import (
-    NETWORKS,
     SETTLED_SHARE,
     STOPPED_NMSE,
     DynamicsResults,
@@ -57,12 +56,11 @@ def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
     after = results.payload[results.payload["time_s"] > results.pick_up_s]
     by_model = {
         name: {row["model"]: row for row in shown[name].frame.to_dict("records")}
-        for name in ("online", "bodies", "base_errors")
+        for name in ("epochs", "online", "bodies", "base_errors")
     }
     facts = {
         **find.numbers(),
-        "epochs": {kind: _published_epochs(results, kind) for kind in NETWORKS},
-        "online": by_model["online"],
+        **{name: by_model[name] for name in ("epochs", "online")},
         "results": results,
         "chosen": chosen,
         "training": chosen["train_dynamics"],
@@ -132,6 +130,7 @@ def tables(results: DynamicsResults) -> dict[str, Table]:
     differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three ways to the same torques
     found = {
         "simulation": _scores(results, IDEAL),
+        "epochs": _epochs(results),
         "online": _online(results),
         "bodies": _bodies(results),
         "links": _links(results),
@@ -180,13 +179,15 @@ def _score(runs: pd.DataFrame, score: str) -> str:
     return "unstable" if (runs["stopped"] != "").all() else _spread(runs[score], ".3f")
 
 
-def _published_epochs(results: DynamicsResults, model: str) -> dict[str, str]:
-    """Epochs to the threshold in simulation as published, `every` joint and all but the `last`."""
-    outcome = results.outcome(IDEAL, model)
-    return {
-        "every": _epochs_text(outcome),
-        "but_last": _counted(outcome["epochs_but_last"].dropna(), len(outcome)),
-    }
+def _epochs(results: DynamicsResults) -> Table:
+    """Epochs to the threshold in simulation, in both forms, as texts by `model`."""
+    rows = []
+    for model in results.kinds:
+        text, ours = (results.outcome(IDEAL, model, form) for form in (TEXT, OURS))
+        but_last = _counted(text["epochs_but_last"].dropna(), len(text)) if len(text) else ""
+        rows.append((model_name(model), _epochs_text(text), but_last, _epochs_text(ours)))
+    headings = {"text": "as published", "text_but_last": "but for the last joint", "ours": "our training"}
+    return Table(pd.DataFrame(rows, columns=["model", *headings]), headings=headings)
 
 
 def _epochs_text(outcome: pd.DataFrame) -> str:
