@@ -104,8 +104,6 @@ def test_sound_recordings_pass_and_their_runs_of_motion_are_the_moves(example):
     found = find_out(str(example))
     for question in (
         "Do runs of motion agree in number?",
-        "Does the hand start alike?",
-        "Do all signals change?",
         "Are joints' positions in rad?",
     ):
         assert answer(found, question).verdict == "yes"
@@ -176,7 +174,7 @@ def test_frames_are_listed_and_the_hand_is_the_end_of_what_moves(tmp_path, monke
     run(monkeypatch, tmp_path)
     text = capsys.readouterr().out
     (line,) = {line for line in text.splitlines() if line.startswith("  /tf ")}
-    assert line.split()[1:6] == ["tf2_msgs/TFMessage", "400", "100", "Hz", "0"]
+    assert line.split()[1:6] == ["tf2_msgs/TFMessage", "400", "100", "Hz", "0.01"]
     assert "header" in line
     assert "frames in /tf: base_link -> arm, base_link -> lamp (at rest)" in text
     assert "frames in /tf_static: arm -> tool0 (static), world -> base_link (static)" in text
@@ -259,27 +257,6 @@ def test_a_turn_between_two_moves_is_a_doubt(tmp_path):
     )
 
 
-def test_topics_that_share_the_kinds_of_joint_states_are_proposed_together(tmp_path):
-    rows = pose_messages(STAMPS, moving_rows())
-    rows += [joint_message(stamp, ("a", "b"), (0.0, 1.0)) for stamp in STAMPS]
-    speeds = [joint_message(stamp, ("a", "b"), (), (), (0.0, 1.0)) for stamp in STAMPS]
-    rows += [("/joint_speeds", *row[1:]) for row in speeds]
-    write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
-    assert find_out(str(tmp_path)).proposal.entry["topics"]["joint_states"] == [
-        "/joint_states",
-        "/joint_speeds",
-    ]
-
-
-def test_poses_of_several_frames_are_a_doubt(tmp_path):
-    rows = pose_messages(STAMPS, moving_rows())
-    for row in rows[::2]:
-        row[2]["header"]["frame_id"] = "camera"
-    write_bag(tmp_path / "1.mcap", rows)
-    (doubt,) = find_out(str(tmp_path)).proposal.doubts["topics.pose"]
-    assert doubt == "its messages are of several frames: base_link, camera"
-
-
 def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
     def late(topic, messages):
         """The hand's header clock is one of another machine."""
@@ -332,7 +309,6 @@ def test_two_publishers_of_joint_states_are_no_disorder(tmp_path):
     assert {one.names for one in joints} == {("a", "b"), ("finger",)}
     assert answer(found, "Do stamps increase?").verdict == "yes"
     assert "stamps" not in found.proposal.entry
-    assert "taken is a, b, not finger" in found.proposal.doubts["topics.joint_states"][0]
 
 
 def test_messages_without_headers_are_stamped_by_the_log(tmp_path, monkeypatch, capsys):
@@ -344,7 +320,7 @@ def test_messages_without_headers_are_stamped_by_the_log(tmp_path, monkeypatch, 
         write_bag(tmp_path / f"{number}.mcap", rows)
     run(monkeypatch, tmp_path)
     (line,) = {line for line in capsys.readouterr().out.splitlines() if "geometry_msgs/Pose" in line}
-    assert line.split() == ["/hand", "geometry_msgs/Pose", "400", "50", "Hz", "0", "ms", "0.02", "s", "log"]
+    assert line.split() == ["/hand", "geometry_msgs/Pose", "400", "50", "Hz", "0.02", "s", "log"]
     found = find_out(str(tmp_path))
     assert answer(found, "Do messages say when they were taken?").verdict == "doubtful"
     assert found.motion.number == 1
@@ -369,35 +345,12 @@ def test_a_hand_that_does_not_move_has_no_runs(tmp_path, monkeypatch, capsys):
     assert "it does not move" in capsys.readouterr().out
 
 
-def test_bad_poses_are_said(tmp_path):
-    rows = moving_rows()
-    rows[200, 1] += 2.0
-    rows[:, 3] = 1.1
-    write_bag(tmp_path / "1.mcap", pose_messages(STAMPS, rows))
-    found = find_out(str(tmp_path))
-    assert answer(found, "Are quaternions of unit norm?").verdict == "no"
-    assert "0.1" in answer(found, "Are quaternions of unit norm?").number
-    assert "row 200" in answer(found, "Are poses free of jumps?").advice
-
-
-def test_readers_that_are_smooth_and_wrong_are_doubtful(tmp_path):
-    """Quaternions x, y, z, w; another frame; joints in degrees; joints that rest."""
+def test_joints_in_degrees_are_doubtful(tmp_path):
     joints = np.linspace(0.0, 30.0, 400)[:, None]
-    for number in range(6):
-        rows = moving_rows()
-        rows[:, 3:] = (0.0, 0.0, 0.0, 1.0) if number == 4 else (1.0, 0.0, 0.0, 0.0)
-        rows[:, 0] += 1.0 if number == 5 else 0.0
-        messages = pose_messages(STAMPS, rows)
-        messages += joint_messages(STAMPS, ["elbow"], 0.0 * joints if number == 2 else joints)
-        write_bag(tmp_path / f"{number}.mcap", messages)
-    found = find_out(str(tmp_path))
-    for question, advice in (
-        ("Does the hand start alike?", "look at 4, 5"),
-        ("Do all signals change?", "always the same: /joint_states in 2"),
-        ("Are joints' positions in rad?", "degrees? look at /joint_states in 0"),
-    ):
-        assert answer(found, question).verdict == "doubtful"
-        assert advice in answer(found, question).advice
+    messages = pose_messages(STAMPS, moving_rows()) + joint_messages(STAMPS, ["elbow"], joints)
+    write_bag(tmp_path / "1.mcap", messages)
+    found = answer(find_out(str(tmp_path)), "Are joints' positions in rad?")
+    assert (found.verdict, found.advice) == ("doubtful", "degrees? look at /joint_states in 1")
 
 
 def test_a_stamp_of_another_age_is_named(tmp_path, monkeypatch, capsys):
