@@ -73,8 +73,7 @@ STARTS = {
     ),
     "recordings": (
         ("rerun",),
-        "scraping/view.py obstacles/view.py servoing/view.py tasks/view_motion.py "
-        "tasks/view_movement.py tasks/view_obstacles.py tasks/view_touch.py",
+        "scraping/view.py obstacles/view.py servoing/view.py tasks/view.py",
     ),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (

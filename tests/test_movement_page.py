@@ -17,7 +17,7 @@ from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.tasks.task_files import TaskFiles
 
-STAGES = ("import_task", "segment", "primitives", "feedback", "skill", "check", "view_movement", "report")
+STAGES = ("import_task", "segment", "primitives", "feedback", "skill", "check", "view", "report")
 SMALL = {
     "reaches": {"rests": {"noise_mm": [0.0, 2.0], "seeds": 1}, "fold": 2, "corrections": {"splits": 2}},
     "unscrewing": {},

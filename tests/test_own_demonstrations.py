@@ -80,7 +80,7 @@ def readme(root: Path, language: str, place: int = 0) -> str:
 
 
 def test_a_task_goes_through_to_its_page(root, folder):
-    run_stages(root, "reach", *STAGES, "view_movement", "report")
+    run_stages(root, "reach", *STAGES, "view", "report")
     report = Path("reports/tasks/reach")
     values = json.loads((report / "metrics.json").read_text())
     assert values["cuts_demonstrations"] == 3

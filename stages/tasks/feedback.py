@@ -8,7 +8,7 @@ from structlearn.feedback.coupling_model import write_networks
 from structlearn.tasks.movement import phase_corrections
 from structlearn.tasks.movement.feedback_learning import feedback_metrics, learn_feedback, write_feedback
 from structlearn.tasks.movement.movement_parameters import MovementEntry
-from structlearn.tasks.task_files import ABSENT, TaskFiles, run_for_task
+from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
 
 
 def main(files: TaskFiles) -> None:
@@ -27,7 +27,7 @@ def main(files: TaskFiles) -> None:
             except MissingInputError as missing:
                 reason = str(missing)
         if not any(folder.iterdir()):
-            (folder / ABSENT).write_text(f"{reason}\n", encoding="utf-8")
+            leave_out(folder, reason)
 
 
 def learn_over_phase(

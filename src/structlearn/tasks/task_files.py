@@ -139,8 +139,8 @@ class TaskFiles:
 
 
 def leave_out(folder: Path, reason: str) -> None:
-    """Make a folder that says why it holds nothing else; about empty ones DVC warns."""
-    folder.mkdir()
+    """Say in a folder why it holds nothing else; about empty ones DVC warns."""
+    folder.mkdir(exist_ok=True)
     (folder / ABSENT).write_text(f"{reason}\n", encoding="utf-8")
 
 
