@@ -90,26 +90,20 @@ def overall(verdicts: pd.Series) -> str:
 
 def write_check(check: SkillCheck, folder: str | Path) -> None:
     """Publish what was found as a folder of Parquet tables, one per attribute."""
-    rest = {"joint": list(check.rest), "rest": list(check.rest.values())}
+    rest = pd.DataFrame({"joint": list(check.rest), "rest": list(check.rest.values())})
     with publish(folder) as path:
         path.mkdir()
         write_table(check.margins, path / "margins.parquet")
-        write_table(pd.DataFrame(rest), path / "rest.parquet")
+        write_table(rest, path / "rest.parquet")
         write_table(pd.DataFrame({"note": pd.Series(check.notes, dtype=str)}), path / "notes.parquet")
 
 
 def read_check(folder: str | Path) -> SkillCheck:
-    """Read what was found. Raises InputError: a file is missing, damaged or another one."""
-    margins, rest, notes = (read_table(Path(folder) / f"{name}.parquet", its) for name, its in TABLES.items())
+    """Read what was found. Raises InputError: a file is missing or damaged."""
+    margins, rest, notes = (
+        read_table(Path(folder) / f"{name}.parquet") for name in ("margins", "rest", "notes")
+    )
     return SkillCheck(margins, dict(zip(rest["joint"], rest["rest"], strict=True)), tuple(notes["note"]))
-
-
-TABLES = {
-    "margins": ("kind", "run", "quantity", "where", "value", "bound", "unit", "margin", "time_s", "verdict"),
-    "rest": ("joint", "rest"),
-    "notes": ("note",),
-}
-"""Files of a check, and their columns."""
 
 
 def lines(check: SkillCheck) -> list[str]:
