@@ -57,16 +57,21 @@ class Findings:
 
 
 def main() -> None:
-    """Print the report; publish the proposed entry where a file is named for it."""
+    """Inspect what the command line names."""
     parser = argparse.ArgumentParser(prog="inspect", description="Look at recordings before configuring.")
     parser.add_argument("source", help="a file, a bag, or a folder of them")
     parser.add_argument("--urdf", help="the robot, where poses are to be computed from its joints")
     parser.add_argument("--output", type=Path, help="file for the proposed entry")
     given = parser.parse_args()
-    found = find_out(given.source, given.urdf)
+    inspect(given.source, given.urdf, given.output)
+
+
+def inspect(source: str, urdf: str | None, output: Path | None) -> None:
+    """Print what a source holds; publish the proposed entry where a file is named for it."""
+    found = find_out(source, urdf)
     print("\n".join(printable(line).rstrip() for line in report(found)))
-    if given.output is not None and found.proposal is not None:
-        with publish(given.output) as path:
+    if output is not None and found.proposal is not None:
+        with publish(output) as path:
             path.write_text("\n".join(as_yaml(found.proposal)) + "\n", encoding="utf-8")
 
 

@@ -13,12 +13,13 @@ from structlearn.reporting.claims import NOT_TESTED, Evidence, Judged, combined,
 from structlearn.reporting.document import Document, environment
 from structlearn.reporting.findings import Findings, read_findings, values_by_key
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.task_entry import FOLDER, OF_PUBLIC, PIPELINE, read_entries
+from structlearn.tasks.project import CLONE, OF_PUBLIC, pipeline
+from structlearn.tasks.task_entry import read_entries
 from structlearn.tasks.task_files import TaskFiles
 
 PACKAGE = "structlearn.tasks"
 REPORT = Path("reports/recorded")
-QUOTED = FOLDER / "recorded.yaml"
+QUOTED = CLONE / "recorded.yaml"
 
 
 def publish_index() -> None:
@@ -35,7 +36,7 @@ def publish_index() -> None:
     page = Document(
         template="recorded_index.html.jinja",
         package=PACKAGE,
-        stage=f"{PIPELINE}:recorded_report",
+        stage=f"{pipeline()}:recorded_report",
         facts={
             "sets": sets,
             "in_both": len(both),
@@ -61,7 +62,7 @@ def said_of(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
 
 def judged_again(name: str, title: str) -> list[Judged]:
     """Claims about a set with the verdicts that its page has, and those of simulated testbeds on the like."""
-    path = FOLDER / "claims" / f"{name}.yaml"
+    path = CLONE / "claims" / f"{name}.yaml"
     if not path.exists():
         return []
     table = read_csv(TaskFiles(name).report / "tables/claims.csv", keep_default_na=False)
