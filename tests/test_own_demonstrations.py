@@ -158,7 +158,7 @@ def test_parameters_that_no_import_wrote_are_refused(tmp_path, monkeypatch):
     files = TaskFiles("pour")
     files.folder.mkdir()
     files.parameters.write_text("source: of an older version\n")
-    for read in (lambda: files.has("robot"), files.values, lambda: files.clock):
+    for read in (lambda: files.has("robot"), lambda: files.kind):
         with pytest.raises(InputError, match=r"pour/parameters\.yaml: key '[\w.]+' is missing"):
             read()
     files.parameters.write_text("5\n")

@@ -16,7 +16,8 @@ def main(files: TaskFiles) -> None:
     with publish(files.folder / "feedback") as folder:
         folder.mkdir()
         if own.feedback is not None and own.segment is not None:
-            corrections = {setting: files.runs("corrections", setting) for setting in files.settings()}
+            settings = sorted(path.stem for path in (files.recorded / "corrections").glob("*.parquet"))
+            corrections = {setting: files.runs(f"corrections/{setting}") for setting in settings}
             data = files.runs("executions"), corrections, files.primitives()
             learned = learn_feedback(*data, own.segment, own.feedback)
             write_feedback(learned, folder)

@@ -114,7 +114,7 @@ def skill_section(files: TaskFiles) -> Section:
     if not files.skill.exists():
         reason = (files.folder / "skill" / ABSENT).read_text(encoding="utf-8").strip()
         return Section("skill", "The skill", "skill.html.jinja", facts={"absent": reason})
-    skill, parameters = read_skill(files.skill), files.part("skill", SkillParameters)
+    skill, parameters = read_skill(files.skill), files.entry(SkillParameters, "skill")
     workspace = skill.workspace
     if workspace is None:
         raise InputError(f"{files.skill}: has no workspace")
