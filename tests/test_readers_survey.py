@@ -1,7 +1,5 @@
 """What raw messages say of their clocks, against numbers that were put into them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -62,7 +60,7 @@ def test_delays_of_the_log_behind_the_header(tmp_path):
             pose_messages(taken.tolist(), pose_rows(1000)), late, strict=True
         )
     ]
-    clocks = survey.topic_clocks(messages_of(tmp_path / "bag.mcap", rows, "/tool"))
+    clocks = survey.topic_clocks("", messages_of(tmp_path / "bag.mcap", rows, "/tool"))
     assert clocks.delay_s == pytest.approx(0.080, abs=1e-4)
     assert clocks.own is clocks.header
     assert clocks.header.rate_hz == pytest.approx(100.0)
@@ -77,15 +75,6 @@ def test_delays_of_the_log_behind_the_header(tmp_path):
 )
 def test_the_log_time_stands_in_where_no_header_is_set(tmp_path, kind, content):
     rows = [("/tool", kind, content, 10**9 + 20 * MS * row) for row in range(50)]
-    clocks = survey.topic_clocks(messages_of(tmp_path / "bag.mcap", rows, "/tool"))
+    clocks = survey.topic_clocks("", messages_of(tmp_path / "bag.mcap", rows, "/tool"))
     assert clocks.header is None
     assert clocks.own.rate_hz == pytest.approx(50.0)
-
-
-@pytest.mark.parametrize("change", [lambda schema: None, lambda schema: replace(schema, encoding="ros1msg")])
-def test_headers_are_looked_for_in_ros2_messages_alone(tmp_path, change):
-    write_bag(tmp_path / "bag.mcap", pose_messages([10**9, 2 * 10**9], pose_rows(2), "/hand"))
-    messages = read_bag(tmp_path / "bag.mcap", ["/hand"]).messages["/hand"]
-    other = replace(messages, schemas=[change(one) for one in messages.schemas])
-    assert survey.topic_clocks(messages).header is not None
-    assert survey.topic_clocks(other).header is None

@@ -141,10 +141,10 @@ def _file(file: FileSeen) -> Iterator[str]:
     known = start > SECONDS_OF_A_YEAR  # else the clock counts from some start of its own
     when = datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if known else f"{start:.2f} s"
     count = sum(log.count for log in logs)
-    yield f"{file.name}: {FORMATS[file.format]}, {end - start:.2f} s from {when}, {count} messages"
+    yield f"{file.name}: {FORMATS[file.format]}, {end - start:.2f} s from {when}, {count} readable messages"
     rows: list[tuple[str, ...]] = [HEADINGS]
     for topic, seen in file.topics.items():
-        clock = _clock(seen.clocks) if seen.clocks else ("0", *[""] * 4)
+        clock = _clock(seen.clocks) if seen.clocks else [""] * 5
         rows.append((topic, " and ".join(seen.types), *clock))
     yield from _aligned(rows, RIGHT)
     for topic, seen in file.topics.items():

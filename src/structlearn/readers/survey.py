@@ -1,24 +1,14 @@
 """The clocks of a topic, before anybody has said what it means: rates, gaps, disorder, delays.
 
-Nothing is refused here: disorder is counted, not mended. A header is the first field of every message type
-that has one, so its stamp stands at one place in the bytes, also of types that nobody here can decode. Of
-several transforms in a message the first one's counts.
+Nothing is refused here: disorder is counted, not mended.
 """
 
-import re
 from typing import NamedTuple
 
 import numpy as np
-from mcap.records import Schema
-from mcap.well_known import SchemaEncoding
 
 from structlearn.readers.bag import RawMessages
-
-HEADERS = {
-    re.compile(r"(std_msgs/(msg/)?)?Header\s+\w+"): 4,
-    re.compile(r"(geometry_msgs/(msg/)?)?TransformStamped\[\]\s+\w+"): 8,
-}
-"""First fields of definitions, and the byte of the stamp: behind the encapsulation, or a number of links."""
+from structlearn.readers.cdr import decoded, nanoseconds
 
 
 class Stamps(NamedTuple):
@@ -58,14 +48,18 @@ class TopicClocks(NamedTuple):
         return self.header or self.log
 
 
-def topic_clocks(messages: RawMessages) -> TopicClocks:
-    """Both clocks of a topic with at least one message."""
-    log = stamps_of(messages.log_times)
-    places = {_place_in(schema) for schema in messages.schemas}
-    place = places.pop() if len(places) == 1 else None
-    if place is None or any(len(message) < place + 8 for message in messages.data):
-        return TopicClocks(log)
-    headers = _header_stamps(messages, place)
+def topic_clocks(where: str, messages: RawMessages) -> TopicClocks:
+    """Both clocks of a topic with at least one message; of several transforms in one the first's header.
+
+    Raises:
+        InputError: a message cannot be decoded.
+    """
+    log, headers = stamps_of(messages.log_times), np.zeros(len(messages.log_times), dtype=np.int64)
+    for group in decoded(where, messages):
+        transforms = getattr(group.message, "transforms", None)
+        first = transforms[0] if transforms else group.message
+        if hasattr(first, "header"):
+            headers[group.rows] = nanoseconds(first.header.stamp)
     if not headers.any():
         return TopicClocks(log)
     delays_s = 1e-9 * (messages.log_times - headers)  # exact: int64 before it is rounded
@@ -88,26 +82,3 @@ def stamps_of(stamps: np.ndarray) -> Stamps:
         repeated=int((steps == 0).sum()),
         backward=int((steps < 0).sum()),
     )
-
-
-def _header_stamps(messages: RawMessages, place: int) -> np.ndarray:
-    """(T,) int64 ns at one byte of all messages; zero where they are not set."""
-    end = place + 8
-    heads = np.frombuffer(b"".join(message[:end] for message in messages.data), np.uint8).reshape(-1, end)
-    stamps = np.zeros(len(heads), dtype=np.int64)
-    for order, flag in (("<", 1), (">", 0)):
-        mine = heads[:, 1] & 1 == flag
-        clock = np.ascontiguousarray(heads[mine, place:end]).view(
-            [("sec", f"{order}i4"), ("ns", f"{order}u4")]
-        )
-        stamps[mine] = clock["sec"][:, 0].astype(np.int64) * 10**9 + clock["ns"][:, 0]
-    return stamps
-
-
-def _place_in(schema: Schema | None) -> int | None:
-    """Where the stamp stands in messages of a type; another encoding would put it elsewhere."""
-    if schema is None or schema.encoding != SchemaEncoding.ROS2:
-        return None
-    lines = (line.partition("#")[0].strip() for line in schema.data.decode(errors="replace").splitlines())
-    first = next((line for line in lines if line and not re.match(r"\S+\s+[A-Z]\w*\s*=", line)), "")
-    return next((place for pattern, place in HEADERS.items() if pattern.fullmatch(first)), None)

@@ -1,7 +1,6 @@
 """What the files of a source hold, as far as it matters for learning from them.
 
 Files are opened one after another; what cannot be read is remembered by its reason, and the others go on.
-Camera images are looked at topic by topic, since those of one file may be larger than the memory.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,12 +25,12 @@ from structlearn.tasks.task_files import local_path
 AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
 """Disorder is counted elsewhere and refused by nobody here."""
 
-LARGE = ("Image", "CompressedImage", "PointCloud2", "PointCloud", "CompressedVideo", "CompressedPointCloud2")
-"""Types whose topics are looked at one by one."""
+KNOWN = {name for types in READERS.values() for name in types}
+"""Types whose messages are looked at; of others, such as camera images, only the topic is listed."""
 
 
 class TopicSeen(NamedTuple):
-    """A topic of a file; without `clocks` where it has no ROS 2 messages.
+    """A topic of a file; without `clocks` where it has no messages that can be read.
 
     `series`: stamps of the joints of whoever publishes the most, else those of the topic; `fault`: why joint
     states or transforms cannot be read.
@@ -109,15 +108,12 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
 
 def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
     """Open one file, or raise an InputError."""
-    present = open_bag(file, ()).topics
-    large = [topic for topic, types in present.items() if any(name.endswith(LARGE) for name in types)]
-    topics: dict[str, TopicSeen] = {}
-    for group in [[topic for topic in present if topic not in large], *([topic] for topic in large)]:
-        messages = open_bag(file, group).messages if group else {}
-        for topic in group:
-            where = f"{file.path}: topic '{topic}'"
-            topics[topic] = _topic_seen(where, topic, present[topic], messages.get(topic))
-    topics = {topic: topics[topic] for topic in sorted(topics)}
+    types = {topic: tuple(map(short_name, names)) for topic, names in open_bag(file, ()).topics.items()}
+    messages = open_bag(file, [topic for topic, names in types.items() if KNOWN.issuperset(names)]).messages
+    topics = {
+        topic: _topic_seen(f"{file.path}: topic '{topic}'", topic, types[topic], messages.get(topic))
+        for topic in sorted(types)
+    }
     hands, no_hands = {}, {}
     for source in pose_sources(topics, urdf):
         try:
@@ -134,15 +130,16 @@ def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
     return max(arms, key=lambda arm: len(arm[1].names), default=None)
 
 
-def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessages | None) -> TopicSeen:
-    names = tuple(short_name(name) for name in types)
+def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMessages | None) -> TopicSeen:
     if messages is None:
         return TopicSeen(names, None)
-    clocks = topic_clocks(messages)
+    clocks, fault = TopicClocks(stamps_of(messages.log_times)), ""
     joints: list[JointSeries] = []
     links: list[TransformSeries] = []
-    series, fault = [clocks.own], ""
+    series = [clocks.own]
     try:
+        clocks = topic_clocks(where, messages)
+        series = [clocks.own]
         if set(names) <= READERS["joint_states"].keys():
             joints, mended = joint_series(where, topic, messages, AS_THEY_COME)
             if joints and mended is None:
