@@ -3,6 +3,7 @@
 Nothing is refused here: disorder is counted, not mended.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,8 @@ from structlearn.readers.bag import RawMessages
 from structlearn.readers.cdr import decoded, nanoseconds
 
 
-class Stamps(NamedTuple):
+@dataclass(frozen=True)
+class Stamps:
     """One clock of a topic; its rate is one over the median step (NaN of a single stamp).
 
     `repeated` and `backward` messages have the stamp of the one before, or an earlier one.

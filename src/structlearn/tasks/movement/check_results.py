@@ -1,10 +1,9 @@
 """What checking a skill on a robot found: margins of every quantity in every run, and verdicts.
 
-A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1. As a program it
-prints them (`make check TASK=pick`); exit code 1 where something fails.
+A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1. `structlearn check pick`
+prints them; exit code 1 where something fails.
 """
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -132,11 +131,3 @@ def main(files: TaskFiles) -> bool:
     check = read_check(files.folder / "check")
     print("\n".join(lines(check)))
     return check.verdict != NO
-
-
-if __name__ == "__main__":
-    try:
-        sys.exit(0 if main(TaskFiles(sys.argv[1])) else 1)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(1)

@@ -1,11 +1,8 @@
-"""Look at recordings before anything is configured: `python -m structlearn.inspect ~/bags`.
+"""Recordings before anything is configured, in words: `structlearn inspect ~/bags`.
 
-Prints what the files hold, whether they are fit to be learned from, and an entry of `stages/tasks/own.yaml`.
-Nothing is written but what `--output` names. The exit code is 1 where nothing could be read, and 0 otherwise,
-whatever the doubts.
+Says what the files hold, whether they are fit to be learned from, and proposes an entry of a task.
 """
 
-import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -16,7 +13,6 @@ import yaml
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import printable
-from structlearn.core.stage import run
 from structlearn.readers.joint_series import FIELDS
 from structlearn.readers.survey import TopicClocks, stamps_of
 from structlearn.tasks.inspection.fitness import Answer, fitness
@@ -54,16 +50,6 @@ class Findings:
     motion: MotionSurvey | None
     proposal: Proposal | None
     answers: Sequence[Answer]
-
-
-def main() -> None:
-    """Inspect what the command line names."""
-    parser = argparse.ArgumentParser(prog="inspect", description="Look at recordings before configuring.")
-    parser.add_argument("source", help="a file, a bag, or a folder of them")
-    parser.add_argument("--urdf", help="the robot, where poses are to be computed from its joints")
-    parser.add_argument("--output", type=Path, help="file for the proposed entry")
-    given = parser.parse_args()
-    inspect(given.source, given.urdf, given.output)
 
 
 def inspect(source: str, urdf: str | None, output: Path | None) -> None:
@@ -182,7 +168,3 @@ def _aligned(rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
         width = max(map(len, column))
         columns[place] = [cell.rjust(width) if place in right else cell.ljust(width) for cell in column]
     return ["  " + "  ".join(cells) for cells in zip(*columns, strict=True)]
-
-
-if __name__ == "__main__":
-    run(main)
