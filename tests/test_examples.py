@@ -2,31 +2,22 @@
 
 import importlib.util
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from committed import committed
-from feedback_toy import toy_dataset
 from own_skills import pick_skill, slower
-from scraping_motions import CHANNELS, CONTACT_M, NAMES, scraping_skill
 
 from structlearn.core.artefacts import write_table
-from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.feedback.feedback_models import FeedbackParameters, train_models
-from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import demonstrated_workspace
 from structlearn.feedback.skill_file import read_skill, write_skill
-from structlearn.primitives.sequence import sequence_table, unroll
-from structlearn.readers.source import ClockParameters
+from structlearn.primitives.sequence import default_start, sequence_table, unroll
 from structlearn.tasks.pick_and_place_world import takes, write_takes
-from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
-from structlearn.testbeds.scraping.protocol.executions import executed_set
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 ROOT = Path(__file__).parents[1]
-LONGEST = 60
+LONGEST = 75
 """Lines of an example."""
 
 
@@ -84,30 +75,65 @@ def test_the_follower_counts_its_deadlines(short_skill):
     assert 0 <= found["missed"] <= found["ticks"]
 
 
-def test_a_network_of_ones_own_is_trained_runs_on_the_board_and_stands_in_the_skill(
-    example_networks, tmp_path
-):
-    chosen = committed(FeedbackParameters, "train_feedback", network="linear_feedback")
-    samples = toy_dataset(settings=(2.5, 10.0), channels=CHANNELS)
-    datasets = dict.fromkeys(NAMES[1:], samples)
-    for model, networks in train_models(datasets, datasets, chosen).items():
-        write_networks(networks, tmp_path / f"{model}.safetensors")
-        skill = scraping_skill(read_networks(tmp_path / f"{model}.safetensors"))
-        board = EvaluationParameters(settings_deg=(8.8,), runs=1)
-        testbed, clock = committed(TestbedParameters, "testbed"), committed(ClockParameters, "clock")
-        executed = executed_set(model, skill, board, testbed, clock)
-        assert {type(network).__name__ for network in executed.networks.values()} == {"LinearFeedback"}
-        assert np.isfinite(executed.runs[8.8][0].orientation).all()
-    write_skill(
-        replace(skill, workspace=demonstrated_workspace([CONTACT_M[None]], 0.5)), tmp_path / "skill", {}
-    )
-    controller = Controller(read_skill(tmp_path / "skill"), 300.0)
-    controller.start(skill.primitives[0].position.start, skill.primitives[0].orientation.start)
-    coupling = []
-    while not controller.finished:
-        controller.tick(np.full(CHANNELS, float(len(coupling) > 100)))
-        coupling.append(controller.coupling[0])
-    assert np.ptp(coupling) > 0.0
+class FakeNode:
+    """What the example uses of `rclpy.node.Node`; its clock is `time_s`, and `published` what it sent."""
+
+    def __init__(self, name):
+        self.time_s, self.published, self.callbacks = 100.0, [], {}
+
+    def create_subscription(self, kind, topic, callback, depth):
+        self.callbacks[topic] = callback
+
+    def create_publisher(self, kind, topic, depth):
+        assert topic == "target_pose"
+        return SimpleNamespace(publish=self.published.append)
+
+    def create_timer(self, period_s, callback):
+        self.period_s = period_s
+
+    def get_clock(self):
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1e9 * self.time_s))
+
+
+class FakePose:
+    """A `PoseStamped`."""
+
+    def __init__(self, position=(0.0, 0.0, 0.0), orientation=(1.0, 0.0, 0.0, 0.0)):
+        point = SimpleNamespace(**dict(zip("xyz", position, strict=True)))
+        turn = SimpleNamespace(**dict(zip("wxyz", orientation, strict=True)))
+        self.header, self.pose = "base", SimpleNamespace(position=point, orientation=turn)
+
+
+@pytest.fixture
+def ros(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rclpy", SimpleNamespace(node=None))
+    monkeypatch.setitem(sys.modules, "rclpy.node", SimpleNamespace(Node=FakeNode))
+    messages = SimpleNamespace(PoseStamped=FakePose, WrenchStamped=object)
+    monkeypatch.setitem(sys.modules, "geometry_msgs", SimpleNamespace(msg=messages))
+    monkeypatch.setitem(sys.modules, "geometry_msgs.msg", messages)
+
+
+@pytest.mark.parametrize("silent_from", [None, 30])
+def test_a_ros_node_publishes_targets_until_the_end_or_until_poses_are_stale(ros, short_skill, silent_from):
+    node = example("ros2_node").SkillNode(short_skill)
+    start = default_start(read_skill(short_skill).primitives)
+    for tick in range(2000):
+        if silent_from is None or tick < silent_from:
+            node.callbacks["current_pose"](FakePose(start.position, start.orientation))
+        node.tick()
+        node.time_s += node.period_s
+        if node.done:
+            break
+    first, last = node.published[0].pose, node.published[-1].pose
+    assert [first.position.x, first.position.y, first.position.z] == pytest.approx(list(start.position))
+    assert first.orientation.w == pytest.approx(start.orientation[0])
+    if silent_from is None:
+        assert node.done == "finished"
+        goal = read_skill(short_skill).primitives[-1].position.goal
+        assert [last.position.x, last.position.y, last.position.z] == pytest.approx(list(goal), abs=2e-3)
+    else:
+        assert node.done == "stopped, stale: pose"
+        assert len(node.published) == pytest.approx(silent_from + 0.1 / node.period_s, abs=2)
 
 
 def test_reading_results(tmp_path, monkeypatch, capsys):
