@@ -20,7 +20,7 @@ from structlearn.core.frames import UP
 from structlearn.readers.bag import RawMessages, write_bag
 from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.messages import joint_messages, to_messages
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.recording import Kind, Recording, Stream
 from structlearn.simulation.arm import urdf_path
 from structlearn.simulation.hand_noise import hand_noise
 
@@ -271,7 +271,7 @@ def _topics(take: Take) -> dict[str, RawMessages]:
     force = np.outer(-9.81 * take.load[::JOINTS_EVERY], [0.0, 0.0, 1.0])
     noise = FORCE_N * rng.standard_normal((len(force), 6)) * [1, 1, 1, 0.1, 0.1, 0.1]
     wrench = Stream("/wrist/wrench", "wrench", stamps, np.hstack([force, np.zeros_like(force)]) + noise)
-    arm = {"joint_positions": angles, "joint_velocities": velocities}
+    arm: dict[Kind, np.ndarray] = {"joint_positions": angles, "joint_velocities": velocities}
     hand = ["panda_finger_joint1", "panda_finger_joint2"]
     return {
         capture.topic: to_messages(take.name, capture),

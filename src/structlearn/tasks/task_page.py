@@ -1,12 +1,13 @@
 """The page of a task: a section for every part that it has, and the claims about a public set."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import Judged, judge, read_claims, unknown
-from structlearn.reporting.document import Document, Source, environment
+from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion import motion_section
@@ -60,7 +61,9 @@ def publish_page(files: TaskFiles) -> None:
         for folder, stage in STAGES.items()
     }
     sources |= dict.fromkeys(("recordings", "demonstrations"), sources["recorded"])
-    find, tables, pictures = Findings(), {}, {}
+    find = Findings()
+    tables: dict[str, Table] = {}
+    pictures: dict[str, Drawing | Sequence[Drawing]] = {}
     for section in sections:
         find.include(section.find)
         tables |= section.tables

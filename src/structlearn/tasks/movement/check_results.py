@@ -1,7 +1,6 @@
 """What checking a skill on a robot found: margins of every quantity in every run, and verdicts.
 
-A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1. `structlearn check pick`
-prints them; exit code 1 where something fails.
+A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,7 @@
 """Primitives of a task: what was learned, over what it was learned from, and how far they are apart."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -169,7 +170,7 @@ def local_panel(primitive: PosePrimitive, segments: list[Segment], first: str, s
     words, seen = {"x": "forward", "y": "to the side", "z": "up"}, {"z": "the side", "y": "above"}[second]
     figure, axes = panel(f"From {seen}", 3.3, xlabel=f"{words[first]} (mm)", ylabel=f"{words[second]} (mm)")
     learned = primitive.position
-    recorded = {"color": LIGHT_GREY, "linewidth": 0.7}
+    recorded: dict[str, Any] = {"color": LIGHT_GREY, "linewidth": 0.7}
     looks = [recorded | {"label": None if number else "recorded"} for number in range(len(segments))]
     looks.append({"color": REPRODUCTION_COLOUR, "linewidth": 2.0, "label": "primitive"})
     paths = [*(position for position, _ in segments), learned.unroll(segments[0][0].dt)]
