@@ -30,9 +30,11 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "movement": (
         cuts_section.came_in_section,
         cuts_section.cuts_section,
+        cuts_section.rests_section,
         primitives_section.primitives_section,
         primitives_section.turns_section,
         primitives_section.execution_section,
+        primitives_section.traces_section,
         corrections_section.phase_section,
         corrections_section.feedback_section,
         check_section.skill_section,

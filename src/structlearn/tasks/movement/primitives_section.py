@@ -1,6 +1,5 @@
 """Primitives of a task: what was learned, over what it was learned from, and how far they are apart."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -280,24 +279,25 @@ def execution_section(files: TaskFiles) -> Section | None:
             find.exact(f"{files.name}_{row['primitive']}_{column}", row[column])
     largest = {words: exact(errors[column].max(), len(errors)) for column, words in measured.items()}
     find.add("sequence", largest, headline=True)
-    path = execution_panel(files.runs("demonstrations"), files.table("primitives/nominal"))
-    section = Section(
+    return Section(
         "execution",
         "The execution",
         "execution.html.jinja",
         lead="execution_lead.html.jinja",
-        facts={"electrodes": None, "strong_range": STRONG_RANGE},
         tables={"execution": shown(errors)},
-        pictures={"execution": path},
+        pictures={
+            "execution": execution_panel(files.runs("demonstrations"), files.table("primitives/nominal"))
+        },
         find=find,
     )
-    return section if own.traces_hz is None else _with_traces(section, files)
 
 
-def _with_traces(section: Section, files: TaskFiles) -> Section:
-    """The same, with the tactile channels as sensor primitives."""
+def traces_section(files: TaskFiles) -> Section | None:
+    """Sensor primitives of the tactile channels of an execution."""
+    if files.entry(MovementEntry).traces_hz is None:
+        return None
     scores, traces = files.table("primitives/trace_scores"), files.table("primitives/traces")
-    strong, find = scores[scores["range"] > STRONG_RANGE], section.find.among("electrodes that move")
+    strong, find = scores[scores["range"] > STRONG_RANGE], Findings("electrodes that move")
     by = scores.groupby("primitive", sort=False)
     table = by.agg(rms=("rms", "median"), nmse=("nmse", "median"))
     table["strong"] = strong.groupby("primitive").size().reindex(table.index, fill_value=0)
@@ -308,13 +308,17 @@ def _with_traces(section: Section, files: TaskFiles) -> Section:
         for key, column in columns.items():
             find.exact(f"electrodes_{name}_{key}", row[column])
     find.mean("electrodes", strong["nmse"], missing="no electrode moves enough")
-    errors = shown(table.reset_index().rename(columns=words))
-    panels = [electrode_errors_panel(scores), *electrode_panels(scores, traces)]
-    return replace(
-        section,
-        facts={**section.facts, "electrodes": scores["electrode"].nunique()},
-        tables={**section.tables, "electrodes": Table(scores), "electrode_errors": errors},
-        pictures={**section.pictures, "electrodes": panels},
+    return Section(
+        "traces",
+        "Touch of the execution",
+        "traces.html.jinja",
+        facts={"electrodes": scores["electrode"].nunique(), "strong_range": STRONG_RANGE},
+        tables={
+            "electrodes": Table(scores),
+            "electrode_errors": shown(table.reset_index().rename(columns=words)),
+        },
+        pictures={"electrodes": [electrode_errors_panel(scores), *electrode_panels(scores, traces)]},
+        find=find,
     )
 
 
