@@ -21,7 +21,7 @@ TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/
 
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
 	$(IN_ENVIRONMENT) dvc repro
-	@$(BIN)/python -m structlearn.core.wall_clock
+	@$(BIN)/python -m structlearn.core.stage
 	@$(TABLE_OF_README)
 	@echo "reports/index.html is up to date"
 
@@ -44,7 +44,7 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
 	@$(TABLE_OF_README)
-	@$(BIN)/python -m structlearn.core.wall_clock
+	@$(BIN)/python -m structlearn.core.stage
 	@echo "reports/recorded/index.html is up to date"
 
 # Tasks of your own, as stages/tasks/own.yaml lists them, from bags to a checked skill: all, or `make own TASK=pick`.

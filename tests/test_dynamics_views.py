@@ -25,8 +25,7 @@ from structlearn.testbeds.dynamics.views.log_recordings import (
 from structlearn.testbeds.dynamics.views.reaches_recording import write_reaches
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.viewer.arm_meshes import send_arm
-from structlearn.viewer.notes import COLOUR_NAMES
-from structlearn.viewer.rrd import recording, time_column
+from structlearn.viewer.rrd import COLOUR_NAMES, recording, time_column
 
 TREE = iiwa().tree
 TOOL_M = (0.0, 0.0, 0.1)

@@ -8,7 +8,7 @@ import pytest
 
 from structlearn.reporting.claims import Evidence, claims_table, judge, quoted, read_claims
 from structlearn.reporting.document import environment
-from structlearn.reporting.other_processor import (
+from structlearn.reporting.verdicts import (
     DIGITS,
     FLIPPED,
     MARGIN,

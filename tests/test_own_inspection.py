@@ -22,7 +22,7 @@ from structlearn import inspect
 from structlearn.core.errors import InputError
 from structlearn.inspect import as_yaml, find_out
 from structlearn.readers import bag
-from structlearn.readers.transforms import TransformSeries
+from structlearn.readers.computed_pose import TransformSeries
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
 from structlearn.tasks.inspection.source_survey import frame_pairs

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from reduced_pipeline import artefacts, by_hand, clone, environment, repro
 
-from structlearn.core.wall_clock import TIMES, read_times
+from structlearn.core.stage import TIMES, read_times
 from structlearn.reporting.document import words_in_view
 
 CUTTING = [

@@ -29,7 +29,7 @@ from reduced_pipeline import artefacts, clone, environment
 from tqdm import tqdm
 
 from structlearn.core.parallel import PROCESSES
-from structlearn.core.wall_clock import RUN_BY_DVC, TIMES, read_times
+from structlearn.core.stage import RUN_BY_DVC, TIMES, read_times
 from structlearn.reporting.reliability import keep, outcome_table
 
 HEALED, NOT_KILLED = "healed", "ended before the kill"

@@ -16,12 +16,11 @@ from structlearn.core.errors import InputError
 from structlearn.readers.bag import write_bag
 from structlearn.readers.bag_files import RecordingFile, as_recording_file, open_bag, recording_files
 from structlearn.readers.checks import at_row
-from structlearn.readers.clock import MAX_GAP_S, on_one_clock
+from structlearn.readers.clock import AS_WRITTEN, MAX_GAP_S, StampPolicy, on_one_clock
 from structlearn.readers.joint_series import chosen, joint_series
 from structlearn.readers.messages import check_readable, joint_messages
 from structlearn.readers.recording import JOINT_KINDS, Stream
-from structlearn.readers.series_table import Series, read_series, write_series
-from structlearn.readers.stamps import AS_WRITTEN, StampPolicy
+from structlearn.readers.runs import Series, read_series, write_series
 
 JOINT_STATES = "/joint_states"
 """Where drivers publish joint states unless told otherwise."""

@@ -21,9 +21,9 @@ from structlearn.readers.cdr import (
     sequence,
 )
 from structlearn.readers.checks import at_row
+from structlearn.readers.clock import StampPolicy, in_order
 from structlearn.readers.messages import FIELDS
 from structlearn.readers.recording import JOINT_KINDS, Kind, Stream
-from structlearn.readers.stamps import StampPolicy, in_order
 
 MOST_JOINTS = 1000
 """Of a topic; humanoids with both hands have a hundred."""

@@ -35,8 +35,8 @@ from structlearn.readers.cdr import (
     short_name,
     table,
 )
+from structlearn.readers.clock import StampPolicy, in_order
 from structlearn.readers.recording import JOINT_KINDS, Form, Kind, NamedShape, Stream
-from structlearn.readers.stamps import StampPolicy, in_order
 from structlearn.readers.topics import Role
 
 FRAME = "base"

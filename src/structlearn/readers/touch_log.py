@@ -18,7 +18,7 @@ import pyarrow
 from structlearn.core.errors import InputError
 from structlearn.readers.bag_files import natural_order
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.series_table import Series, read_series, write_series
+from structlearn.readers.runs import Series, read_series, write_series
 from structlearn.readers.text_log import LARGEST
 
 PLACE, HEIGHT, TIME, FORCE, RUN = ("x_m", "y_m"), "z_m", "time_s", "force_n", "run"

@@ -15,20 +15,22 @@ from structlearn.primitives import canonical
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
 from structlearn.primitives.twist_swing import TwistSwingPrimitive
 from structlearn.readers.demonstration import Demonstration
-from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
 from structlearn.viewer.recorded_demonstrations import Scenery
 from structlearn.viewer.rrd import (
     axis_length,
     entity,
     lanes,
     layout,
+    notes_view,
     origin_label,
+    origin_sentence,
     plot,
     recording,
     rgba,
     scene_view,
     send_marks,
     send_moving_frame,
+    send_notes,
     send_primitive_lane,
     send_series,
     thinning,

@@ -11,19 +11,21 @@ from structlearn.core import quaternion
 from structlearn.palette import WHITE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.segments import Segmentation
-from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
 from structlearn.viewer.rrd import (
     axis_length,
     entity,
     lanes,
     layout,
+    notes_view,
     origin_label,
+    origin_sentence,
     plot,
     recording,
     rgba,
     scene_view,
     send_marks,
     send_moving_frame,
+    send_notes,
     send_primitive_lane,
     send_series,
     thinning,

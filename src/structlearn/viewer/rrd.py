@@ -1,7 +1,7 @@
 """One .rrd file: open it, log signals and frames into it, and frame its scene."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from rerun.error_utils import set_strict_mode, strict_mode
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.palette import AXIS_COLOURS, LIGHT_BLUE, ORANGE, primitive_colour
+from structlearn.palette import AXIS_COLOURS, COLOUR_NAMES, LIGHT_BLUE, ORANGE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 
 TIME = "time"
@@ -337,3 +337,37 @@ def layout(
             fps=steps_per_s,
         ),
     )
+
+
+def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
+    """Log what is shown, in Markdown."""
+    stream.log(notes_path(*parts), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+
+
+def notes_view(*parts: str, name: str = "what is shown") -> rrb.TextDocumentView:
+    """Panel of what `send_notes` logs."""
+    path = notes_path(*parts)
+    return rrb.TextDocumentView(name=name, origin=path, contents=[path])
+
+
+def notes_path(*parts: str) -> str:
+    """Entity of notes."""
+    return entity("notes", *parts)
+
+
+def colour_words(colours: dict[str, str]) -> str:
+    """A legend in Markdown of what has which colour, by name of the colour."""
+    return "\n".join(f"- {colour}: {meaning}" for colour, meaning in colours.items())
+
+
+def legend(colours: Mapping[str, str]) -> str:
+    """A legend in Markdown of names with their colours of the palette."""
+    return "\n".join(f"- {COLOUR_NAMES[colour]}: {name}" for name, colour in colours.items())
+
+
+def origin_sentence(runs: Sequence[Demonstration], subject: str = "Everything here is") -> str:
+    """Whether runs are simulated or recorded, for a panel's text."""
+    simulated = sum(run.simulated for run in runs)
+    if simulated in (0, len(runs)):
+        return f"{subject} {'simulated' if simulated else 'recorded'}."
+    return f"{simulated} of {len(runs)} runs are simulated, the others recorded."

@@ -25,9 +25,20 @@ from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
 from structlearn.tasks.movement.phase_corrections import complete, typical_paths
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer.learned_primitives import write_primitives
-from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import entity, eye_view, layout, plot, recording, rgba, send_series, time_column
+from structlearn.viewer.rrd import (
+    entity,
+    eye_view,
+    layout,
+    legend,
+    notes_view,
+    plot,
+    recording,
+    rgba,
+    send_notes,
+    send_series,
+    time_column,
+)
 
 DEMONSTRATED = (
     "Coloured by the primitive that they were cut into, white outside; each has a tab with its signals."

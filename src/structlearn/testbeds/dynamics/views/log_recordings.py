@@ -21,8 +21,20 @@ from structlearn.rigid_body.tree import KinematicTree, Robot
 from structlearn.testbeds.dynamics.names import PAYLOAD, REFERENCE, colour
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_plots, send_arm, send_followed
-from structlearn.viewer.notes import COLOUR_NAMES, legend, notes_view, send_notes
-from structlearn.viewer.rrd import entity, layout, plot, recording, rgba, send_series, thinning, time_column
+from structlearn.viewer.rrd import (
+    COLOUR_NAMES,
+    entity,
+    layout,
+    legend,
+    notes_view,
+    plot,
+    recording,
+    rgba,
+    send_notes,
+    send_series,
+    thinning,
+    time_column,
+)
 
 ARM, BODY = "arm", "payload"
 

@@ -10,14 +10,16 @@ import rerun.blueprint as rrb
 from structlearn.testbeds.dynamics.names import REFERENCE, colour
 from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach
 from structlearn.viewer.arm_meshes import arm_contents, arm_view, send_arm
-from structlearn.viewer.notes import COLOUR_NAMES, notes_view, send_notes
 from structlearn.viewer.rrd import (
+    COLOUR_NAMES,
     entity,
     layout,
+    notes_view,
     plot,
     recording,
     rgba,
     send_moving_frame,
+    send_notes,
     send_series,
     time_column,
 )

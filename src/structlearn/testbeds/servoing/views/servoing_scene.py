@@ -21,10 +21,10 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
 from structlearn.tactile.touch_dataset import TouchDataset
 from structlearn.testbeds.servoing.names import ESTIMATED, TRUE
-from structlearn.viewer.notes import notes_view
 from structlearn.viewer.rrd import (
     deviation_colours,
     entity,
+    notes_view,
     plot,
     rgba,
     send_moving_frame,
