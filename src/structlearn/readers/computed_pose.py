@@ -1,11 +1,11 @@
 """A pose that no topic has: from /tf, or from joint positions by the robot's kinematics.
 
-Each transform on /tf is a stream of its own: the pose of a child frame in its parent's. Transforms at rest, those on
-the static topic and those that never change, have no clock. The others are put together on that of the slowest
-(`clock.shared_stamps`): positions are interpolated linearly, orientations by slerp.
+Each transform on /tf is a stream of its own: the pose of a child frame in its parent's. Transforms at rest,
+those on the static topic and those that never change, have no clock. The others are put together on that of
+the slowest (`clock.shared_stamps`): positions are interpolated linearly, orientations by slerp.
 
-Of a URDF, Pinocchio computes the pose of a link in the frame of the root. Joints are matched by their names; those
-that are not between the root and the tip do not matter.
+Of a URDF, Pinocchio computes the pose of a link in the frame of the root. Joints are matched by their names;
+those that are not between the root and the tip do not matter.
 """
 
 from collections.abc import Mapping, Sequence
