@@ -10,6 +10,7 @@ commit give equal bytes: no wall times, and of dates only that of the data.
 """
 
 import re
+import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -25,9 +26,9 @@ from markupsafe import Markup
 from structlearn.core.params import Parameters
 from structlearn.reporting import prose
 from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, in_sentence, verdict_counts
-from structlearn.reporting.source_commit import source_commit
 
 MISSING = "\N{EN DASH}"
+UNKNOWN_COMMIT = "unknown commit"
 
 
 @dataclass(frozen=True)
@@ -232,6 +233,28 @@ def date_of(paths: Iterable[Path]) -> str:
         if file.is_file()
     ]
     return f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d}" if times else ""
+
+
+def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(".")) -> str:
+    """`b9b799a`, or `b9b799a+changes` where folders are not as committed.
+
+    `UNKNOWN_COMMIT` where the project was unpacked from an archive, or git is missing.
+    """
+
+    def git(*arguments: str) -> str | None:
+        """Output of git; None if it fails."""
+        try:
+            done = subprocess.run(
+                ["git", "-C", root, *arguments], capture_output=True, text=True, check=False
+            )
+        except OSError:
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+    commit = git("rev-parse", "--short", "HEAD")
+    if not commit or git("rev-parse", "--show-prefix") != "":  # of another project around this one
+        return UNKNOWN_COMMIT
+    return f"{commit}+changes" if git("status", "--porcelain", "--", *folders) else commit
 
 
 def anchor(heading: str) -> str:
