@@ -81,8 +81,7 @@ _locks: set[int] = set()  # open files by which this process holds its workspace
 def alone_in(workspace: Path, complaint: str) -> Iterator[None]:
     """Lock a folder against other processes; it is made, or taken over from a killed process.
 
-    Raises:
-        InputError: another process has locked it, with the complaint as its message.
+    Raises InputError: another process has locked it, with the complaint as its message.
     """
     while True:
         workspace.mkdir(exist_ok=True)

@@ -121,8 +121,7 @@ def table(
 ) -> np.ndarray:
     """(T, D) float64 of what was read from groups of messages: their rows, and D columns or numbers.
 
-    Raises:
-        InputError: a message has another number of values than the first; its row is named.
+    Raises InputError: a message has another number of values than the first; its row is named.
     """
     width = len(parts[0][1])
     odd = [(int(rows[0]), len(values)) for rows, values in parts if len(values) != width]

@@ -18,12 +18,11 @@ FASTEST = {"position": 10.0, "orientation": 100.0}
 def check_recording(recording: Recording) -> None:
     """Check streams one by one and together.
 
-    Raises:
-        InputError: there is no pose stream or more than one stream of a kind other than tactile, but for
-            those of joints with different names; kinds of joint signals have other joints; a stream has
-            fewer than two samples, the wrong number of columns, a stamp that repeats or runs back, a value
-            that is NaN or infinite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two
-            shapes have one name. The message names recording, topic and row (counted from 0).
+    Raises InputError: there is no pose stream or more than one stream of a kind other than tactile, but for
+    those of joints with different names; kinds of joint signals have other joints; a stream has fewer than
+    two samples, the wrong number of columns, a stamp that repeats or runs back, a value that is NaN or
+    infinite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two shapes have one name.
+    The message names recording, topic and row (counted from 0).
     """
     counts = Counter(stream.kind for stream in recording.streams)
     if counts["pose"] == 0:
@@ -36,11 +35,10 @@ def check_recording(recording: Recording) -> None:
             topics = ", ".join(stream.topic for stream in its)
             raise InputError(f"{recording.name}: {kind} comes from several topics: {topics}")
     for stream in recording.streams:
-        if stream.joints and len(stream.joints) != stream.values.shape[-1]:
-            raise InputError(
-                f"{recording.name}: {stream.topic}: names {len(stream.joints)} joints, has "
-                f"{stream.values.shape[-1]} columns"
-            )
+        width = stream.values.shape[-1]
+        if stream.joints and len(stream.joints) != width:
+            named = f"names {len(stream.joints)} joints, has {width} columns"
+            raise InputError(f"{recording.name}: {stream.topic}: {named}")
     for kind in JOINT_KINDS:
         names = recording.joints_of(kind)
         if names and set(names) != set(recording.joint_names):
@@ -52,11 +50,8 @@ def check_recording(recording: Recording) -> None:
     if repeated := [name for name, count in shapes.items() if count > 1]:
         raise InputError(f"{recording.name}: several shapes have the name {', '.join(repeated)}")
     for stream in recording.streams:
-        where = f"{recording.name}: {stream.topic}"
-        _check_shape(where, stream)
-        if fault := disorder(stream.stamps):
-            raise InputError(f"{where}: {fault}")
-        _check_values(where, stream)
+        if fault := _fault(stream):
+            raise InputError(f"{recording.name}: {stream.topic}: {fault}")
 
 
 def at_row(row: int, stamps: np.ndarray) -> str:
@@ -76,43 +71,35 @@ def disorder(stamps: np.ndarray) -> str | None:
     return f"{at_row(row, stamps)} {fault}"
 
 
-def _check_shape(where: str, stream: Stream) -> None:
-    width = WIDTHS[stream.kind]
-    if stream.values.ndim != 2 or stream.values.shape[1] == 0 or len(stream.stamps) != len(stream.values):
-        raise InputError(
-            f"{where}: needs a table with one row per stamp, has shape {stream.values.shape} "
-            f"and {len(stream.stamps)} stamps"
-        )
-    if width is not None and stream.values.shape[1] != width:
-        raise InputError(f"{where}: {stream.kind} needs {width} columns, has {stream.values.shape[1]}")
-    if len(stream.stamps) < 2:
-        raise InputError(f"{where}: needs at least two samples, has {len(stream.stamps)}")
-
-
-def _check_values(where: str, stream: Stream) -> None:
-    finite = np.isfinite(stream.values)
-    if not finite.all():
+def _fault(stream: Stream) -> str | None:
+    """Words for the first thing that is wrong with a stream; None: nothing is."""
+    count, values = len(stream.stamps), stream.values
+    if values.ndim != 2 or values.shape[1] == 0 or count != len(values):
+        return f"needs a table with one row per stamp, has shape {values.shape} and {count} stamps"
+    if values.shape[1] != (width := WIDTHS.get(stream.kind, values.shape[1])):
+        return f"{stream.kind} needs {width} columns, has {values.shape[1]}"
+    if count < 2:
+        return f"needs at least two samples, has {count}"
+    if fault := disorder(stream.stamps):
+        return fault
+    if not (finite := np.isfinite(values)).all():
         row, column = np.argwhere(~finite)[0]
-        value = stream.values[row, column]
-        raise InputError(f"{where}: {at_row(row, stream.stamps)}, column {column}: value is {value}")
+        return f"{at_row(row, stream.stamps)}, column {column}: value is {values[row, column]}"
     if stream.kind in ("pose", "tool_to_board"):
-        norm = np.linalg.norm(stream.values[:, -4:], axis=1)
+        norm = np.linalg.norm(values[:, -4:], axis=1)
         off = np.abs(norm - 1) > NORM_TOLERANCE
         if off.any():
             row = int(np.argmax(off))
-            raise InputError(
-                f"{where}: {at_row(row, stream.stamps)}: quaternion has norm {norm[row]:.6g}, not 1"
-            )
+            return f"{at_row(row, stream.stamps)}: quaternion has norm {norm[row]:.6g}, not 1"
+    return None
 
 
 def check_speed(name: str, stream: Stream) -> None:
     """Refuse poses that nothing can have gone through.
 
     Bursts of messages are no jumps: a step counts as no shorter than the mean one. A turn in one step may lie
-    between two touches of a surface; a reading is off where the next one turns back.
-
-    Raises:
-        InputError: a step from one pose to the next is faster than `FASTEST`; topic and row are named.
+    between two touches of a surface; a reading is off where the next one turns back. Raises InputError: a
+    step from one pose to the next is faster than `FASTEST`; topic and row are named.
     """
     where = f"{name}: {stream.topic}"
     steps_s = 1e-9 * np.diff(stream.stamps)

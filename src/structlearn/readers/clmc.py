@@ -12,25 +12,26 @@ from typing import Any
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.bag_files import natural_order
 from structlearn.readers.recording import Recording, Stream
 from structlearn.readers.text_log import (
+    PublicSet,
+    natural_order,
     read_each,
     read_stamped_table,
     read_table,
-    source_provenance,
     uniform_stamps,
 )
 
-REPOSITORY = "https://github.com/gsutanto/dmp"
-COMMIT = "4f4492cf4295d9c3fe0ba9ce2fb726bf37be40df"
-LICENCE = "MIT, Copyright (c) 2021 Giovanni Sutanto"
+SOURCE = PublicSet(
+    "https://github.com/gsutanto/dmp",
+    "4f4492cf4295d9c3fe0ba9ce2fb726bf37be40df",
+    "MIT, Copyright (c) 2021 Giovanni Sutanto",
+)
 
 ROBOT_RATE_HZ = 300.0
 """Control rate of the unscrewing and scraping logs."""
 
-ELECTRODES = 19
-"""Electrodes of one BioTac finger."""
+ELECTRODES = 19  # of one BioTac finger
 
 
 def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
@@ -67,10 +68,11 @@ def read_reaches(
     """
     reaches = Path(folder) / "cart_coord_dmp" / dataset
     reaches = next(iter(sorted(reaches.parent.rglob(dataset))), reaches)
-    files = [path for path in reaches.glob("*.txt") if path.stem.isdecimal()]
+    files = sorted(
+        (path for path in reaches.glob("*.txt") if path.stem.isdecimal()), key=lambda path: int(path.stem)
+    )
     if not files:
         raise MissingInputError(f"{reaches}: holds no reaches (1.txt, 2.txt, ...)")
-    files = sorted(files, key=lambda path: int(path.stem))
     return read_each(partial(_reach, Path(folder)), files, left_out)
 
 
@@ -118,7 +120,7 @@ def _reach(folder: Path, path: Path) -> Recording:
         Stream("/pose", "pose", stamps, np.hstack([values[:, :3], identity])),
         Stream("/twist", "twist", stamps, np.hstack([values[:, 3:6], np.zeros((len(stamps), 3))])),
     )
-    provenance = _provenance(folder, [path]) | {"orientation": "not recorded"}
+    provenance = SOURCE.provenance(folder, [path]) | {"orientation": "not recorded"}
     return Recording(path.stem, streams, provenance=provenance)
 
 
@@ -138,7 +140,7 @@ def _unscrewing(folder: Path, path: Path) -> Recording:
         Stream("/wrench", "wrench", stamps, values[:, 19:25]),
         Stream("/tactile/0", "tactile", stamps, values[:, 25 : 25 + ELECTRODES]),
     )
-    provenance = _provenance(folder, [path]) | {"clock": "300 Hz, restored from five printed digits"}
+    provenance = SOURCE.provenance(folder, [path]) | {"clock": "300 Hz, restored from five printed digits"}
     return Recording(path.stem, streams, provenance=provenance)
 
 
@@ -158,11 +160,6 @@ def _primitive(folder: Path, primitive: Path) -> Recording:
         Stream("/tactile/0", "tactile", stamps, left),
         Stream("/tactile/1", "tactile", stamps, right),
     )
-    provenance = _provenance(folder, [primitive / name for name in columns]) | {
-        "clock": "300 Hz, no times in log"
-    }
+    provenance = SOURCE.provenance(folder, [primitive / name for name in columns])
+    provenance["clock"] = "300 Hz, no times in log"
     return Recording(primitive.name, streams, provenance=provenance)
-
-
-def _provenance(folder: Path, files: list[Path]) -> dict[str, str]:
-    return source_provenance(REPOSITORY, COMMIT, LICENCE, folder, files)

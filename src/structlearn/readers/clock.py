@@ -39,8 +39,7 @@ AS_WRITTEN = StampPolicy(clock="header", disorder="error")
 def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:
     """Rows (M,) of samples whose stamps (T,) in ns increase, and what was done in words; None: nothing was.
 
-    Raises:
-        InputError: the stamps do not increase and the policy is `error`; the message names the row.
+    Raises InputError: the stamps do not increase and the policy is `error`; the message names the row.
     """
     fault = disorder(stamps)
     if fault is None:

@@ -49,9 +49,8 @@ class TransformSeries:
 def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> dict[Edge, TransformSeries]:
     """Every transform on a topic in the order in which they came; frames without the slash of ROS 1.
 
-    Raises:
-        InputError: a message cannot be decoded or lacks a field of its type, or a quaternion is not of unit
-            norm; frames are named.
+    Raises InputError: a message cannot be decoded or lacks a field of its type, or a quaternion is not of
+    unit norm; frames are named.
     """
     pieces: dict[Edge, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
     with fields_named(where):
@@ -79,8 +78,7 @@ def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> 
 def chain(where: str, edges: Sequence[Edge], parent: str, child: str) -> list[Edge]:
     """The transforms on the way from one frame to another, in its order; either may be above the other.
 
-    Raises:
-        InputError: a frame is in none of them, none leads on, or a frame on the way has two parents.
+    Raises InputError: a frame is in none of them, none leads on, or a frame on the way has two parents.
     """
     parent, child = parent.lstrip("/"), child.lstrip("/")
     frames = sorted({frame for edge in edges for frame in edge})
@@ -111,11 +109,9 @@ def transform_pose(
 ) -> tuple[Stream, str | None]:
     """Stream of the pose of one frame in another, and what was done about stamps of its transforms.
 
-    `messages` are those of each of `pose.topics` that the file has.
-
-    Raises:
-        InputError: as `transform_series` and `chain`; stamps of a transform do not increase; nothing on the
-            way moves; or what moves is not all there at one time.
+    `messages` are those of each of `pose.topics` that the file has. Raises InputError: as `transform_series`
+    and `chain`; stamps of a transform do not increase; nothing on the way moves; or what moves is not all
+    there at one time.
     """
     series: dict[Edge, TransformSeries] = {}
     moving: set[Edge] = set()
@@ -182,10 +178,9 @@ def _inverse(values: np.ndarray) -> np.ndarray:
 def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> Stream:
     """Stream of the pose of a link, on the clock of the slowest of its joints (`clock.shared_stamps`).
 
-    Raises:
-        InputError: the URDF is missing or no URDF, has no such link, or a joint on the way to it is not
-            revolute, continuous or prismatic; nothing moves it; the log lacks a joint on the way or its
-            position; or its joints are not all there at one time.
+    Raises InputError: the URDF is missing or no URDF, has no such link, or a joint on the way to it is not
+    revolute, continuous or prismatic; nothing moves it; the log lacks a joint on the way or its position; or
+    its joints are not all there at one time.
     """
     chain = _Chain(pose)
     its = [one for one in (part.of_joints(chain.names) for part in series) if one is not None]
@@ -259,8 +254,7 @@ class _Chain:
 def robot_element(path: Path) -> ElementTree.Element:
     """The root of a URDF.
 
-    Raises:
-        InputError: the file is missing, a pipe, no URDF, or a xacro file that is not expanded yet.
+    Raises InputError: the file is missing, a pipe, no URDF, or a xacro file that is not expanded yet.
     """
     if path.exists() and not path.is_file():  # a pipe would be waited for
         raise InputError(f"{path}: cannot be read: not a file")

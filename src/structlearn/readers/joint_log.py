@@ -134,8 +134,7 @@ def read_log_table(
 ) -> list[Log]:
     """Read a set of logs in the order in which they were written.
 
-    Raises:
-        InputError: the table is missing, damaged or not of this kind of logs.
+    Raises InputError: the table is missing, damaged or not of this kind of logs.
     """
     logs = []
     for run in read_series(path):
@@ -181,8 +180,7 @@ def on_clock(
 def write_joint_log(log: JointLog, path: str | Path) -> None:
     """Write a log as an MCAP file, which gives the log its name; the caller publishes it.
 
-    Raises:
-        InputError: a stamp is negative or after 2^31 s.
+    Raises InputError: a stamp is negative or after 2^31 s.
     """
     values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
     messages = joint_messages(f"{log.name}: {JOINT_STATES}", log.joints, log.stamps, values)
@@ -209,12 +207,9 @@ def read_joint_log(
     """Read a log, named after its file, from one of any format (`bag_files`), ours or a robot's.
 
     Columns are those of the joints that are named, or of all joints of the publisher that has the most, in
-    the order of its first message.
-
-    Raises:
-        InputError: the file is missing, cut off or of another kind; it lacks the topic, or the topic is of
-            another type; joints have no names, one is missing, or they come at different times; positions,
-            velocities or efforts are not filled, or not finite.
+    the order of its first message. Raises InputError: the file is missing, cut off or of another kind; it
+    lacks the topic, or the topic is of another type; joints have no names, one is missing, or they come at
+    different times; positions, velocities or efforts are not filled, or not finite.
     """
     file = path if isinstance(path, RecordingFile) else as_recording_file(Path(path))
     where = f"{file.path}: topic '{topic}'"

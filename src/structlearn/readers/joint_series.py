@@ -110,10 +110,8 @@ def chosen(
 ) -> tuple[list[JointSeries], list[str]]:
     """The series of the joints that are wanted, in their order, and the joints that are left out.
 
-    Without names these are the joints of the publisher that has the most, of several the first.
-
-    Raises:
-        InputError: a joint that is wanted is in none of them.
+    Without names these are the joints of the publisher that has the most, of several the first. Raises
+    InputError: a joint that is wanted is in none of them.
     """
     present = [name for one in series for name in one.names]
     if joints is None:

@@ -17,17 +17,8 @@ Kind = Literal[
     "tool_to_board",
 ]
 
-WIDTHS: Mapping[str, int | None] = {
-    "pose": 7,
-    "twist": 6,
-    "joint_positions": None,
-    "joint_velocities": None,
-    "joint_torques": None,
-    "wrench": 6,
-    "tactile": None,
-    "tool_to_board": 4,
-}
-"""Columns of each kind of stream; None: any number, constant within the stream."""
+WIDTHS: Mapping[str, int] = {"pose": 7, "twist": 6, "wrench": 6, "tool_to_board": 4}
+"""Columns of each kind of stream; others have any number, constant within the stream."""
 
 JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
 """Kinds of stream that the fields position, velocity and effort of a joint state give."""

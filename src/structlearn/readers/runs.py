@@ -10,7 +10,7 @@ the same bytes, and a damaged file is an error (`core.artefacts`).
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,23 +20,8 @@ import pyarrow
 
 from structlearn.core.artefacts import read_arrow, write_arrow
 from structlearn.core.errors import InputError
-from structlearn.readers.demonstration import SIGNALS, Demonstration
+from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration
 from structlearn.readers.recording import NamedShape, Recording, Stream
-
-UNITS = {
-    "time": "s",
-    "position": "m",
-    "orientation": "",
-    "velocity": "m/s",
-    "angular_velocity": "rad/s",
-    "joint_positions": "rad",
-    "joint_velocities": "rad/s",
-    "joint_torques": "N m",
-    "wrench": "N, N m",
-    "tactile": "counts",
-    "tool_to_board": "",
-}
-"""SI units of the signals; quaternions w, x, y, z have none, a wrench is force, then torque."""
 
 PARTS: Mapping[str, Sequence[str]] = {
     **dict.fromkeys(("position", "velocity", "angular_velocity"), "xyz"),
@@ -89,8 +74,7 @@ def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str |
 def read_series(path: str | Path) -> list[Series]:
     """Read a set of runs, in the order in which they were written.
 
-    Raises:
-        InputError: the file is missing, damaged, of another kind, or a run is not in one piece.
+    Raises InputError: the file is missing, damaged, of another kind, or a run is not in one piece.
     """
     table = read_arrow(path)
     about = (table.schema.metadata or {}).get(RUNS)
@@ -117,7 +101,7 @@ def write_runs(runs: Sequence[Demonstration], target: str | Path) -> None:
     series = []
     for run in runs:
         columns = {"time": run.time}
-        for signal in SIGNALS:
+        for signal in SIGNAL_UNITS:
             values = getattr(run, signal)
             if values is not None:
                 names = PARTS.get(signal, range(values.shape[1]))
@@ -132,23 +116,22 @@ def write_runs(runs: Sequence[Demonstration], target: str | Path) -> None:
             ],
         }
         series.append(Series(run.name, columns, about))
-    write_series(series, UNITS, target)
+    write_series(series, {"time": "s", **SIGNAL_UNITS}, target)
 
 
 def read_runs(path: str | Path) -> list[Demonstration]:
     """Read a set of runs, in the order in which they were written.
 
-    Raises:
-        InputError: the file is missing, damaged or holds something else.
+    Raises InputError: the file is missing, damaged or holds something else.
     """
     runs = []
     for run in read_series(path):
         signals = {}
-        for signal in SIGNALS:
+        for signal in SIGNAL_UNITS:
             if names := [name for name in run.columns if name.partition(".")[0] == signal]:
                 signals[signal] = run.stacked(names)
         segments = run.about["true_segments"]
-        shapes = (
+        shapes: Iterator[dict[str, Any]] = (
             {key: np.array(value) if isinstance(value, list) else value for key, value in shape.items()}
             for shape in run.about["shapes"]
         )
@@ -191,8 +174,7 @@ def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
 def read_streams(path: str | Path) -> list[Recording]:
     """Read what `write_streams` wrote.
 
-    Raises:
-        InputError: the file is missing, damaged or holds something else.
+    Raises InputError: the file is missing, damaged or holds something else.
     """
     streams: dict[str, list[Stream]] = {}
     provenance = {}

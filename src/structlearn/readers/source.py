@@ -64,9 +64,8 @@ Setting = Annotated[str, BeforeValidator(setting_label), Field(pattern=r"^-?\w[\
 def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]:
     """Folders of a source by the label of their setting: those that are named, then all others.
 
-    Raises:
-        InputError: there is no such folder, two of its folders are one setting, or one of those named is
-            missing.
+    Raises InputError: there is no such folder, two of its folders are one setting, or one of those named is
+    missing.
     """
     source = home_path(source)
     if not source.is_dir():

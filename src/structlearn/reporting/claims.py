@@ -316,8 +316,7 @@ class Judged:
 def read_claims(path: Path) -> list[Claim]:
     """The claims of a page, in order.
 
-    Raises:
-        ValueError: an entry has an unknown key, an unknown test, or lacks something.
+    Raises ValueError: an entry has an unknown key, an unknown test, or lacks something.
     """
     return [Claim(**entry) for entry in read_values(path)]
 

@@ -63,8 +63,7 @@ class Findings(Mapping[str, Found]):
     ) -> Found:
         """Add a row for what was computed elsewhere; `headline`: for `metrics.json`, all or some cases.
 
-        Raises:
-            ValueError: there is such a row already.
+        Raises ValueError: there is such a row already.
         """
         if name in self._rows:
             raise ValueError(f"two findings are called {name}")
@@ -181,8 +180,7 @@ def _cases(found: Found) -> Iterable[tuple[str, Evidence]]:
 def read_findings(path: Path | Any) -> pd.DataFrame:
     """Read `findings.csv`, from its path or an open file.
 
-    Raises:
-        InputError: the file is missing or no table.
+    Raises InputError: the file is missing or no table.
     """
     texts = dict.fromkeys(("name", "case", "unit", "population", "study", "reason"), "")
     return read_csv(path, dtype=dict.fromkeys(texts, str)).fillna(texts)

@@ -83,10 +83,8 @@ def render_front(
 ) -> str:
     """The front page as HTML.
 
-    `claims`: `claims_table` by report; `tasks`: pages of single tasks by name.
-
-    Raises:
-        InputError: a report has no claim or case that the page names.
+    `claims`: `claims_table` by report; `tasks`: pages of single tasks by name. Raises InputError: a report
+    has no claim or case that the page names.
     """
     counts = {report: _counts(table) for report, table in claims.items()}
     return (
@@ -124,8 +122,7 @@ def _told(one: Finding, claims: Mapping[str, pd.DataFrame]) -> list[tuple[str, s
 def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
     """What a row says with its numbers, and its verdict over the cases meant.
 
-    Raises:
-        InputError: the report has no such claim or case.
+    Raises InputError: the report has no such claim or case.
     """
     table = claims[row.report]
     where = f"{row.report}: claim {row.claim}{f' of {row.set}' if row.set else ''}"
@@ -153,8 +150,7 @@ def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
 def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
     """The claims of a report, as `claims.csv` in a folder has them.
 
-    Raises:
-        InputError: the file is missing, or older than its names of claims.
+    Raises InputError: the file is missing, or older than its names of claims.
     """
     table = read_csv(folder / "claims.csv", keep_default_na=False)
     if "evidence" not in table:

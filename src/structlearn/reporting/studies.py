@@ -148,8 +148,7 @@ class People:
 def read_description(name: str, folder: Path = DESCRIPTIONS) -> Description:
     """A study by its name, e.g. `scraping/people`.
 
-    Raises:
-        InputError: there is no such study, or a key is missing, unknown or stands twice.
+    Raises InputError: there is no such study, or a key is missing, unknown or stands twice.
     """
     path = Path(folder, f"{name}.yaml")
     if not path.exists():
@@ -165,8 +164,7 @@ def study_names(folder: Path = DESCRIPTIONS) -> list[str]:
 def repeats(description: Description, parameters: Path) -> list[Changes]:
     """What is changed in each repeat.
 
-    Raises:
-        InputError: the parameters do not name its population.
+    Raises InputError: the parameters do not name its population.
     """
     if isinstance(description.repeats, list):
         return description.repeats
@@ -199,8 +197,7 @@ def write_made(made: Made, folder: Path) -> None:
 def stored_study(folder: Path) -> Study:
     """A study as it was written, with whatever parameters.
 
-    Raises:
-        InputError: a file is missing or damaged, or was written before commits were kept in it.
+    Raises InputError: a file is missing or damaged, or was written before commits were kept in it.
     """
     path = folder / "study.json"
     return Study(read_csv(folder / "table.csv"), checked(read_metrics(path), Made, path, "study"))
@@ -211,7 +208,7 @@ def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("param
     made = Path(folder, name)
     if not (made / "study.json").exists():
         return None
-    known = read_metrics(made / "study.json").get("parameters", {})
+    known: Any = read_metrics(made / "study.json").get("parameters", {})
     return stored_study(made) if known == digests(parameters, list(known)) else None
 
 
@@ -270,8 +267,7 @@ def studies_page(studies: Mapping[str, tuple[Description, Study]]) -> str:
 def run_part(name: str, description: Description, root: Path = Path(".")) -> Metrics:
     """Numbers of the part of a cell that a study's description names.
 
-    Raises:
-        InputError: the script failed.
+    Raises InputError: the script failed.
     """
     root = root.resolve()
     cell = description.rerun

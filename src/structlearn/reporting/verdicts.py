@@ -124,8 +124,7 @@ def written() -> dict[str, pd.DataFrame]:
 def committed(commit: str = "HEAD") -> dict[str, pd.DataFrame]:
     """Tables of claims of a commit, by testbed.
 
-    Raises:
-        subprocess.CalledProcessError: this is no repository, or it has no such commit.
+    Raises subprocess.CalledProcessError: this is no repository, or it has no such commit.
     """
     found = [Path(name) for name in _git("ls-tree", "-r", "--name-only", commit, "reports").splitlines()]
     tables = [path for path in found if path.match(TABLES)]

@@ -18,7 +18,7 @@ from structlearn.primitives.fitting import orientations, segment_paths, whole
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.twist_swing import dominant_axes, from_chart, on_chart
-from structlearn.readers.demonstration import SIGNALS, Demonstration
+from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration
 from structlearn.segmentation.alignment import RESULT
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
@@ -100,11 +100,13 @@ def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segment
         starts.append(times[-1][-1] + part.dt)
     signals: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in SIGNALS
+        for name in SIGNAL_UNITS
         if all(getattr(part, name) is not None for part in parts)
     }
     nothing: dict[str, Any] = {
-        one.name: None for one in fields(Demonstration) if one.name in SIGNALS and one.name not in signals
+        one.name: None
+        for one in fields(Demonstration)
+        if one.name in SIGNAL_UNITS and one.name not in signals
     }
     execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **signals, **nothing)
     rows = [
