@@ -335,11 +335,7 @@ def judge(
     environment: Environment,
     facts: Mapping[str, object],
 ) -> list[Judged]:
-    """Hold claims against what was found.
-
-    `claims`: of `read_claims`; `evidence`: by the names that the claims use. Raises ValueError: some is
-    missing.
-    """
+    """Hold claims against what was found, by the names that they use; a ValueError where some is missing."""
     if missing := {claim.evidence for claim in claims} - set(evidence):
         raise ValueError(f"nothing was found for {sorted(missing)}, which claims name")
     return [_judged(claim, evidence[claim.evidence], environment, facts) for claim in claims]
@@ -356,10 +352,12 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
         (capitalised(case), in_words(one, claim.format, claim.unit), one.n, claim.verdict(one, case))
         for case, one in by_case.items()
     )
-    studies = tuple(one.study for one in by_case.values())
-    more = tuple(claim.would_decide(one, case) for case, one in by_case.items())
     return Judged(
-        claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]), studies, more
+        claim=claim.model_copy(update=texts),
+        cases=cases,
+        verdict=combined([case[-1] for case in cases]),
+        studies=tuple(one.study for one in by_case.values()),
+        would_decide=tuple(claim.would_decide(one, case) for case, one in by_case.items()),
     )
 
 
@@ -443,9 +441,8 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
         "by_construction",
         "study",
         "evidence",
-        "would_decide",
     ]
-    table = pd.DataFrame(rows, columns=columns)
+    table = pd.DataFrame(rows, columns=[*columns, "would_decide"])
     if any(one.heading for one in judged):
         sets = [
             (one.heading, one.simulated, like.model_dump_json() if (like := one.claim.simulated) else "")
@@ -466,11 +463,6 @@ class OnRecordings:
     recorded: str  # verdict on recorded data
     found: tuple[str, ...]  # there, in words, one for each case
     heading: str  # of the set of recordings
-
-    @property
-    def alike(self) -> bool:
-        """Whether both have one verdict."""
-        return self.simulated == self.recorded
 
 
 QUOTED = Path("reports/quoted/recorded")
