@@ -92,11 +92,9 @@ def synchronise(
     neighbouring samples `gap` apart the error is at most gap^2 / 8 * max|x''|: at 150 Hz and 10 m/s^2 that is
     0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied: a signal sampled down keeps its noise.
 
-    Args:
-        recording: streams with stamps in ns.
-        rate_hz: ticks per second; None: one over the median step of the pose stream.
-        max_gap_s: longest step between neighbouring samples of a stream within the clock's time.
-        refuse_jumps: False for whoever looks at speeds himself, and leaves out what the sensor lost.
+    `rate_hz`: ticks per second; None: one over the median step of the pose stream. `max_gap_s`: longest step
+    between neighbouring samples of a stream within the clock's time. `refuse_jumps`: False for whoever looks
+    at speeds himself, and leaves out what the sensor lost.
 
     Returns:
         All signals at (T,) ticks. Orientations have unit norm and no jumps between Q and -Q. Several tactile
@@ -109,13 +107,11 @@ def synchronise(
             `max_gap_s`, the pose fails `check_speed`, or the streams do not share at least two ticks.
     """
     check_recording(recording)
-    start, end = _shared_time(recording.name, recording.streams)
     pose = next(stream for stream in recording.streams if stream.kind == "pose")
-    for stream in recording.streams:  # before the ticks: one far stamp would ask for terabytes of them
-        _check_gaps(recording.name, stream, start, end, max_gap_s)
+    start, duration = _shared_time(recording.name, recording.streams, max_gap_s)
     if refuse_jumps:
         check_speed(recording.name, pose)
-    ticks = _ticks(recording.name, end - start, _rate(recording.name, pose, rate_hz))
+    ticks = _ticks(recording.name, duration, pose, rate_hz)
     signals: dict[str, np.ndarray] = {}
     side_by_side: dict[Kind, list[np.ndarray]] = {}
     for stream in recording.streams:
@@ -138,11 +134,14 @@ def synchronise(
     if recording.provenance.get("orientation") == "not recorded":
         signals.pop("orientation")
         signals.pop("angular_velocity", None)
-    time = ticks * 1e-9
+    time, segments = ticks * 1e-9, recording.true_segments
+    if segments is not None:
+        late = (start - int(pose.stamps[0])) * 1e-9
+        segments = np.clip(np.asarray(segments, dtype=float) - late, 0.0, time[-1])
     return Demonstration(
         name=recording.name,
         time=time,
-        true_segments=_shifted(recording.true_segments, (start - int(pose.stamps[0])) * 1e-9, time[-1]),
+        true_segments=segments,
         provenance=dict(recording.provenance),
         shapes=recording.shapes,
         joint_names=recording.joint_names,
@@ -161,10 +160,8 @@ def on_one_clock(
     Raises:
         InputError: as `synchronise`, but that values are not looked at.
     """
-    start, end = _shared_time(name, streams)
-    for stream in streams:
-        _check_gaps(name, stream, start, end, max_gap_s)
-    ticks = _ticks(name, end - start, _rate(name, streams[0], rate_hz))
+    start, duration = _shared_time(name, streams, max_gap_s)
+    ticks = _ticks(name, duration, streams[0], rate_hz)
     sampled = [linear(ticks, (stream.stamps - start).astype(float), stream.values) for stream in streams]
     return ticks * 1e-9, sampled
 
@@ -218,8 +215,8 @@ def slerp(ticks: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.ndarray
     return quaternion.sign_continuous(quaternion.normalised(quaternion.interpolate(ticks, stamps, path)))
 
 
-def _rate(name: str, pose: Stream, rate_hz: float | None) -> float:
-    """Ticks per s."""
+def _ticks(name: str, duration: int, pose: Stream, rate_hz: float | None) -> np.ndarray:
+    """(T,) ticks in ns from 0 to `duration`; a tick at most 1e-6 steps after the end still counts."""
     if rate_hz is None:
         rate_hz = 1e9 / float(np.median(np.diff(pose.stamps)))
         if rate_hz > FASTEST_HZ:
@@ -228,11 +225,6 @@ def _rate(name: str, pose: Stream, rate_hz: float | None) -> float:
             )
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise InputError(f"{name}: rate_hz must be positive, is {rate_hz}")
-    return rate_hz
-
-
-def _ticks(name: str, duration: int, rate_hz: float) -> np.ndarray:
-    """(T,) ticks in ns from 0 to `duration`; a tick at most 1e-6 steps after the end still counts."""
     count = int(np.floor(duration * 1e-9 * rate_hz + 1e-6)) + 1
     if count < 2:
         raise InputError(
@@ -241,21 +233,11 @@ def _ticks(name: str, duration: int, rate_hz: float) -> np.ndarray:
     return np.arange(count) * (1e9 / rate_hz)
 
 
-def _check_gaps(name: str, stream: Stream, start: int, end: int, max_gap_s: float) -> None:
-    """Raise if a step that the clock crosses is too long; before start and after end nothing is needed."""
-    before, after = stream.stamps[:-1], stream.stamps[1:]
-    gaps = (after - before) * 1e-9
-    too_long = (gaps > max_gap_s * (1 + 1e-9)) & (after > start) & (before < end)
-    if too_long.any():
-        row = int(np.argmax(too_long))
-        raise InputError(
-            f"{name}: {stream.topic}: {at_row(row, stream.stamps)} is followed by a gap of "
-            f"{gaps[row]:.6g} s, longer than {max_gap_s:g} s"
-        )
+def _shared_time(name: str, streams: Sequence[Stream], max_gap_s: float) -> tuple[int, int]:
+    """First ns that all streams cover, and for how many ns; raise if a step that is crossed is too long.
 
-
-def _shared_time(name: str, streams: Sequence[Stream]) -> tuple[int, int]:
-    """First and last ns that all streams cover."""
+    Gaps are looked at before there are ticks: one far stamp would ask for terabytes of them.
+    """
     late = max(streams, key=lambda stream: int(stream.stamps[0]))
     early = min(streams, key=lambda stream: int(stream.stamps[-1]))
     start, end = int(late.stamps[0]), int(early.stamps[-1])
@@ -265,9 +247,14 @@ def _shared_time(name: str, streams: Sequence[Stream]) -> tuple[int, int]:
             f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin, which "
             "`clock: log` under `stamps` gives them"
         )
-    return start, end
-
-
-def _shifted(segments: np.ndarray | None, shift: float, end: float) -> np.ndarray | None:
-    """True segments (P, 2) in s, counted from `shift` later and clipped to [0, end]."""
-    return None if segments is None else np.clip(np.asarray(segments, dtype=float) - shift, 0.0, end)
+    for stream in streams:
+        before, after = stream.stamps[:-1], stream.stamps[1:]
+        gaps = (after - before) * 1e-9
+        too_long = (gaps > max_gap_s * (1 + 1e-9)) & (after > start) & (before < end)
+        if too_long.any():
+            row = int(np.argmax(too_long))
+            raise InputError(
+                f"{name}: {stream.topic}: {at_row(row, stream.stamps)} is followed by a gap of "
+                f"{gaps[row]:.6g} s, longer than {max_gap_s:g} s"
+            )
+    return start, end - start

@@ -39,22 +39,14 @@ UNITS = {
 
 @dataclass(frozen=True)
 class MotionLog:
-    """Motion of joints as it came, at possibly irregular times.
+    """Motion of joints as it came, at possibly irregular times."""
 
-    Attributes:
-        name: unique within its set.
-        joints: (n,) names in the order of the columns.
-        stamps: (T,) int64 ns, increasing.
-        positions: (T, n) rad (m where prismatic).
-        velocities: (T, n) rad/s.
-        provenance: what is known of the origin; `origin` is `simulated` or `recorded`.
-    """
-
-    name: str
-    joints: tuple[str, ...]
-    stamps: np.ndarray
-    positions: np.ndarray
-    velocities: np.ndarray
+    name: str  # unique within its set
+    joints: tuple[str, ...]  # (n,) names in the order of the columns
+    stamps: np.ndarray  # (T,) int64 ns, increasing
+    positions: np.ndarray  # (T, n) rad (m where prismatic)
+    velocities: np.ndarray  # (T, n) rad/s
+    # what is known of the origin; `origin` is `simulated` or `recorded`
     provenance: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -62,10 +54,9 @@ class MotionLog:
         count, width = len(self.stamps), len(self.joints)
         if count < 2:
             raise InputError(f"{self.name}: needs at least two samples, has {count}")
-        steps = np.diff(self.stamps)
-        if (steps <= 0).any():
-            row = int(np.argmax(steps <= 0)) + 1
-            raise InputError(f"{self.name}: {at_row(row, self.stamps)} does not come after the one before it")
+        if (late := np.diff(self.stamps) <= 0).any():
+            row = at_row(int(np.argmax(late)) + 1, self.stamps)
+            raise InputError(f"{self.name}: {row} does not come after the one before it")
         for signal in signals_of(type(self)):
             values = getattr(self, signal)
             if values.shape != (count, width):
@@ -94,17 +85,11 @@ class JointLog(MotionLog):
 
 @dataclass(frozen=True)
 class DriveLog(MotionLog):
-    """A log of an arm without torque sensors; a drive gives a gain times its current.
+    """A log of an arm without torque sensors; a drive gives a gain times its current."""
 
-    Attributes:
-        currents: (T, n) A, measured.
-        desired_currents: (T, n) A, what the controller asks the drives for.
-        target_torques: (T, n) N m, what the controller thinks the joints need; no measurement.
-    """
-
-    currents: np.ndarray
-    desired_currents: np.ndarray
-    target_torques: np.ndarray
+    currents: np.ndarray  # (T, n) A, measured
+    desired_currents: np.ndarray  # (T, n) A, what the controller asks the drives for
+    target_torques: np.ndarray  # (T, n) N m, what the controller thinks the joints need; no measurement
 
 
 Log = TypeVar("Log", JointLog, DriveLog)
@@ -153,15 +138,9 @@ def on_clock(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """A log on one uniform clock (`clock.on_one_clock`), each joint's current put back to when it acted.
 
-    Args:
-        log: n joints.
-        rate_hz: ticks per second.
-        delays_s: (..., n) by how much each measured current is later than the motion that it belongs to;
-            several assumptions about it share the clock.
-        max_gap_s: see `clock.synchronise`.
-
-    Returns:
-        Times (N,) s, positions and velocities (N, n), currents (..., N, n).
+    `delays_s`: (..., n) by how much each measured current is later than the motion that it belongs to;
+    several assumptions about it share the clock. Returns times (N,) s, positions and velocities (N, n),
+    currents (..., N, n).
     """
     late = np.round(np.asarray(delays_s) * 1e9).astype(np.int64)
     streams = [

@@ -31,21 +31,13 @@ MOST_JOINTS = 1000
 
 @dataclass(frozen=True)
 class JointSeries:
-    """Signals of joints that share a clock.
+    """Signals of joints that share a clock."""
 
-    Attributes:
-        topic: where they were published.
-        names: (J,) of the joints; or none, where messages name none.
-        publisher: number of the publisher within the topic.
-        stamps: (T,) int64 ns, increasing.
-        values: (T, J) of each kind that is filled.
-    """
-
-    topic: str
-    names: tuple[str, ...]
-    publisher: int
-    stamps: np.ndarray
-    values: Mapping[Kind, np.ndarray]
+    topic: str  # where they were published
+    names: tuple[str, ...]  # (J,) of the joints; or none, where messages name none
+    publisher: int  # its number within the topic
+    stamps: np.ndarray  # (T,) int64 ns, increasing
+    values: Mapping[Kind, np.ndarray]  # (T, J) of each kind that is filled
 
     def streams(self) -> list[Stream]:
         """One for each kind."""

@@ -24,24 +24,16 @@ class ClockParameters(Parameters):
 
 
 class SourceParameters(Parameters):
-    """Recordings of one kind of data.
+    """Recordings of one kind of data."""
 
-    Attributes:
-        kind: of data, under which entries stand.
-        title: of its page and above its claims; null: its name.
-        source: file or folder; begins with `~` in the home folder, with `$DATA` in that of public sets.
-        reader: module of `structlearn.readers`, or `bags`.
-        part: of the source, as the reader names its parts.
-        stamps: of bags, which clock counts.
-    """
+    kind: ClassVar[str]  # of data, under which entries stand
 
-    kind: ClassVar[str]
-
-    title: Name | None
+    title: Name | None  # of its page and above its claims; null: its name
+    # file or folder; begins with `~` in the home folder, with `$DATA` in that of public sets
     source: str = Field(min_length=1)
-    reader: str = Field(pattern=r"^[a-z][a-z0-9_]*$")
-    part: str | int | None
-    stamps: StampPolicy
+    reader: str = Field(pattern=r"^[a-z][a-z0-9_]*$")  # module of `structlearn.readers`, or `bags`
+    part: str | int | None  # of the source, as the reader names its parts
+    stamps: StampPolicy  # of bags, which clock counts
 
     def sources(self) -> dict[str, tuple[str, ...]]:
         """All files and folders that are read, as they are written, by what they are for."""

@@ -431,18 +431,9 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
         for one in judged
         for case, study, more in zip_longest(one.cases, one.studies, one.would_decide, fillvalue="")
     ]
-    columns = [
-        *texts,
-        "case",
-        "here",
-        "n",
-        "verdict",
-        "verdict_of_all",
-        "by_construction",
-        "study",
-        "evidence",
-    ]
-    table = pd.DataFrame(rows, columns=[*columns, "would_decide"])
+    columns = [*texts, "case", "here", "n", "verdict", "verdict_of_all"]
+    columns += ["by_construction", "study", "evidence", "would_decide"]
+    table = pd.DataFrame(rows, columns=columns)
     if any(one.heading for one in judged):
         sets = [
             (one.heading, one.simulated, like.model_dump_json() if (like := one.claim.simulated) else "")
