@@ -17,7 +17,7 @@ import yaml
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import printable
 from structlearn.core.stage import run
-from structlearn.readers.joint_series import FIELDS
+from structlearn.readers.joint_log import FIELDS
 from structlearn.readers.survey import TopicClocks, stamps_of
 from structlearn.tasks.inspection.fitness import Answer, fitness
 from structlearn.tasks.inspection.hand_paths import Candidate, candidates, pose_words

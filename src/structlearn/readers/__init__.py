@@ -1,7 +1,7 @@
 """Demonstrations as they come: bags and public logs in, signals on one clock out.
 
 `read_demonstrations` is the way in for a pipeline. Below it: `bag_files` (a source -> files of any format),
-`bag` and `pose_table` (a file <-> raw messages), `cdr`, `messages`, `joint_series` and
+`bag` and `pose_table` (a file <-> raw messages), `cdr`, `messages`, `joint_log` and
 `computed_pose` (raw messages <-> streams), `clock` (streams -> one clock). Stages hand sets on as
 tables: `runs`, and `joint_log` where nobody recorded a pose.
 """

@@ -16,14 +16,13 @@ from structlearn.readers.bag_files import (
     open_bag,
     recording_files,
 )
-from structlearn.readers.checks import check_recording
 from structlearn.readers.clock import AS_WRITTEN, MAX_GAP_S, StampPolicy, synchronise
 from structlearn.readers.computed_pose import joint_pose, transform_pose
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.joint_series import JointSeries, chosen, joint_series
+from structlearn.readers.joint_log import JointSeries, chosen, joint_series
 from structlearn.readers.messages import check_readable, shapes_message, to_messages, to_shapes, to_stream
 from structlearn.readers.pose_table import read_shapes, shape_file
-from structlearn.readers.recording import JOINT_KINDS, NamedShape, Recording, Stream
+from structlearn.readers.recording import JOINT_KINDS, NamedShape, Recording, Stream, check_recording
 from structlearn.readers.topics import MAX_FINGERS, OWN_TOPICS, JointPose, Role, TopicMap, TransformPose
 
 _TOPICS: dict[str, str] = {role: topic for topic, role in OWN_TOPICS.roles()}

@@ -20,8 +20,8 @@ from mcap.well_known import MessageEncoding
 
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages, damage_named
-from structlearn.readers.checks import at_row
 from structlearn.readers.clock import StampPolicy
+from structlearn.readers.recording import at_row
 
 MOST_LAYOUTS = 50
 """Layouts of one length that are looked for: frames of a robot have some, texts that change have no end."""

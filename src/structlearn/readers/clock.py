@@ -9,9 +9,16 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
-from structlearn.readers.checks import at_row, check_recording, check_speed, disorder
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import Kind, Recording, Stream
+from structlearn.readers.recording import (
+    Kind,
+    Recording,
+    Stream,
+    at_row,
+    check_recording,
+    check_speed,
+    disorder,
+)
 
 MAX_GAP_S = 0.2
 """Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag

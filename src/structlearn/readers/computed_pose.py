@@ -21,10 +21,9 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
 from structlearn.readers.bag import RawMessages
 from structlearn.readers.cdr import decoded, fields_named, nanoseconds, sample_stamps
-from structlearn.readers.checks import NORM_TOLERANCE
 from structlearn.readers.clock import StampPolicy, in_order, linear, shared_stamps, slerp
-from structlearn.readers.joint_series import JointSeries
-from structlearn.readers.recording import Stream
+from structlearn.readers.joint_log import JointSeries
+from structlearn.readers.recording import NORM_TOLERANCE, Stream
 from structlearn.readers.topics import JointPose, TransformPose
 
 Edge = tuple[str, str]

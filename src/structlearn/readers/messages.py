@@ -3,12 +3,12 @@
 Stamps. A topic whose messages have a header is stamped by the header: when the sample was taken. Where no
 header stamp of the topic is set (all are zero), for types without a header, and where the user says so, the
 log time stands in: when the recorder got it. The choice is made per topic, so that a simulator's clock may
-start at zero. Joint states are told apart by joint, see `joint_series`.
+start at zero. Joint states are told apart by joint, see `joint_log`.
 
 Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Its first message counts.
 
 Frames. Poses, twists and wrenches are taken as published; that their frame is the robot's base is up to the
-user, unless the pose is named by its frames (see `transforms`).
+user, unless the pose is named by its frames (see `computed_pose`).
 """
 
 import re

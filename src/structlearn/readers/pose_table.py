@@ -28,9 +28,8 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import Bag
-from structlearn.readers.checks import NORM_TOLERANCE
 from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
-from structlearn.readers.recording import FORMS, NamedShape, Stream
+from structlearn.readers.recording import FORMS, NORM_TOLERANCE, NamedShape, Stream
 from structlearn.readers.text_log import LARGEST, finite_numbers, read_rows, read_stamped_table, read_text
 
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}

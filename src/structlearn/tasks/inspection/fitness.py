@@ -9,8 +9,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from structlearn.readers.checks import NORM_TOLERANCE
 from structlearn.readers.clock import MAX_GAP_S
+from structlearn.readers.recording import NORM_TOLERANCE
 from structlearn.readers.survey import Stamps
 from structlearn.tasks.inspection.hand_paths import Candidate, PoseSource
 from structlearn.tasks.inspection.motion_survey import MotionSurvey

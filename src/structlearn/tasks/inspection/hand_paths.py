@@ -7,8 +7,7 @@ import numpy as np
 
 from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
-from structlearn.readers.checks import check_speed
-from structlearn.readers.recording import Stream
+from structlearn.readers.recording import Stream, check_speed
 from structlearn.readers.survey import Stamps, stamps_of
 from structlearn.readers.topics import JointPose, TransformPose
 from structlearn.rigid_body.urdf import HANDS

@@ -14,7 +14,7 @@ from structlearn.readers.bag_recording import read_recording
 from structlearn.readers.cdr import short_name
 from structlearn.readers.clock import StampPolicy
 from structlearn.readers.computed_pose import TransformSeries, transform_series
-from structlearn.readers.joint_series import JointSeries, chosen, joint_series
+from structlearn.readers.joint_log import JointSeries, chosen, joint_series
 from structlearn.readers.messages import READERS
 from structlearn.readers.recording import Stream
 from structlearn.readers.survey import Stamps, TopicClocks, stamps_of, topic_clocks
