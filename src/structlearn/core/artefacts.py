@@ -20,25 +20,10 @@ import pyarrow.parquet
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save
 
-from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.errors import InputError
 from structlearn.core.publication import publish
 
 Metrics = dict[str, float | int | str | bool | None]  # flat key figures
-
-
-def filled(folder: str | Path, at_least: int = 1) -> Path:
-    """A folder written by an earlier stage, which is empty where its data are missing.
-
-    `at_least`: files that are needed. Returns the folder. Raises MissingInputError: it holds fewer. Raises
-    InputError: it does not exist.
-    """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; run the stage that writes it")
-    count = len(list(folder.iterdir()))
-    if count < at_least:
-        raise MissingInputError(f"{folder} holds {count} files, {at_least} or more are needed")
-    return folder
 
 
 def write_table(frame: pd.DataFrame, target: str | Path) -> None:

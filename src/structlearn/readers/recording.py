@@ -1,5 +1,6 @@
 """A recording as it came: streams of one demonstration, each with its own clock, and what they must
-fulfil."""
+fulfil.
+"""
 
 from collections import Counter
 from collections.abc import Mapping
