@@ -1,6 +1,4 @@
-"""A recording as it came: streams of one demonstration, each with its own clock, and what they must
-fulfil.
-"""
+"""A recording as it came: streams of one demonstration, each with its own clock; and its checks."""
 
 from collections import Counter
 from collections.abc import Mapping
