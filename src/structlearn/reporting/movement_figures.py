@@ -35,6 +35,12 @@ from structlearn.segmentation.segments import Segmentation
 SPEED_CUTOFF_HZ = 5.0  # low-pass of the speeds that are drawn; differences of raw positions are mostly noise
 
 
+PAIRS_SHOWN = 16
+TOP_PAIRS = 8
+APART = 0.03
+"""Top pairs are this fraction of the reference segment apart: neighbouring samples have the same weight."""
+
+
 def speed(demonstration: Demonstration) -> np.ndarray:
     """Speed of the end effector for drawing, (T,) in m/s."""
     smooth = signals.low_pass(demonstration.position, demonstration.dt, SPEED_CUTOFF_HZ)
@@ -137,12 +143,6 @@ def sequence_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
     return figures
 
 
-PAIRS_SHOWN = 16
-TOP_PAIRS = 8
-APART = 0.03
-"""Top pairs are this fraction of the reference segment apart: neighbouring samples have the same weight."""
-
-
 def top_pairs(pairs: pd.DataFrame) -> pd.DataFrame:
     """Rows of largest weight of one demonstration and primitive (`Segmentation.pairs`), in order of time."""
     distance = APART * np.ptp(pairs["reference_s"].to_numpy())
@@ -168,16 +168,10 @@ def correspondence_figure(
     every, top, refined = (figure.subplots() for figure in figures)
     _draw_pairs(every, reference, guess, pairs, some, primitive.axis)
     every.set_title(f"(a) Every {len(pairs) // max(len(some) - 1, 1)}th pair, no weights")
-    every.legend(
-        handles=[
-            Line2D([], [], color=REFERENCE_COLOUR, linewidth=1.8, label="reference"),
-            Line2D([], [], color=DEMONSTRATION_COLOUR, linewidth=1.8, label="guess"),
-            Line2D([], [], color=BLUE, linewidth=0.8, label="pair"),
-            Line2D([], [], color=ORANGE, linewidth=0.8, label="pair, near-zero velocity"),
-        ],
-        handlelength=1.2,
-        fontsize=7.5,
-    )
+    lines = [("reference", REFERENCE_COLOUR, 1.8), ("guess", DEMONSTRATION_COLOUR, 1.8)]
+    lines += [("pair", BLUE, 0.8), ("pair, near-zero velocity", ORANGE, 0.8)]
+    handles = [Line2D([], [], color=colour, linewidth=width, label=label) for label, colour, width in lines]
+    every.legend(handles=handles, handlelength=1.2, fontsize=7.5)
     best = top_pairs(pairs)
     _draw_pairs(top, reference, guess, pairs, best, primitive.axis)
     top.set_title(f"(b) {len(best)} pairs of largest weight")
@@ -190,8 +184,7 @@ def correspondence_figure(
         curves[method] = segments[names.index(guess.name)]
     time = np.linspace(0.0, 1.0, len(curves["reference"]))
     for name, curve in curves.items():
-        label = "reference" if name == "reference" else METHOD_NAMES[name]
-        colour = REFERENCE_COLOUR if name == "reference" else METHOD_COLOURS[name]
+        label, colour = METHOD_NAMES.get(name, name), METHOD_COLOURS.get(name, REFERENCE_COLOUR)
         labels = [label, *[None] * (curve.shape[1] - 1)]  # several axes are one curve
         refined.plot(time, 1e3 * (curve - curve.mean(axis=0)), color=colour, label=labels)
     refined.set(title="(c) Refined and stretched", xlabel="time / duration of the segment")
@@ -247,8 +240,7 @@ def alignment_figure(
             curves, names = aligned_segments(*arguments)
             curves = 1e3 * (curves - curves.mean(axis=1, keepdims=True))
             time = np.linspace(0.0, 1.0, curves.shape[1])
-            order = sorted(range(len(names)), key=lambda place: names[place] == segmentation.reference)
-            for place in order:
+            for place in np.argsort(np.equal(names, segmentation.reference), kind="stable"):
                 first = names[place] == segmentation.reference
                 colour = REFERENCE_COLOUR if first else METHOD_COLOURS[method]
                 for column in curves[place].T:
@@ -259,7 +251,7 @@ def alignment_figure(
                 spread = f"spread {aligned_spread_mm(*arguments):.2f} mm"
                 panel.text(x, 0.95, spread, transform=panel.transAxes, ha=side, va="top")
             panel.set_title(METHOD_NAMES[method], fontweight="normal")
-        figures[-1].suptitle(f"{primitive.name[0].upper()}{primitive.name[1:]}", fontsize=9.5, weight="bold")
+        figures[-1].suptitle(capitalised(primitive.name), fontsize=9.5, weight="bold")
         figures[-1].supylabel(f"{primitive.axis} from its mean (mm)", fontsize=9.0)
         figures[-1].supxlabel("time / duration", fontsize=9.0)
     return figures
@@ -285,7 +277,7 @@ def noise_figure(
     errors.set_yscale("log")
     errors.yaxis.set_minor_locator(NullLocator())
     low, high = by_level["mean_ms"].min(), by_level["mean_ms"].max()
-    ticks = [tick for tick in (1, 2, 5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 1000, 2000)]
+    ticks = (1, 2, 5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 1000, 2000)
     errors.set_yticks([tick for tick in ticks if 0.7 * low <= tick <= 1.4 * high])
     errors.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     errors.set(title="Mean cut error", ylabel="mean absolute error (ms)")
@@ -310,18 +302,9 @@ def _draw_methods(
     for number, method in enumerate(methods):
         rows = table[table["method"] == method]
         x = rows["noise_mm"].map(places) + 0.07 * (number - 0.5 * (len(methods) - 1))
-        panel.errorbar(
-            x,
-            rows[mean],
-            rows[half].fillna(0.0),
-            color=METHOD_COLOURS[method],
-            marker="o",
-            markersize=3.5,
-            linewidth=1.3,
-            elinewidth=1.0,
-            capsize=2.0,
-            label=METHOD_NAMES[method],
-        )
+        look: dict[str, Any] = {"color": METHOD_COLOURS[method], "label": METHOD_NAMES[method], "marker": "o"}
+        look |= {"markersize": 3.5, "linewidth": 1.3, "elinewidth": 1.0, "capsize": 2.0}
+        panel.errorbar(x, rows[mean], rows[half].fillna(0.0), **look)
 
 
 @styled

@@ -110,11 +110,12 @@ def write_primitives(
             stream.log(entity("demonstrations", demonstration.name), grey, static=True)
         for primitive in primitives:
             _send_frame(stream, primitive, length)
+        names = [primitive.name for primitive in primitives]
         for number, (name, one) in enumerate(unrolled.items()):
             colour = colours[name] if colours else PATH_COLOURS[number % len(PATH_COLOURS)]
             strips = [colour if colours else primitive_colour(place) for place in range(len(primitives))]
             _send_path(stream, name, one, colour, strips, length)
-            _send_lane(stream, name, one, primitives)
+            send_primitive_lane(stream, entity("primitive", name), one.indexes(one.switches), names)
             _send_rates(stream, name, one, colour)
         _send_forcing(stream, next(iter(unrolled.values())), primitives)
 
@@ -186,15 +187,6 @@ def _send_path(
     stream.log(entity("switches", name, "label"), label, static=True)
     hand = entity("hands", name)
     send_moving_frame(stream, hand, path.indexes(), path.position, path.orientation, colour, length)
-
-
-def _send_lane(
-    stream: rr.RecordingStream, name: str, path: _Path, primitives: Sequence[PosePrimitive]
-) -> None:
-    names = [primitive.name for primitive in primitives]
-    colours = {one: primitive_colour(index) for index, one in enumerate(names)}
-    lane, indexes = entity("primitive", name), path.indexes(path.switches)
-    send_primitive_lane(stream, lane, indexes, [*names, ""], colours)
 
 
 def _send_rates(stream: rr.RecordingStream, name: str, path: _Path, colour: str) -> None:

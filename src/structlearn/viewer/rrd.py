@@ -48,21 +48,10 @@ def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
     """Write a recording; the file is complete when the block ends, and not there when that fails.
 
     It is gathered in memory: of a full disk rerun's own file sink tells in its log alone, if it does not
-    hang, and leaves what there was room for.
-
-    The viewer keeps one blueprint per application and merges recordings of equal id, so both are named after
-    the title: several recordings can be open side by side. No wall-clock time is logged.
-
-    Args:
-        path: of the file.
-        title: different for every recording.
-
-    Yields:
-        The stream to log to and to send the blueprint to.
-
-    Raises:
-        OSError: the file cannot be written.
-        InputError: it cannot be read back.
+    hang, and leaves what there was room for. The viewer keeps one blueprint per application and merges
+    recordings of equal id, so both are named after the title, which differs: several recordings can be open
+    side by side. No wall-clock time is logged. Yields the stream to log to and to send the blueprint to.
+    Raises OSError: the file cannot be written; InputError: it cannot be read back.
     """
     application = (
         f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # else rerun renames it, and says so
@@ -222,21 +211,12 @@ def solid_boxes(
 
 
 def send_primitive_lane(
-    stream: rr.RecordingStream,
-    path: str,
-    indexes: Sequence[rr.TimeColumn],
-    states: Sequence[str],
-    colours: dict[str, str] | None = None,
+    stream: rr.RecordingStream, path: str, indexes: Sequence[rr.TimeColumn], names: Sequence[str]
 ) -> None:
-    """Log which primitive runs from each of K times on, as a coloured lane; an empty name ends the lane.
-
-    Colours are by default those of primitives in the order of the states.
-    """
-    if colours is None:
-        colours = {name: primitive_colour(place) for place, name in enumerate(states) if name}
-    configuration = rr.StateConfiguration(values=list(colours), colors=rgba(list(colours.values())))
-    stream.log(path, configuration, static=True)
-    stream.send_columns(path, indexes, rr.StateChange.columns(state=list(states)))
+    """Log as a coloured lane which of P primitives runs from each of P + 1 times on; the last one ends it."""
+    colours = [primitive_colour(place) for place in range(len(names))]
+    stream.log(path, rr.StateConfiguration(values=names, colors=rgba(colours)), static=True)
+    stream.send_columns(path, indexes, rr.StateChange.columns(state=[*names, ""]))
 
 
 def axis_length(points: np.ndarray) -> float:
@@ -316,9 +296,7 @@ def lanes(contents: Sequence[str]) -> rrb.StateTimelineView:
 
 
 def layout(
-    content: rrb.Container | rrb.View,
-    timeline: str = TIME,
-    steps_per_s: float | None = None,
+    content: rrb.Container | rrb.View, timeline: str = TIME, steps_per_s: float | None = None
 ) -> rrb.Blueprint:
     """Blueprint that leaves the window to the views; the panels at the sides are folded away.
 

@@ -163,7 +163,7 @@ def _send_lane(stream: rr.RecordingStream, one: Execution) -> rrb.StateTimelineV
     """Log which primitive runs, at the same times in every setting, and return the view of it."""
     segments = one.run.signal("true_segments")
     times = time_column(np.append(segments[:, 0], segments[-1, 1]))
-    send_primitive_lane(stream, "primitive", [times], [*one.primitives, ""])
+    send_primitive_lane(stream, "primitive", [times], one.primitives)
     return lanes(["primitive"])
 
 
