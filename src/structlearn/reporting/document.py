@@ -205,21 +205,12 @@ def environment(package: str) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters |= {
-        "f": lambda value, number_format: prose.rounded(value + 0, number_format),  # + 0: nothing undefined
-        "words": in_sentence,
-        "listing": prose.listing,
-        "counted": prose.counted,
-        "capitalised": prose.capitalised,
-        "cell": cell,
-        "anchor": anchor,
-    }
-    made.globals |= {
-        "interval": prose.interval,
-        "with_interval": prose.with_interval,
-        "with_spread": prose.with_spread,
-        "percent": prose.percent,
-    }
+    made.filters["f"] = lambda value, digits: prose.rounded(value + 0, digits)  # + 0: nothing undefined
+    made.filters["words"] = in_sentence
+    for filter_ in (prose.listing, prose.counted, prose.capitalised, cell, anchor):
+        made.filters[filter_.__name__] = filter_
+    for function in (prose.interval, prose.with_interval, prose.with_spread, prose.percent):
+        made.globals[function.__name__] = function
     made.tests["numeric"] = is_numeric
     return made
 
@@ -311,9 +302,9 @@ def _rows(key: str, value: Any) -> Iterator[tuple[str, str]]:
 
 def _text(value: Any) -> str:
     if isinstance(value, list):
-        return ", ".join(_text(inner) for inner in value) or "\N{EN DASH}"
+        return ", ".join(_text(inner) for inner in value) or MISSING
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None:
-        return "\N{EN DASH}"
+        return MISSING
     return f"{value:g}" if isinstance(value, float) else str(value)
