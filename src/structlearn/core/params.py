@@ -186,9 +186,7 @@ def _reasons(key: str, error: ValidationError) -> list[str]:
         where = ".".join([key, *(str(part) for part in fault["loc"])])
         if fault["type"] == "extra_forbidden":
             reasons.append(f"{where}: unknown parameter")
-        elif isinstance(fault["input"], dict) and "error" in fault.get(
-            "ctx", {}
-        ):  # of several values together
+        elif isinstance(fault["input"], dict) and "error" in fault.get("ctx", {}):  # of several values
             reasons.append(f"{where}: {fault['ctx']['error']}")
         else:
             reasons.append(f"{where}: {fault['msg']} (got {reprlib.repr(fault['input'])})")

@@ -62,9 +62,8 @@ def read_reaches(
     in `cart_coord_dmp`, or in a folder there; of several that a pattern means, the first by the alphabet.
     `left_out`: see `text_log.read_each`.
 
-    Raises:
-        MissingInputError: there are no numbered files.
-        InputError: a file is not a table of 10 columns.
+    Raises MissingInputError: there are no numbered files. Raises InputError: a file is not a table of 10
+    columns.
     """
     reaches = Path(folder) / "cart_coord_dmp" / dataset
     reaches = next(iter(sorted(reaches.parent.rglob(dataset))), reaches)
@@ -82,9 +81,8 @@ def read_unscrewing(folder: str | Path, left_out: dict[str, str] | None = None) 
     Times are printed with five digits, up to 0.03 ms off the 300 Hz at which the robot ran; the exact times
     are restored.
 
-    Raises:
-        MissingInputError: there is no file.
-        InputError: a file is not a table of 93 columns whose times are those of 300 Hz.
+    Raises MissingInputError: there is no file. Raises InputError: a file is not a table of 93 columns whose
+    times are those of 300 Hz.
     """
     logs = Path(folder) / "quat_dmp_unscrewing"
     files = sorted(logs.rglob("*.txt"), key=lambda path: natural_order(path.stem))
@@ -99,10 +97,8 @@ def read_scraping_execution(folder: str | Path, trial: str | None = None) -> lis
     Recordings "prim1", "prim2", ... have pose, twist, joint positions and two fingers' electrodes (left,
     right); each starts at time 0. `trial` is a folder in `scraping`; None: the first that holds primitives.
 
-    Raises:
-        MissingInputError: there is no such execution.
-        InputError: a file of a primitive is missing, is not a table of its columns, or has another number of
-            rows than its fellows.
+    Raises MissingInputError: there is no such execution. Raises InputError: a file of a primitive is missing,
+    is not a table of its columns, or has another number of rows than its fellows.
     """
     scraping = Path(folder) / "scraping"
     found = [path for path in scraping.glob(f"{trial or '*'}/prim*") if path.is_dir()]

@@ -36,9 +36,7 @@ MISSING = -1.0
 def read_touch(folder: Path, entry: object, left_out: dict[str, str]) -> list[TouchLog]:
     """All runs, over places and on a scale, each in the order of their names, which are times.
 
-    Raises:
-        MissingInputError: there is no run over places.
-        InputError: see `read_run`.
+    Raises MissingInputError: there is no run over places. Raises InputError: see `read_run`.
     """
     found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
     if not found[PRESSES]:

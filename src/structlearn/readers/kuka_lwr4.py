@@ -30,9 +30,8 @@ def read_motion(
 ) -> list[JointLog]:
     """All logs `measurements_*.npz` of a folder, or of folders there, about 200 Hz and uneven.
 
-    Raises:
-        MissingInputError: there is no log.
-        InputError: a file is no archive of arrays, or an array is missing or of another shape.
+    Raises MissingInputError: there is no log. Raises InputError: a file is no archive of arrays, or an array
+    is missing or of another shape.
     """
     folder = Path(folder)
     found = SOURCE.files(folder, "measurements_*.npz", "logs (measurements_1.npz, ...)")

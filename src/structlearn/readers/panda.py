@@ -34,9 +34,8 @@ def read_motion(
     The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six
     significant digits. Names of folders stand before those of their motions. `left_out`: see `read_each`.
 
-    Raises:
-        MissingInputError: there is no file of positions.
-        InputError: a file is missing, no table of numbers or not of the length that the times ask for.
+    Raises MissingInputError: there is no file of positions. Raises InputError: a file is missing, no table of
+    numbers or not of the length that the times ask for.
     """
     folder = Path(folder)
     found = SOURCE.files(folder, "*_positions.txt", "motion (exciting_traj_positions.txt, ...)")

@@ -52,9 +52,8 @@ def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str] | None = N
     any part of the data set: trials whose folder is missing are passed over. `entry` is not used; `left_out`:
     see `text_log.read_each`.
 
-    Raises:
-        MissingInputError: there is no table of trials, or none of its trials.
-        InputError: a file is missing, or a row is not what it should be; the message names file and line.
+    Raises MissingInputError: there is no table of trials, or none of its trials. Raises InputError: a file is
+    missing, or a row is not what it should be; the message names file and line.
     """
     if not (folder / TRIALS).is_file():
         raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")

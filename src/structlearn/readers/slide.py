@@ -45,9 +45,8 @@ def read_slides(
     The folder holds MATERIAL_TRIAL_STREAM.csv files, or folders of them; recordings are named like "mat9_1".
     `left_out`: see `read_each`.
 
-    Raises:
-        MissingInputError: there is no trial.
-        InputError: a stream is missing or not a table of its columns.
+    Raises MissingInputError: there is no trial. Raises InputError: a stream is missing or not a table of its
+    columns.
     """
     found = {path.stem.removesuffix("_cp"): path.parent for path in Path(folder).rglob("*_*_cp.csv")}
     by_material: dict[str, list[str]] = {}

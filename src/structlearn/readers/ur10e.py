@@ -45,10 +45,8 @@ def read_motion(
 
     They have no header; time in s, then the columns of `SIGNALS`. `left_out`: see `read_each`.
 
-    Raises:
-        MissingInputError: there is no log.
-        InputError: a name comes twice; one is no table of 31 numbers per line, or its times do not
-            increase; the message names file and line.
+    Raises MissingInputError: there is no log. Raises InputError: a name comes twice; one is no table of 31
+    numbers per line, or its times do not increase; the message names file and line.
     """
     folder = Path(folder)
     found = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.stem)
