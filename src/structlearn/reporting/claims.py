@@ -23,12 +23,12 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 from jinja2 import Environment
-from pydantic import BaseModel, ConfigDict, PositiveFloat, model_validator
+from pydantic import PositiveFloat, model_validator
 from scipy.special import ndtri, stdtrit
 
 from structlearn.core.artefacts import read_csv
 from structlearn.core.metrics import mean_interval, wilson_interval
-from structlearn.core.params import read_values
+from structlearn.core.params import Parameters, read_values
 from structlearn.reporting.prose import capitalised, interval, percent, rounded
 
 YES, NO, UNDECIDED, NOT_TESTED = "yes", "no", "undecided", "not tested"
@@ -172,16 +172,6 @@ def unknown(reason: str) -> Evidence:
 Found = Evidence | Mapping[str, Evidence]  # what was found for one claim: one number, or one by case
 
 
-def quoted(found: Mapping[str, Found], study: str) -> dict[str, Found]:
-    """Evidence read from the table of a study, marked as such: running the pipeline does not test it."""
-    return {
-        name: replace(one, study=study)
-        if isinstance(one, Evidence)
-        else {case: replace(its, study=study) for case, its in one.items()}
-        for name, one in found.items()
-    }
-
-
 def _decided(holds: bool, fails: bool) -> str:
     return YES if holds else NO if fails else UNDECIDED
 
@@ -204,10 +194,8 @@ MOST = 500
 NEEDS_BOUND = {"at most", "at least", "between"}
 
 
-class Counterpart(BaseModel):
+class Counterpart(Parameters):
     """The like statement of another testbed."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     testbed: str  # whose `claims.csv` has it
     statement: str  # as it stands there
@@ -217,21 +205,15 @@ class Counterpart(BaseModel):
     by: Literal["text", "ours"] | None = None
 
 
-class Margin(BaseModel):
+class Margin(Parameters):
     """Smallest effect of interest, written down before the result: an interval within it is no difference."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    size: (
-        PositiveFloat | dict[str, PositiveFloat]
-    )  # distance from the bound in the row's unit, or one by case
+    size: PositiveFloat | dict[str, PositiveFloat]  # from the bound in the row's unit, or one by case
     reason: str  # why a smaller effect does not matter
 
 
-class Claim(BaseModel):
+class Claim(Parameters):
     """One entry of a `claims.yaml`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     # what is claimed; a template that may name the page's facts, as may `published` and `note`
     statement: str
@@ -454,6 +436,11 @@ class OnRecordings:
     recorded: str  # verdict on recorded data
     found: tuple[str, ...]  # there, in words, one for each case
     heading: str  # of the set of recordings
+
+    @property
+    def alike(self) -> bool:
+        """Whether both have one verdict."""
+        return self.simulated == self.recorded
 
 
 QUOTED = Path("reports/quoted/recorded")
