@@ -117,7 +117,7 @@ def test_notes_and_lanes(tmp_path):
     path = tmp_path / "lane.rrd"
     with recording(path, "Lane") as stream:
         send_notes(stream, legend({"the one": LIGHT_BLUE}))
-        send_primitive_lane(stream, "lane", [time_column(np.arange(3.0))], ["down", "turn", ""])
+        send_primitive_lane(stream, "lane", [time_column(np.arange(3.0))], ["down", "turn"])
         stream.send_blueprint(rr.blueprint.Blueprint(rr.blueprint.TextDocumentView()))
     assert contents(path)[0] == {"/lane": 3}
     assert values(path, "/lane", "StateConfiguration:values") == [["down", "turn"]]
