@@ -12,7 +12,7 @@ import pandas as pd
 from scipy.linalg import qr
 from scipy.special import stdtrit
 
-from structlearn.core.block_bootstrap import block_sums, blocks, drawn_counts
+from structlearn.core.metrics import block_sums, blocks, drawn_counts
 from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
