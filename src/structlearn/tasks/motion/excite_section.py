@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from structlearn.core.params import Parameters
 from structlearn.palette import BLUE, CATEGORICAL_COLOURS, GREY
 from structlearn.reporting.document import Document, Source
-from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.motion import Motion
 from structlearn.tasks.shown_tables import shown
