@@ -33,13 +33,13 @@ UNSEEN = avoidance_protocols.unseen(PRIMITIVE)
 
 
 def own_scores():
-    scores = evaluation().scores
+    scores, _, _ = evaluation()
     return scores[scores["person"] == POPULATION.shown]
 
 
 @pytest.fixture(scope="module")
 def reaches():
-    return reaches_by_situation(evaluation().paths, own_scores(), PRIMITIVE)
+    return reaches_by_situation(evaluation()[1], own_scores(), PRIMITIVE)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_reaches_are_those_of_the_tables(reaches):
     for reach in its:
         row = scores.loc[(reach.model, reach.learned_from)]
         assert (reach.obstacle_distance, reach.hit) == (row["obstacle_distance"], row["hit"])
-    assert sum(len(reach.time) for group in reaches.values() for reach in group) == len(evaluation().paths)
+    assert sum(len(reach.time) for group in reaches.values() for reach in group) == len(evaluation()[1])
     x = (PRIMITIVE.goal - PRIMITIVE.start) / np.linalg.norm(PRIMITIVE.goal - PRIMITIVE.start)
     np.testing.assert_allclose(its[1].coupling_in_base @ x, its[1].coupling[:, 0], atol=1e-9)
     assert np.abs(its[1].coupling).max() > 0.1

@@ -13,15 +13,17 @@ from viewer_files import colour_of, contents, note
 
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
-from structlearn.avoidance.scene_folds import MODELS, WAYS
-from structlearn.avoidance.scene_models import SCENE, TEXT, displaced_states, samples_of_scene, scene_states
-from structlearn.avoidance.scene_people import (
-    ScenePeopleParameters,
-    folds_of_people,
-    learn_past_obstacles,
-    reaches_past_obstacles,
+from structlearn.avoidance.scene_folds import MODELS, WAYS, folds_of_people, learn_past_obstacles
+from structlearn.avoidance.scene_models import (
+    SCENE,
+    TEXT,
+    displaced_states,
+    nearest_seen,
+    samples_of_scene,
+    scene_states,
+    unroll_through,
 )
-from structlearn.avoidance.scene_unroll import nearest_seen, unroll_through
+from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
@@ -38,7 +40,7 @@ from structlearn.tasks.obstacles.scene_section import LOOKS, SceneWays, scene_fi
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
 QUICK = {"folds": 2, "network": {"members": 1, "training": {"iterations": 4}}}
 QUICK |= {"text_network": {"training": {"iterations": 4}}}
-PARAMETERS = committed(ScenePeopleParameters, "defaults.obstacles", tuned_on=["p0"], **BOXES, **QUICK)
+PARAMETERS = committed(SceneLearningParameters, "defaults.obstacles", tuned_on=["p0"], **BOXES, **QUICK)
 RATE_HZ, REST_S, MOVE_S = 90.0, 0.6, 1.5
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 WALLS = [
@@ -199,10 +201,10 @@ def test_the_text_sees_the_nearest_box():
     rng = np.random.default_rng(0)
     position, velocity = rng.normal(0.1, 0.1, (2, len(reaches), 3))
     clouds = np.stack([scenes.clouds[:, 0] + [0.0, 0.5, 0.0], scenes.clouds[:, 0]], axis=1)
-    seen = nearest_seen(position, velocity, clouds)
+    seen, _ = nearest_seen(position, velocity, clouds)
     near = clouds[:, 1]
     expected = features(position, velocity, 1.0, near, near.mean(axis=1))
-    assert np.allclose(seen.features, expected)
+    assert np.allclose(seen, expected)
     assert np.allclose(seen.first_x, near[..., 0].min(axis=1))
 
 
@@ -274,7 +276,7 @@ def recordings():
 
 
 def test_reaches_of_a_task_are_learned_from_without_times_and_people():
-    parameters = committed(ScenePeopleParameters, "defaults.obstacles", **QUICK)
+    parameters = committed(SceneLearningParameters, "defaults.obstacles", **QUICK)
     rows = learn_past_obstacles(recordings(), parameters).reaches
     assert rows.groupby("way").size().eq(6).all()
     assert rows.groupby("person")["fold"].nunique().eq(1).all()
@@ -405,7 +407,7 @@ def test_the_recording_shows_every_scene_and_way(tmp_path):
 
 def test_recorded_people_pass_beside_the_boxes():
     """What the reaches show without any model: nobody touches, gaps are a matter of the scene."""
-    public = committed(ScenePeopleParameters, "defaults.obstacles", **BOXES)
+    public = committed(SceneLearningParameters, "defaults.obstacles", **BOXES)
     recordings = read_obstacles(recorded_data("reaches_past_boxes"), None)
     trials = [synchronise(one, refuse_jumps=False) for one in recordings]  # the stage names them
     reaches, left_out = reaches_past_obstacles(trials, public)

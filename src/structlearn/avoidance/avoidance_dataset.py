@@ -7,7 +7,7 @@ is the difference to the baseline unrolled from its start to its end.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -25,6 +25,7 @@ from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.readers.demonstration import Demonstration
 
 AXES = "xyz"
+Samples = TypeVar("Samples")
 
 
 class AvoidanceDataParameters(Parameters):
@@ -162,11 +163,10 @@ def avoidance_dataset(
     return concatenated(parts)
 
 
-def concatenated(parts: Sequence[AvoidanceDataset]) -> AvoidanceDataset:
-    """The samples of several datasets, one after the other."""
-    return AvoidanceDataset(
-        **{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
-    )
+def concatenated(parts: Sequence[Samples]) -> Samples:
+    """The samples of several dataclasses of arrays (S, ...), one after the other."""
+    names = vars(parts[0])
+    return type(parts[0])(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in names})
 
 
 def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:

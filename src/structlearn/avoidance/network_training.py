@@ -172,9 +172,9 @@ def train_member(
     )
     training = parameters.training
     if training.rule != VALIDATION:
-        return train(samples, parameters.hidden, training, stream=stream).layers
+        return train(samples, parameters.hidden, training, stream=stream)
     held = _validation_rows(seen, training, stream)
-    return train(samples.where(~held), parameters.hidden, training, samples.where(held), stream).layers
+    return train(samples.where(~held), parameters.hidden, training, samples.where(held), stream)
 
 
 def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description: str) -> HumanInspiredModels:

@@ -19,6 +19,7 @@ from structlearn.avoidance.scene_models import (
     SCENE,
     TEXT,
     Learned,
+    Scenes,
     learn,
     reach_scenes,
     reach_through,
@@ -26,7 +27,9 @@ from structlearn.avoidance.scene_models import (
     samples_of_scene,
     scene_states,
 )
-from structlearn.avoidance.scene_unroll import SceneLearningParameters, SceneReach, Scenes
+from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach, reaches_past_obstacles
+from structlearn.core.errors import MissingInputError
+from structlearn.readers.demonstration import Demonstration
 
 MODELS = (HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE)
 WAYS = (NONE, *MODELS, PLANNED)  # in the order of tables
@@ -52,6 +55,41 @@ class SceneResults:
     # of these reaches: `reach`, whether an obstacle (`box`) or a wall, its centre `x_m`, `y_m`, `z_m` and
     # extent `width_m`, `depth_m`, `height_m`
     shapes: pd.DataFrame
+
+
+def learn_past_obstacles(runs: Sequence[Demonstration], parameters: SceneLearningParameters) -> SceneResults:
+    """Cut the reaches, learn fold by fold, and try everything in the scenes left out.
+
+    Raises:
+        InputError: as `reaches_past_obstacles`.
+        MissingInputError: people are too few.
+    """
+    reaches, left_out = reaches_past_obstacles(runs, parameters)
+    return judge_folds(reaches, left_out, folds_of_people(reaches, parameters), parameters)
+
+
+def folds_of_people(reaches: Sequence[SceneReach], parameters: SceneLearningParameters) -> list[list[str]]:
+    """People on whom nothing was chosen, dealt out in turn; fewer are fewer folds.
+
+    Where all are judged they are dealt out by how far their straightest reach leaves the straight line, so
+    that all folds have straight reaches, of which the baseline is learned, if there are enough. Others are
+    dealt out by name, since those who are always learned from have straight ones.
+
+    Raises:
+        MissingInputError: there is nobody to judge, or nobody else to learn from.
+    """
+    bends: dict[str, float] = {}
+    for reach in reaches:
+        bends[reach.person] = min(reach.bend, bends.get(reach.person, np.inf))
+    people = sorted(bends) if parameters.tuned_on else sorted(bends, key=bends.__getitem__)
+    judged = [person for person in people if person not in parameters.tuned_on]
+    if not judged or len(people) < 2:
+        raise MissingInputError(
+            f"reaches of {len(people)} people, {len(judged)} of them on whom nothing was chosen: one is "
+            "needed to be judged, and another person to learn from"
+        )
+    count = min(parameters.folds, len(judged))
+    return [judged[number::count] for number in range(count)]
 
 
 def judge_folds(

@@ -8,7 +8,7 @@ meets obstacles as point clouds, one per scenario, at rest or moving.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -249,6 +249,10 @@ class CloudBatch:
     centre: np.ndarray  # (B, 3) at the start, m
     radius: np.ndarray  # (B,) virtual radius in m
     motion: Motion | None = None  # displacement over time; None for obstacles at rest
+
+    def where(self, rows: np.ndarray) -> Self:
+        """The obstacles at rest of some scenarios, by a mask (B,) or indices."""
+        return type(self)(self.points[rows], self.centre[rows], self.radius[rows])
 
     def displacement(self, time: float) -> np.ndarray:
         """(B, 3) displacement in m since the start, at a time in s."""

@@ -81,14 +81,14 @@ class Outline:
 
 def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures of the page by name; `largest_nmse` is the published one."""
-    setting = example_setting(results.found.scores, results.population.shown)
+    setting = example_setting(results.scores, results.population.shown)
     kinds = (NETWORK, HUMAN_INSPIRED)
     contenders: list[tuple[str, str, Sequence[str]]] = [
         (NO_MODEL, "", [""]),
-        (HUMAN_INSPIRED, "per setting", [SETTING]),
-        (NETWORK, "per setting", [SETTING]),
+        *((kind, "per setting", [SETTING]) for kind in (HUMAN_INSPIRED, NETWORK)),
         (ENSEMBLE, "per shape", SHAPES),
     ]
+    rows_beyond = [[_beyond_panel(results, protocol) for protocol in pair] for pair in (GRID[:2], GRID[2:])]
     example = _to_scale([_example_panel(results, shape, setting) for shape in SHAPES])
     closest = closest_panel(results, setting)
     closest.set_figheight(example[0].get_figheight())
@@ -99,7 +99,7 @@ def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing 
         "people": [Raster(people_panel(results, *contender)) for contender in contenders],
         "hits": hits_panel(results),
         "unseen": _to_scale([_unseen_panel(results, source) for source in (*SHAPES, ALL)]),
-        "beyond": [one for pair in (GRID[:2], GRID[2:]) for one in _beyond_panels(results, pair)],
+        "beyond": [panel for row in rows_beyond for panel in _to_scale(row)],
         "distances": [Raster(distances_panel(results, protocol)) for protocol in GRID],
     }
 
@@ -151,17 +151,11 @@ def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
         for its, centre in sorted(zip(hit, centres.tolist(), strict=True))
     ]
     keys = [SituationKey(UNSEEN, "sphere", number) for number in range(1, len(hit) + 1)]
-    paths = [
-        _reach(results, key, ENSEMBLE, source).position[::2] for key in keys
-    ]  # enough for small pictures
-    colour = SOURCES[source].colour
-    curves = [Curve(to_local(path, results.baseline), colour, style=THIN) for path in paths]
+    # every other sample is enough for small pictures
+    paths = [to_local(_reach(results, key, ENSEMBLE, source).position[::2], results.baseline) for key in keys]
+    curves = [Curve(path, SOURCES[source].colour, style=THIN) for path in paths]
     curves += _curves(results, _reach(results, keys[0]), BLACK, KINDS[NO_MODEL].name)
     return two_views(capitalised(model_name(ENSEMBLE, source)), outlines, curves)
-
-
-def _beyond_panels(results: ObstacleResults, protocols: Sequence[str]) -> list[Figure]:
-    return _to_scale([_beyond_panel(results, protocol) for protocol in protocols])
 
 
 def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
@@ -219,7 +213,7 @@ def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) 
 @styled
 def closest_panel(results: ObstacleResults, setting: int) -> Figure:
     """Closest distance to the obstacle of one setting, by shape, of the person shown and of models."""
-    people = results.found.people
+    people = results.demonstration_scores
     people = people[(people["scenario"] == setting) & (people["person"] == results.population.shown)]
     rows = [(DEMONSTRATIONS.name, DEMONSTRATIONS.colour, "o", people)]
     for kind, sources, words, marker in (

@@ -64,7 +64,7 @@ def document(results: ObstacleResults, find: Findings) -> Document:
         sources=SOURCES,
         parameters=results.parameters,
         recordings="../rerun/obstacles",
-        simulated=results.simulated,
+        simulated=any(one.simulated for its in results.demonstrations.values() for one in its),
     )
 
 
@@ -78,7 +78,7 @@ def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, A
         "few_hits": FEW_HITS,
         "shown": results.population.shown,
         "tuning": results.population.tuning,
-        "setting": example_setting(results.found.scores, results.population.shown),
+        "setting": example_setting(results.scores, results.population.shown),
         "length": length,
         "longest_detour_m": DETOURS_M[-1],
         "end_clearance_m": END_CLEARANCE_M,

@@ -19,7 +19,6 @@ from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     TRAINED,
     UNSEEN,
 )
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import summary
 
 PRINTED, HERE = "dissertation", "here"
 
@@ -189,6 +188,16 @@ def hits(results: ObstacleResults) -> pd.DataFrame:
         row |= {f"detour_{name}": every[name]["detour_m"].mean() for name in (UNSEEN, MOVING, PAIR)}
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def summary(rows: pd.DataFrame) -> Row:
+    """Extremes and means over scenarios of `avoidance_scores.scores` or `people.demonstration_scores`."""
+    goal, obstacle = rows["goal_distance_m"], rows["obstacle_distance"]
+    row: Row = {"goal_max": goal.max(), "goal_mean": goal.mean(), "hits": int(rows["hit"].sum())}
+    row |= {"obstacle_min": obstacle.min(), "obstacle_mean": obstacle.mean()}
+    return row | (
+        {"late_goal_max": rows["late_goal_distance_m"].max()} if "late_goal_distance_m" in rows else {}
+    )
 
 
 def _rows(
