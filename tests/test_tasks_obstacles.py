@@ -201,11 +201,11 @@ def test_the_text_sees_the_nearest_box():
     rng = np.random.default_rng(0)
     position, velocity = rng.normal(0.1, 0.1, (2, len(reaches), 3))
     clouds = np.stack([scenes.clouds[:, 0] + [0.0, 0.5, 0.0], scenes.clouds[:, 0]], axis=1)
-    seen, _ = nearest_seen(position, velocity, clouds)
+    seen, x = nearest_seen(position, velocity, clouds)
     near = clouds[:, 1]
     expected = features(position, velocity, 1.0, near, near.mean(axis=1))
     assert np.allclose(seen, expected)
-    assert np.allclose(seen.first_x, near[..., 0].min(axis=1))
+    assert np.allclose(x, near[..., 0])
 
 
 def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstration():

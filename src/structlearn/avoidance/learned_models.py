@@ -83,8 +83,7 @@ def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: s
 def read_phase_modulated(path: str | Path) -> dict[str, PhaseModulatedAvoidance]:
     """Read the models of a file by name, in alphabetical order.
 
-    Raises:
-        InputError: the file is missing, no safetensors, or a model lacks an axis.
+    Raises InputError: the file is missing, no safetensors, or a model lacks an axis.
     """
     networks = read_networks(path)
     names = sorted({name.rpartition(".")[0] for name in networks})
@@ -120,8 +119,7 @@ def write_models(models: AvoidanceModels, folder: str | Path) -> None:
 def read_models(folder: str | Path) -> AvoidanceModels:
     """Read what `write_models` wrote.
 
-    Raises:
-        InputError: a file is missing or holds something else.
+    Raises InputError: a file is missing or holds something else.
     """
     files = {kind: Path(folder, f"{kind}.safetensors") for kind in FORMATS}
     wanted = [kind for kind, file in files.items() if kind != PHASE_MODULATED or file.exists()]

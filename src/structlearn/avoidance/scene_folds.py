@@ -60,9 +60,7 @@ class SceneResults:
 def learn_past_obstacles(runs: Sequence[Demonstration], parameters: SceneLearningParameters) -> SceneResults:
     """Cut the reaches, learn fold by fold, and try everything in the scenes left out.
 
-    Raises:
-        InputError: as `reaches_past_obstacles`.
-        MissingInputError: people are too few.
+    Raises InputError: as `reaches_past_obstacles`. Raises MissingInputError: people are too few.
     """
     reaches, left_out = reaches_past_obstacles(runs, parameters)
     return judge_folds(reaches, left_out, folds_of_people(reaches, parameters), parameters)
@@ -73,10 +71,8 @@ def folds_of_people(reaches: Sequence[SceneReach], parameters: SceneLearningPara
 
     Where all are judged they are dealt out by how far their straightest reach leaves the straight line, so
     that all folds have straight reaches, of which the baseline is learned, if there are enough. Others are
-    dealt out by name, since those who are always learned from have straight ones.
-
-    Raises:
-        MissingInputError: there is nobody to judge, or nobody else to learn from.
+    dealt out by name, since those who are always learned from have straight ones. Raises MissingInputError:
+    there is nobody to judge, or nobody else to learn from.
     """
     bends: dict[str, float] = {}
     for reach in reaches:

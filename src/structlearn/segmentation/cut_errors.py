@@ -109,13 +109,11 @@ def downsampling_effect(
 ) -> pd.DataFrame:
     """Cut points with the alignment down-sampled by several factors (appendix C).
 
-    `parameters`: of the segmentation; its `downsampling` is replaced.
-
-    Returns:
-        One row per factor: `factor`, `work` (cells of the warping tables that were computed, relative to the
-        first factor; `make bench` times them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points
-        against the first factor's, and the largest in samples that are aligned: `shift_samples`,
-        `shift_samples_text` of weighted least squares as printed.
+    `parameters`: of the segmentation; its `downsampling` is replaced. Returns one row per factor: `factor`,
+    `work` (cells of the warping tables that were computed, relative to the first factor; `make bench` times
+    them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points against the first factor's, and the
+    largest in samples that are aligned: `shift_samples`, `shift_samples_text` of weighted least squares as
+    printed.
     """
     found = {
         factor: cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))

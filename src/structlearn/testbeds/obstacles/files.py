@@ -31,8 +31,7 @@ def write_baselines(baselines: Mapping[int, PositionPrimitive], path: str | Path
 def read_baselines(path: str | Path = BASELINES_FILE) -> dict[int, PositionPrimitive]:
     """Read the primitives of the unhindered reach, by person.
 
-    Raises:
-        InputError: the file is missing or holds something else.
+    Raises InputError: the file is missing or holds something else.
     """
     primitives = read_primitives(path)
     if not all(re.fullmatch(rf"{BASELINE}_\d+", primitive.name) for primitive in primitives):

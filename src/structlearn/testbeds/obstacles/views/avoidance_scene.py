@@ -61,8 +61,7 @@ class ShownScenario:
 def chosen_scenarios(places: Sequence[Scenario], names: Sequence[str]) -> dict[int, Scenario]:
     """Scenarios by their number in the dataset, in the order of the names.
 
-    Raises:
-        InputError: there is no scenario of a name.
+    Raises InputError: there is no scenario of a name.
     """
     known = {place.name: number for number, place in enumerate(places)}
     missing = [name for name in names if name not in known]
