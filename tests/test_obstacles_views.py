@@ -18,10 +18,14 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
     reaches_by_situation,
     without_avoidance,
 )
-from structlearn.testbeds.obstacles.views import avoidance_scene as drawn
-from structlearn.testbeds.obstacles.views.avoidance_scene import chosen_scenarios, shown_scenarios
-from structlearn.testbeds.obstacles.views.demonstrated_avoidance import write_trained_avoidance
+from structlearn.testbeds.obstacles.views import demonstrated_avoidance as drawn
+from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
+    chosen_scenarios,
+    shown_scenarios,
+    write_trained_avoidance,
+)
 from structlearn.testbeds.obstacles.views.unseen_avoidance import (
+    in_base_frame,
     shown_reaches,
     sphere_paths,
     write_changing_avoidance,
@@ -166,4 +170,4 @@ def test_a_moving_sphere_is_in_the_way_of_the_bare_reach_just_then():
     nearest = np.linalg.norm(PRIMITIVE.unroll(0.04).position - path, axis=1).min()
     assert nearest < UNSEEN_RADIUS_M
     np.testing.assert_allclose(np.linalg.norm(np.diff(path, axis=0), axis=1), 0.1 * 0.04, rtol=1e-6)
-    assert drawn.in_base_frame(np.zeros(3), PRIMITIVE) == pytest.approx(PRIMITIVE.start)
+    assert in_base_frame(np.zeros(3), PRIMITIVE) == pytest.approx(PRIMITIVE.start)

@@ -7,12 +7,10 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.runs import read_runs
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
-from structlearn.testbeds.obstacles.views.avoidance_scene import (
+from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     ObstacleViewParameters,
     chosen_scenarios,
     shown_scenarios,
-)
-from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     write_avoidance_demonstrations,
     write_trained_avoidance,
 )

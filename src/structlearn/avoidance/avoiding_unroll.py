@@ -99,16 +99,15 @@ def unroll(
     forcing = primitive.local.forcing(time, np.zeros((batch, 1, 3)), goal[:, None], duration)
     feedback = _Feedback(model, obstacles, time, duration, postprocessing)
     change = len(time) - 1 if goal_change is None else _change_sample(goal_change, time)
-    rates = [primitive.local.velocity / duration, primitive.local.acceleration / duration**2]
-    coupling = partial(feedback.at, 0, goal)
-    path = transformation.unroll(
-        np.zeros((batch, 3)), goal, forcing[:, : change + 1], dt, tau, *rates, coupling
-    )
+    rates = primitive.local.velocity / duration, primitive.local.acceleration / duration**2
+    begun, coupling = forcing[:, : change + 1], partial(feedback.at, 0, goal)
+    path = transformation.unroll(np.zeros((batch, 3)), goal, begun, dt, tau, *rates, coupling)
     if goal_change is not None:  # with the acceleration it had the evolving goal goes on from where it was
         goal = _turned(np.subtract(goal_change.goals, starts), frames)
-        last, *rates = (signal[:, -1] for signal in (path.position, path.velocity, path.acceleration))
-        coupling = partial(feedback.at, change, goal)
-        rest = transformation.unroll(last, goal, forcing[:, change:], dt, tau, *rates, coupling)
+        rates, coupling = (path.velocity[:, -1], path.acceleration[:, -1]), partial(feedback.at, change, goal)
+        rest = transformation.unroll(
+            path.position[:, -1], goal, forcing[:, change:], dt, tau, *rates, coupling
+        )
         path = _joined(path, rest, time)
     return AvoidancePaths(path, feedback.coupling, feedback.asked, goal, starts, frames, duration)
 

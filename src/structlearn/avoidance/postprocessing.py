@@ -52,11 +52,7 @@ class PostprocessingParameters(Parameters):
 
 
 TEXT_ONLY = PostprocessingParameters(
-    passed_decay_per_m2=10.0,
-    end_limit_m=None,
-    late_limit_m=None,
-    late_factor=1.5,
-    return_coupling=20.0,
+    passed_decay_per_m2=10.0, end_limit_m=None, late_limit_m=None, late_factor=1.5, return_coupling=20.0
 )
 """The dissertation's rules and nothing else."""
 

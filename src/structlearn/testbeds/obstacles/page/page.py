@@ -14,12 +14,7 @@ from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import provenance, read_study
 from structlearn.testbeds.obstacles import files
-from structlearn.testbeds.obstacles.page.findings import (
-    EVERY,
-    FEW_HITS,
-    ObstacleResults,
-    example_setting,
-)
+from structlearn.testbeds.obstacles.page.findings import EVERY, FEW_HITS, ObstacleResults, example_setting
 from structlearn.testbeds.obstacles.page.tables import tables
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import UNSEEN
 from structlearn.testbeds.obstacles.world.reaching_person import DETOURS_M

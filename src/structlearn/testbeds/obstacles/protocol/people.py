@@ -72,7 +72,7 @@ def demonstration_scores(
             position = to_local(one.position, baseline)
             (distance,), (clearance,) = closest_approaches(one.time, position[None], [cloud])
             left = np.linalg.norm(position[-1] - goal)
-            keys = (scenario.shape, scenario.setting, number)
-            rows.append((*keys, distance, distance <= 0.0, clearance, left))
+            its_keys = (scenario.shape, scenario.setting, number)
+            rows.append((*its_keys, distance, distance <= 0.0, clearance, left))
     keys = ["obstacle", "scenario", "demonstration"]
     return pd.DataFrame(rows, columns=[*keys, "obstacle_distance", "hit", "clearance_m", "goal_distance_m"])
