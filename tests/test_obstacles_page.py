@@ -17,7 +17,7 @@ from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render
 from structlearn.testbeds.obstacles.page.findings import ObstacleResults, findings
 from structlearn.testbeds.obstacles.page.page import PACKAGE, document, read_published
-from structlearn.testbeds.obstacles.page.tables import people as hits_by_person
+from structlearn.testbeds.obstacles.page.page import people as hits_by_person
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters

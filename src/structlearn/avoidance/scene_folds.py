@@ -5,6 +5,7 @@ People are left out in turn, so a model is judged in scenes, and beside paths, o
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, combinations
 
 import numpy as np
 import pandas as pd
@@ -33,6 +34,9 @@ from structlearn.readers.demonstration import Demonstration
 
 MODELS = (HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE)
 WAYS = (NONE, *MODELS, PLANNED)  # in the order of tables
+
+SAME_END_M = 0.1  # starts, and goals, of two reaches through one scene are the same within this
+SHOWN = 6  # reaches in pictures and recordings
 
 
 @dataclass(frozen=True)
@@ -168,24 +172,12 @@ def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
         solids = np.round([[*one.centre, *one.half_size] for one in reach.obstacles], 3)
         groups.setdefault(solids[np.lexsort(solids.T)].tobytes(), []).append(reach)
     rows = []
-    for its in groups.values():
-        for place, first in enumerate(its):
-            for second in its[place + 1 :]:
-                if first.person != second.person and _same_ends(first, second):
-                    pair = (first.person, second.person, second.name)
-                    rows.append((*pair, *_beside(second, first.in_base_frame, second.in_base_frame)))
+    for first, second in chain.from_iterable(combinations(its, 2) for its in groups.values()):
+        apart = np.subtract(first.in_base_frame[[0, -1]], second.in_base_frame[[0, -1]])
+        if first.person != second.person and (np.linalg.norm(apart, axis=1) < SAME_END_M).all():
+            pair = (first.person, second.person, second.name)
+            rows.append((*pair, *_beside(second, first.in_base_frame, second.in_base_frame)))
     return pd.DataFrame(rows, columns=["first", "second", "reach", "path_mm", "same_gaps"])
-
-
-SAME_END_M = 0.1  # starts, and goals, of two reaches through one scene are the same within this
-
-
-def _same_ends(first: SceneReach, second: SceneReach) -> bool:
-    ends = np.subtract(first.in_base_frame[[0, -1]], second.in_base_frame[[0, -1]])
-    return bool((np.linalg.norm(ends, axis=1) < SAME_END_M).all())
-
-
-SHOWN = 6  # reaches in pictures and recordings
 
 
 def shown_reaches(table: pd.DataFrame) -> list[str]:
@@ -201,10 +193,8 @@ def _pictures(
     """`SceneResults.paths` and `shapes` of some reaches."""
     paths, shapes = [], []
     for reach in reaches:
-        for way, path in [
-            ("recorded", reach.in_base_frame),
-            *((way, unrolled[reach.name, way]) for way in WAYS),
-        ]:
+        drawn = {"recorded": reach.in_base_frame} | {way: unrolled[reach.name, way] for way in WAYS}
+        for way, path in drawn.items():
             columns = dict(zip(("x_m", "y_m", "z_m"), path.T, strict=True))
             time = reach.duration_s * reach.path.time
             paths.append(pd.DataFrame({"reach": reach.name, "way": way, "time_s": time, **columns}))

@@ -35,7 +35,7 @@ from structlearn.testbeds.obstacles.page.findings import (
     ObstacleResults,
     example_setting,
 )
-from structlearn.testbeds.obstacles.page.tables import FITS
+from structlearn.testbeds.obstacles.page.page import FITS
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import MOVING, NO_MODEL, TRAINED, UNSEEN
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, of_model
 from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M
