@@ -45,6 +45,7 @@ from structlearn.viewer.rrd import (
     send_curve,
     send_floor_axes,
     send_moving_frame,
+    send_notes,
     time_column,
 )
 
