@@ -8,7 +8,7 @@ import pandas as pd
 from committed import committed_entry
 
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS, URDF
-from structlearn.tasks.motion import drives_and_load as protocol
+from structlearn.tasks.motion import motion_parameters as protocol
 from structlearn.tasks.motion.motion_results import MotionResults
 
 DRAWS = 60
@@ -136,7 +136,7 @@ def _load(entry, good) -> dict[str, pd.DataFrame]:
     loads, drawn, carried = [], [], []
     pairs = [pair[1] for pair in entry.load.pairs]
     for gains, mass in masses.items():
-        for pair in (*pairs, protocol.BOTH):
+        for pair in (*pairs, protocol.ALL_PAIRS):
             keys = {"pair": pair, "gains": gains}
             loads.append(rows(keys | {"blocks": 20}, mass_kg=[mass], **dict.fromkeys(CENTRE, 0.1)))
             drawn.append(rows(keys, draw=np.arange(DRAWS), mass_kg=mass * spread))

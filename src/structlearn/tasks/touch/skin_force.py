@@ -33,25 +33,15 @@ INNER_FOLDS = 3
 
 @dataclass(frozen=True)
 class Strokes:
-    """One recording on a scale.
-
-    Attributes:
-        name: of the recording.
-        time: (N,) s of the channels.
-        depth: (N,) m, commanded.
-        counts: (N, E).
-        weighed: (W,) s, when the scale gave a reading.
-        force: (W,) N.
-        press: (W,) number of the press.
-    """
+    """One recording on a scale: N readings of the channels, W of the scale."""
 
     name: str
-    time: np.ndarray
-    depth: np.ndarray
-    counts: np.ndarray
-    weighed: np.ndarray
-    force: np.ndarray
-    press: np.ndarray
+    time: np.ndarray  # (N,) s
+    depth: np.ndarray  # (N,) m, commanded
+    counts: np.ndarray  # (N, E)
+    weighed: np.ndarray  # (W,) s
+    force: np.ndarray  # (W,) N
+    press: np.ndarray  # (W,) number of the press
 
 
 @dataclass(frozen=True)
@@ -110,34 +100,28 @@ def _run_errors(
     run: Strokes, runs: Sequence[Strokes], parameters: ForceParameters, known: int
 ) -> tuple[list[pd.DataFrame], ...]:
     """Parts of the tables that come from what one recording teaches."""
-    lags = run_lags(run, parameters.longest_lag_s)
+    strength, longest = np.linalg.norm(run.counts, axis=1), parameters.longest_lag_s
+    lags = {
+        "signals_s": lag_behind(run.time, run.depth, run.time, strength, longest),
+        "force_s": lag_behind(run.time, run.depth, run.weighed, run.force, longest),
+    }
     own = weighed_presses(run, lags)
     presses = np.unique(own.press)
     row = {"run": run.name} | lags | {"readings": len(own.force), "presses": len(presses)}
     errors, traces = [], []
     for press in presses:
         left_out = own.press == press
-        for model, read in _models(own.part(~left_out), parameters).items():
-            table = _press_errors(own.part(left_out), read(own.channels[left_out]))
-            errors.append(_named(table, run, run, NEW_PRESSES, model))
+        models, asked = _models(own.part(~left_out), parameters), own.part(left_out)
+        found = {model: read(asked.channels) for model, read in models.items()}
+        errors.append(_press_errors(asked, found).assign(asked_about=run.name, new=NEW_PRESSES))
     models = _models(own, parameters) | {PROCESS: _process(own, known)}
     for other in (one for one in runs if one.name != run.name):
         asked = weighed_presses(other, lags)
         found = {model: read(asked.channels) for model, read in models.items()}
-        for model, force in found.items():
-            errors.append(_named(_press_errors(asked, force), run, other, NEW_RUN, model))
+        errors.append(_press_errors(asked, found).assign(asked_about=other.name, new=NEW_RUN))
         trace = pd.DataFrame({"time_s": asked.time, "force_n": asked.force, "read_n": found[QUADRATIC]})
         traces.append(trace.assign(learned_from=run.name, asked_about=other.name))
-    return errors, [pd.DataFrame([row])], traces
-
-
-def run_lags(run: Strokes, longest: float) -> dict[str, float]:
-    """Lags of channels and scale behind the commanded depth, `signals_s` and `force_s`."""
-    strength = np.linalg.norm(run.counts, axis=1)
-    return {
-        "signals_s": lag_behind(run.time, run.depth, run.time, strength, longest),
-        "force_s": lag_behind(run.time, run.depth, run.weighed, run.force, longest),
-    }
+    return [its.assign(learned_from=run.name) for its in errors], [pd.DataFrame([row])], traces
 
 
 def lag_behind(
@@ -212,14 +196,11 @@ def _quadratic(taught: WeighedPresses, penalties: Sequence[float]) -> Callable[[
     return make_pipeline(inputs, best).fit(taught.channels, taught.force).predict
 
 
-def _press_errors(asked: WeighedPresses, read: np.ndarray) -> pd.DataFrame:
-    error = pd.Series(read - asked.force).groupby(asked.press)
-    columns = {
-        "rms_n": error.apply(lambda its: np.sqrt(np.mean(its**2))),
-        "worst_n": error.apply(lambda its: its.abs().max()),
-    }
-    return pd.DataFrame(columns).rename_axis("press").reset_index()
-
-
-def _named(table: pd.DataFrame, run: Strokes, other: Strokes, new: str, model: str) -> pd.DataFrame:
-    return table.assign(learned_from=run.name, asked_about=other.name, new=new, model=model)
+def _press_errors(asked: WeighedPresses, found: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """`model`, `press`, `rms_n`, `worst_n` of forces (N,) by model."""
+    tables = []
+    for model, force in found.items():
+        error = pd.Series(np.abs(force - asked.force)).groupby(asked.press)
+        columns = {"rms_n": error.apply(lambda its: np.sqrt(np.mean(its**2))), "worst_n": error.max()}
+        tables.append(pd.DataFrame(columns).rename_axis("press").reset_index().assign(model=model))
+    return pd.concat(tables, ignore_index=True)
