@@ -17,7 +17,7 @@ def main(files: TaskFiles) -> None:
         results |= vars(learn_past_obstacles(reaches, parameters))
         samples = samples_of_reaches(reaches, parameters) if parameters.representations else None
     if samples is not None and parameters.representations is not None:
-        results |= vars(compare_representations(samples, parameters.representations))
+        results |= compare_representations(samples, parameters.representations)
     with publish(files.folder / "obstacles") as folder:
         folder.mkdir()
         for name, table in results.items():

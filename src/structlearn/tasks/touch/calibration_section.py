@@ -139,7 +139,7 @@ def calibration_document(
         tables=calibration_tables(stored),
         judged=judged,
         sources={
-            name: Source(f"data/tasks/calibration/{name}.parquet", f"{PIPELINE}:calibrate") for name in stored
+            name: Source(f"data/calibration/{name}.parquet", f"{PIPELINE}:calibrate") for name in stored
         },
         parameters={"calibrate": parameters},
         simulated=True,
