@@ -96,8 +96,7 @@ def claims(files: TaskFiles) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize(
-    ("task", "recordings"),
-    [("reaches", {"corrected"}), ("unscrewing", {"turns"}), ("scraping", set())],
+    ("task", "recordings"), [("reaches", {"corrected"}), ("unscrewing", {"turns"}), ("scraping", set())]
 )
 def test_a_public_movement_goes_through_to_its_verdicts(made, task, recordings):
     files = made(task)

@@ -183,12 +183,7 @@ def test_claims_on_goals_follow_the_numbers(results):
 
 
 def test_claims_on_fits_follow_the_numbers(results):
-    names = (
-        "rai_fits_worse",
-        "rai_dominant",
-        "rai_across_settings",
-        "error_per_shape",
-    )
+    names = ("rai_fits_worse", "rai_dominant", "rai_across_settings", "error_per_shape")
     swapped = replace(results, errors=error_table(network=0.6, rai=0.04))
     found, lost = verdicts(results), verdicts(swapped)
     assert {found[name] for name in names} == {"yes"}
