@@ -4,10 +4,11 @@ Blocks of places are held out, since each place is touched several times: touche
 have their like among those learned from. With separate recordings, models of one are tested on the others.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -38,21 +39,13 @@ NEVER_VARIES = 1e-4
 
 @dataclass(frozen=True)
 class Touches:
-    """Samples in which something touches.
-
-    Attributes:
-        name: of the recording.
-        sensor: its description.
-        counts: (N, E) readings less what reads zero.
-        place: (N, 3) m.
-        along: distances along the skin; None: straight ones.
-    """
+    """Samples of a recording in which something touches."""
 
     name: str
     sensor: SensorDescription
-    counts: np.ndarray
-    place: np.ndarray
-    along: Geodesics | None = None
+    counts: np.ndarray  # (N, E) readings less what reads zero
+    place: np.ndarray  # (N, 3) m
+    along: Geodesics | None = None  # distances along the skin; None: straight ones
 
     def skin(self, rows: np.ndarray) -> PressedSkin:
         """Some of them, as they are."""
@@ -111,27 +104,22 @@ def learn_touch(
     pressed = [log for log in logs if not any(log is one for one in weighed)]
     runs, recordings = gathered(pressed, parameters) if pressed else ([], pd.DataFrame())
     parts: dict[str, list[pd.DataFrame]] = {"recordings": [recordings]}
+
+    def collect(names: Sequence[str], function: Callable[..., Any], work: Sequence[Any], about: str) -> None:
+        """Tables of a function that gives one for each name."""
+        for found in parallel_map(partial(function, parameters=parameters), work, about, local=True):
+            for name, table in zip(names, found, strict=True):
+                parts.setdefault(name, []).append(table)
+
     with threadpool_limits(1):  # as in processes of their own, so that their number changes no bit
-        learn = partial(_whole, parameters=parameters)
-        skins = dict(
-            zip([run.name for run in runs], parallel_map(learn, runs, "skins", local=True), strict=True)
-        )
+        learned = parallel_map(partial(_whole, parameters=parameters), runs, "skins", local=True)
+        skins = {run.name: skin for run, skin in zip(runs, learned, strict=True)}
         if runs:
-            work = folds_of(runs, parameters)
-            found = parallel_map(
-                partial(fold_errors, parameters=parameters), work, "maps of a skin", local=True
-            )
-            parts["errors"], parts["map"] = ([its[place] for its in found] for place in (0, 1))
+            collect(("errors", "map"), fold_errors, folds_of(runs, parameters), "maps of a skin")
         across = [(skins[run.name], run, [one for one in runs if one is not run]) for run in runs]
-        asked = partial(other_errors, parameters=parameters)
-        others = [(("errors", "maps"), parallel_map(asked, across, "other runs", local=True))]
+        collect(("errors", "maps"), other_errors, across, "other runs")
         if parameters.servo is not None:
-            tried = partial(servo_trials, parameters=parameters)
-            others.append((("servo", "paths"), parallel_map(tried, across, "servoing", local=True)))
-        for names, found in others:
-            for its in found:
-                for name, table in zip(names, its, strict=True):
-                    parts.setdefault(name, []).append(table)
+            collect(("servo", "paths"), servo_trials, across, "servoing")
         if parameters.force is not None:
             forces = force_errors(weighed, parameters.force, parameters.rival_samples)
             parts |= {name: [table] for name, table in zip(("force", "lags", "traces"), forces, strict=True)}
@@ -205,7 +193,7 @@ def _places(
     change = {"falls": np.minimum(counts, 0.0), "rises": np.maximum(counts, 0.0), "either": counts}
     weight = change[sensor.change] ** 2
     middle = 1e-3 * weight @ np.array(known) / weight.sum(axis=1, keepdims=True)
-    return np.hstack([middle, np.zeros((len(middle), 1))])
+    return np.pad(middle, ((0, 0), (0, 1)))
 
 
 def folds_of(runs: Sequence[Touches], parameters: TouchParameters) -> list[tuple[Touches, int]]:
@@ -214,8 +202,8 @@ def folds_of(runs: Sequence[Touches], parameters: TouchParameters) -> list[tuple
     Raises:
         MissingInputError: nothing can be held out of any recording.
     """
-    folds: Mapping[str, np.ndarray] = {run.name: np.unique(run.blocks(parameters)[1]) for run in runs}
-    work = [(run, int(fold)) for run in runs for fold in folds[run.name] if len(folds[run.name]) > 1]
+    folds = [np.unique(run.blocks(parameters)[1]) for run in runs]
+    work = [(run, int(one)) for run, its in zip(runs, folds, strict=True) for one in its if len(its) > 1]
     if not work:
         raise MissingInputError(
             f"{parameters.source}: no touches in two blocks of {parameters.block_mm:g} mm to hold one out; "
