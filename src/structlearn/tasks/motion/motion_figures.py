@@ -1,25 +1,15 @@
-"""Figures of an arm's logs: errors by joint, torques, the load over time, delays and gains of the drives."""
+"""Figures of an arm's logs: errors by joint, torques, the load over time, delays of the drives."""
 
 from collections.abc import Sequence
-from textwrap import fill
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from structlearn.core.block_bootstrap import percentiles
-from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE
+from structlearn.palette import BLACK, CATEGORICAL_COLOURS, GREY, ORANGE
 from structlearn.reporting.figure_style import Drawing, styled
 from structlearn.reporting.panels import legend, panel
-from structlearn.tasks.motion.motion_parameters import (
-    CARRYING,
-    DELAY,
-    EMPTY,
-    FOUND,
-    IN_MOTION,
-    LEARNED,
-    QUOTED,
-)
-from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, Drawn, MotionResults, chosen
+from structlearn.tasks.motion.motion_parameters import CARRYING, DELAY, EMPTY, LEARNED
+from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults, chosen
 
 TRACED = (URDF, ("mlp", "none"), (BEST, "viscous"), (BEST, "coulomb"), (BEST, "offset"))
 """Models whose torques are drawn beside the measured ones."""
@@ -43,10 +33,9 @@ def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawi
     if others:
         drawn["motion_torques"] = others
     if "gains" in results:
-        drawn["motion_drives"] = [delay_panel(results), gain_panel(results)]
+        drawn["motion_drives"] = delay_panel(results)
     if results.carried_logs:
         drawn["motion_load"] = [load_panel(results, log) for log in results.carried_logs]
-        drawn["motion_weighed"] = weighed_panel(results)
     return drawn
 
 
@@ -106,32 +95,6 @@ def load_panel(results: MotionResults, log: str) -> Figure:
     return legend(figure)
 
 
-def _bars(drawn: Sequence[Drawn]) -> tuple[np.ndarray, np.ndarray]:
-    """Values (N,), and how far their intervals reach on either side (2, N)."""
-    values = np.array([one.value for one in drawn])
-    return values, np.abs(np.array([percentiles(one.draws) for one in drawn]).reshape(-1, 2).T - values)
-
-
-@styled
-def weighed_panel(results: MotionResults) -> Figure:
-    """The load by least squares, by logs and gains, with intervals."""
-    assert results.parameters.load is not None
-    figure, axes = panel("The load by least squares", 3.5, xlabel="mass (kg)")
-    true, loads = results.parameters.load.known_kg, results["loads"]
-    axes.axvspan(0.98 * true, 1.02 * true, color=GREY, alpha=0.35, linewidth=0)
-    axes.axvline(true, color=BLACK, linewidth=1.5)
-    for gains, colour, offset in ((FOUND, BLUE, -0.12), (QUOTED, ORANGE, 0.12)):
-        masses, bars = _bars([results.load_kg(pair, gains) for pair in chosen(loads, gains=gains)["pair"]])
-        label = f"with the gains {gains}" if len(masses) else None
-        places = np.arange(len(masses)) + offset
-        axes.errorbar(masses, places, xerr=bars, fmt="o", color=colour, label=label)
-    pairs = loads["pair"].unique()
-    axes.set_yticks(range(len(pairs)), [fill(pair, 12) for pair in pairs], fontsize=7)
-    axes.invert_yaxis()
-    axes.grid(axis="y", visible=False)
-    return legend(figure)
-
-
 @styled
 def delay_panel(results: MotionResults) -> Figure:
     """What is left of each joint's torque by the delay that is assumed of its current."""
@@ -143,19 +106,3 @@ def delay_panel(results: MotionResults) -> Figure:
         axes.plot(results.drive(DELAY, joint).value, 1.0, "o", color=colour, markersize=5)
     axes.set_ylim(0.99, 1.0 + 0.7 * (its["squares"].max() - 1.0))
     return legend(figure, 3)
-
-
-@styled
-def gain_panel(results: MotionResults) -> Figure:
-    """Gains found at rest and in motion, and those quoted."""
-    figure, axes = panel("Gains of the drives", 3.4, xlabel="joint", ylabel="gain (N m/A)")
-    gains = results["gains"]
-    axes.plot(gains["joint"] + 0.2, gains["quoted"], "x", color=ORANGE, label="quoted")
-    known = gains[~gains["assumed"]] if results.rest_log() else gains[:0]
-    axes.plot(known["joint"] - 0.2, known["found"], "o", color=BLUE, label="at rest")
-    assumed = gains[gains["assumed"]]
-    axes.plot(assumed["joint"] - 0.2, assumed["found"], "o", color=BLUE, fillstyle="none", label="assumed")
-    values, bars = _bars([results.drive(IN_MOTION, joint) for joint in gains["joint"]])
-    axes.errorbar(gains["joint"], values, yerr=bars, fmt="s", markersize=4, color=GREY, label="in motion")
-    axes.set_xticks(gains["joint"])
-    return legend(figure, 4)
