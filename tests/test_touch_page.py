@@ -146,7 +146,18 @@ def shown(tmp_path, monkeypatch):
     return show
 
 
-SKIN_TABLES = ("errors", "map", "maps", "servo", "paths", "force", "lags", "traces", "recordings")
+SKIN_TABLES = (
+    "errors",
+    "map",
+    "maps",
+    "servo",
+    "paths",
+    "force",
+    "lags",
+    "traces",
+    "recordings",
+    "published",
+)
 
 
 @pytest.mark.parametrize("there", [SKIN_TABLES, SKIN_TABLES[:2], ("force", "lags", "traces")])

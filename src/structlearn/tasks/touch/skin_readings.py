@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.networks.torch_settings import as_tensor
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.electrodes import map_laying
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin
@@ -89,6 +90,35 @@ def _errors(
 def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Of no tables an empty one."""
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+
+
+def within_runs(logs: Sequence[TouchLog], parameters: TouchParameters) -> pd.DataFrame:
+    """Errors of a Gaussian process on the end of each run, after its start: as the skin's authors test.
+
+    Every place and depth recurs in a run, so what is tested on is known already. A run whose channels are not
+    those of the first one is of two skins, and its force is along them.
+
+    Returns:
+        `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `rms`, and the `readings` tested on.
+    """
+    assert parameters.published is not None
+    rows = []
+    for log in logs:
+        counts, quantity, wanted = log.counts, "place_mm", log.place
+        if log.force is not None:
+            weighed = np.isfinite(log.force)
+            counts, wanted = counts[weighed], log.force[weighed, None]
+            quantity = "force_n" if log.channels == logs[0].channels else "shear_n"
+        elif wanted is not None:
+            wanted = 1e3 * wanted[:, :PLANE]
+        if wanted is None:
+            continue
+        end = round(parameters.published.first_share * len(counts))
+        signals = (counts - counts[:end].mean(axis=0)) / counts[:end].std(axis=0)
+        read = gaussian_process(signals[:end], wanted[:end], parameters.rival_samples)
+        missed = np.linalg.norm(read(signals[end:]) - wanted[end:], axis=1)
+        rows.append((log.name, quantity, np.sqrt(np.mean(missed**2)), len(missed)))
+    return pd.DataFrame(rows, columns=["run", "quantity", "rms", "readings"])
 
 
 def readings(

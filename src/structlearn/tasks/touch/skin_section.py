@@ -27,7 +27,7 @@ from structlearn.tasks.touch.touch_names import (
     STRUCTURED,
     TEXT_SERVO,
 )
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch.touch_parameters import PublishedParameters, TouchParameters
 
 ENDINGS = {STRUCTURED: "", PLAIN: "_plain", COMPONENTS: "_components", PROCESS: "_process"}
 """Of the findings' names."""
@@ -52,6 +52,9 @@ HEADINGS = ERRORS | {
     "force_s": "scale lags (s)",
     "readings": "readings of the scale",
 }
+QUANTITIES = {"place_mm": "place (mm)", "force_n": "normal force (N)", "shear_n": "shear force (N)"}
+"""Of `skin_readings.within_runs`."""
+
 HEADLINES = ("map_nmse", "latent_mm", "laid_mm", "laid_cross_run_mm", "force_n", "servo_success")
 ARROW = "\N{RIGHTWARDS ARROW}"
 MISSING = unknown("no runs for it are recorded here")
@@ -138,7 +141,7 @@ def section(tables: Mapping[str, pd.DataFrame], parameters: TouchParameters, fol
         "skin_lead.html.jinja",
         facts=skin_facts(runs, find, parameters) | {"folder": folder},
         find=find,
-        tables=skin_tables(runs),
+        tables=skin_tables(runs, parameters.published),
         pictures=skin_pictures(runs),
     )
 
@@ -175,11 +178,15 @@ def find_skin(runs: SkinRuns) -> Findings:
     ways = of_mean(np.log(runs.trials("length_ratio", STRUCTURED)))
     value, low, high = np.exp([ways.value, ways.low, ways.high]).tolist()
     find.add("servo_length_ratio", Evidence(value, low, high, ways.n, reason=ways.reason))
+    if "published" in runs.tables:
+        for quantity, its in runs.tables["published"].groupby("quantity", sort=False):
+            cases = {runs.numbers.get(row.run, row.run): (row.rms, row.readings) for row in its.itertuples()}
+            find.among("readings at the end of a run").exact(f"within_run_{quantity}", cases)
     return find
 
 
-def skin_tables(runs: SkinRuns) -> dict[str, Table]:
-    """By name: errors by model, trials of servoing, forces, lags, recordings."""
+def skin_tables(runs: SkinRuns, published: PublishedParameters | None) -> dict[str, Table]:
+    """By name: errors by model, those published, trials of servoing, forces, lags, recordings."""
     tables, keys = {}, ["new", "learned_from", "asked_about", "model"]
 
     def shown(frame: pd.DataFrame, formats: Mapping[str, str], looks: Mapping[str, Look] = SPACES) -> Table:
@@ -199,6 +206,17 @@ def skin_tables(runs: SkinRuns) -> dict[str, Table]:
         frame = by.agg(presses=("press", "size"), rms_n=("rms_n", "mean"), worst_n=("worst_n", "max"))
         tables["skin_force"] = shown(frame, {"rms_n": ".2f", "worst_n": ".1f"}, FORCE_MODELS)
         tables["skin_lags"] = Table(runs["lags"], {"signals_s": ".2f", "force_s": ".2f"}, HEADINGS)
+    if "published" in runs.tables and published is not None:
+        across = {"place_mm": runs.errors(NEW_RUN, "latent_mm"), "force_n": runs.force(NEW_RUN)}
+        rows = []
+        for quantity, its in runs.tables["published"].groupby("quantity", sort=False):
+            row = {"read": QUANTITIES[quantity], "published": getattr(published, quantity)}
+            row["by their protocol"] = ", ".join(f"{rms:.2f}" for rms in its["rms"])
+            other = across.get(quantity, ())
+            rows.append(
+                row | {"ours, on another run": f"{other.mean():.2f}" if len(other) else "one run only"}
+            )
+        tables["skin_published"] = Table(pd.DataFrame(rows), {"published": ".2f"})
     if "recordings" in runs.tables:
         tables["skin_recordings"] = Table(runs.tables["recordings"])
     return tables
@@ -217,6 +235,7 @@ def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> d
         "served": "paths" in runs.tables,
         "weighed": "traces" in runs.tables,
         "forces": "force" in runs.tables,
+        "reported": "published" in runs.tables,
         "settings": parameters,
     }
     if "errors" in runs.tables:

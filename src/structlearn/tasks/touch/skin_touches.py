@@ -86,7 +86,8 @@ def learn_touch(
         Skins by the recording that each was learned from, or `TOGETHER`. Tables by name, those alone that
         have rows: `recordings` (`recording`, `samples`, `touching`), `errors` and `map` of what was held out
         and of other recordings (`skin_readings.block_scores`, `fold_errors`, `other_errors`), `maps`, `servo`
-        and `paths` (`skin_servoing`), `force`, `lags` and `traces` (`skin_force`).
+        and `paths` (`skin_servoing`), `force`, `lags` and `traces` (`skin_force`), `published`
+        (`skin_readings.within_runs`).
 
     Raises:
         InputError: recordings differ in their channels, nothing touches, places are not known, or a channel
@@ -95,7 +96,7 @@ def learn_touch(
             apart for distances along the skin.
     """
     from structlearn.tasks.touch.skin_force import force_errors
-    from structlearn.tasks.touch.skin_readings import fold_errors, other_errors
+    from structlearn.tasks.touch.skin_readings import fold_errors, other_errors, within_runs
     from structlearn.tasks.touch.skin_servoing import servo_trials
 
     weighed = [log for log in logs if log.force is not None and np.isfinite(log.force).any()]
@@ -120,8 +121,11 @@ def learn_touch(
         collect(("errors", "maps"), other_errors, across, "other runs")
         if parameters.servo is not None:
             collect(("servo", "paths"), servo_trials, across, "servoing")
+        if parameters.published is not None:
+            parts["published"] = [within_runs(logs, parameters)]
         if parameters.force is not None:
-            forces = force_errors(weighed, parameters.force, parameters.rival_samples)
+            one_skin = [log for log in weighed if log.channels == logs[0].channels]
+            forces = force_errors(one_skin, parameters.force, parameters.rival_samples)
             parts |= {name: [table] for name, table in zip(("force", "lags", "traces"), forces, strict=True)}
     there = {name: [table for table in its if len(table)] for name, its in parts.items()}
     tables = {name: pd.concat(its, ignore_index=True) for name, its in there.items() if its}
