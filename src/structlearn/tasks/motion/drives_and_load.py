@@ -210,29 +210,24 @@ def body_intervals(
     """Parameters of a model with intervals: of fits to blocks drawn anew, by the t distribution.
 
     Returns:
-        `link`, `parameter`, `value`, `half_width` (95 %), `urdf` (the maker's), in SI units.
+        `link`, `parameter`, `value`, `half_width` (95 %; NaN without draws), `urdf` (the maker's), in SI
+        units.
     """
     from scipy.special import stdtrit
 
     length, _, seed = parameters.drawing
-    regressor = MotionRegressor(robot.tree, motion, True, model.friction)
-    fits = drawn_fits(
-        *(model, regressor, robot.inertias, parameters.iterations, length, parameters.body_draws, seed)
-    )
-    drawn, values, urdf = _body_columns(fits), _body_columns(model), _inertia_columns(robot.inertias)
-    quantile = stdtrit(parameters.body_draws - 1, 0.975)
-    tables = [
-        pd.DataFrame(
-            {
-                "link": robot.tree.names,
-                "parameter": name,
-                "value": value[0],
-                "half_width": quantile * drawn[name].std(axis=0, ddof=1),
-                "urdf": urdf.get(name, np.full(len(robot.tree.names), np.nan)),
-            }
-        )
-        for name, value in values.items()
-    ]
+    draws, nothing = parameters.body_draws, np.full(len(robot.tree.names), np.nan)
+    values, urdf, widths = _body_columns(model), _inertia_columns(robot.inertias), {}
+    if draws:
+        regressor = MotionRegressor(robot.tree, motion, True, model.friction)
+        fits = drawn_fits(model, regressor, robot.inertias, parameters.iterations, length, draws, seed)
+        quantile = stdtrit(draws - 1, 0.975)
+        widths = {name: quantile * its.std(axis=0, ddof=1) for name, its in _body_columns(fits).items()}
+    tables = []
+    for name, value in values.items():
+        columns = {"link": robot.tree.names, "parameter": name, "value": value[0]}
+        columns |= {"half_width": widths.get(name, nothing), "urdf": urdf.get(name, nothing)}
+        tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
 
 

@@ -87,8 +87,8 @@ def learn_motion(
 
     Returns:
         What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
-        `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `friction`, `links`,
-        `traces`, `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
+        `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `links`, `traces`,
+        `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
         of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
         `excitation`: one row, `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and what
         is found of drives and loads: of `drives_and_load`. Without structures: `gravity`, and those of
@@ -146,9 +146,7 @@ def _identified(
     if parameters.load is not None:
         tables |= drives_and_load.weighed_loads(robot.tree, motions, gains, parameters)
         tables["carried"] = drives_and_load.followed_loads(robot, motions, parameters)
-    if parameters.body_draws:
-        model = identified.models["cov", parameters.judged_friction]
-        tables["bodies"] = drives_and_load.body_intervals(robot, parts[TRAIN], model, parameters)
+    judged = identified.models["cov", parameters.judged_friction]
     base = base_parameters(robot.tree)
     fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *parameters.drawing)
     bounds = {"value": fit.parameters, "low": fit.low, "high": fit.high}
@@ -158,7 +156,7 @@ def _identified(
         "errors": arm_identification.error_table(identified, parts),
         "blocks": block_table(identified.torques, parts, parameters.block),
         "norms": block_norms(identified.torques, parts, parameters.block),
-        "friction": arm_identification.friction_table(identified),
+        "bodies": drives_and_load.body_intervals(robot, parts[TRAIN], judged, parameters),
         "links": arm_identification.body_table(identified, robot),
         "traces": arm_identification.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
         "gravity": gravity_check(robot, parts[TRAIN], parameters),

@@ -211,16 +211,8 @@ def _gravity(gravity: pd.DataFrame) -> Table:
 
 def _bodies(results: MotionResults) -> Table:
     """Links as written, a column per parameter, with half a 95 % interval where fits were drawn."""
-    if "bodies" in results:
-        its = results["bodies"]
-    else:
-        key = {"model": BEST, "friction": results.parameters.judged_friction}
-        links = chosen(results["links"], **key).rename(columns={"true_mass_kg": "urdf"})
-        its = links.melt(["link", "urdf"], [name for name in LINKS if name in links], "parameter")
-        rubbing = chosen(results["friction"], **key).rename(columns={"term": "parameter"})
-        rubbing = rubbing.assign(link=links["link"].to_numpy()[rubbing["joint"] - 1])
-        its = pd.concat([its, rubbing]).assign(half_width=np.nan)
-    its = its[its["parameter"].isin(list(LINKS))]
+    bodies = results["bodies"]
+    its = bodies[bodies["parameter"].isin(list(LINKS))]
     text = []
     for row in its.itertuples():
         form = LINKS[row.parameter]
