@@ -32,19 +32,6 @@ INNER_FOLDS = 3
 
 
 @dataclass(frozen=True)
-class Strokes:
-    """One recording on a scale: N readings of the channels, W of the scale."""
-
-    name: str
-    time: np.ndarray  # (N,) s
-    depth: np.ndarray  # (N,) m, commanded
-    counts: np.ndarray  # (N, E)
-    weighed: np.ndarray  # (W,) s
-    force: np.ndarray  # (W,) N
-    press: np.ndarray  # (W,) number of the press
-
-
-@dataclass(frozen=True)
 class WeighedPresses:
     """Readings of the scale: time (N,) s, channels at that depth with their norm (N, E + 1), force, press."""
 
@@ -74,38 +61,37 @@ def force_errors(
         InputError: a recording has no time or place.
     """
     runs = []
-    for run in (strokes(log, parameters.pressed_n) for log in logs):
-        count = len(np.unique(run.press)) if (run.force > parameters.pressed_n).any() else 0
+    for log in logs:
+        if log.time is None or log.place is None or log.force is None:
+            raise InputError(f"{log.name}: forces are learned with columns time_s, x_m, y_m, z_m and force_n")
+        there = np.isfinite(log.force)
+        count, force = 0, log.force[there]
+        if (force > parameters.pressed_n).any():
+            count = len(np.unique(press_numbers(log.time[there], force, parameters.pressed_n)))
         if count > INNER_FOLDS:
-            runs.append(run)
+            runs.append(log)
         else:
-            print(f"skin: {run.name} left aside: {count} presses on the scale are too few to leave some out")
+            print(f"skin: {log.name} left aside: {count} presses on the scale are too few to leave some out")
     judge = partial(_run_errors, runs=runs, parameters=parameters, known=known)
     found = parallel_map(judge, runs, "forces", local=True)
     errors, lags, traces = (joined([table for one in found for table in one[part]]) for part in range(3))
     return errors, lags, traces
 
 
-def strokes(log: TouchLog, pressed: float) -> Strokes:
-    """A recording with its presses, which reach `pressed` N at least."""
-    if log.time is None or log.place is None or log.force is None:
-        raise InputError(f"{log.name}: forces are learned with columns time_s, x_m, y_m, z_m and force_n")
-    there = np.isfinite(log.force)
-    time, force = log.time[there], log.force[there]
-    press = press_numbers(time, force, pressed) if len(force) else np.zeros(0, dtype=int)
-    return Strokes(log.name, log.time, -log.place[:, 2], log.counts, time, force, press)
-
-
 def _run_errors(
-    run: Strokes, runs: Sequence[Strokes], parameters: ForceParameters, known: int
+    run: TouchLog, runs: Sequence[TouchLog], parameters: ForceParameters, known: int
 ) -> tuple[list[pd.DataFrame], ...]:
     """Parts of the tables that come from what one recording teaches."""
-    strength, longest = np.linalg.norm(run.counts, axis=1), parameters.longest_lag_s
+    assert run.time is not None
+    assert run.place is not None
+    assert run.force is not None
+    depth, strength, there = -run.place[:, 2], np.linalg.norm(run.counts, axis=1), np.isfinite(run.force)
+    effects = {"signals_s": (run.time, strength), "force_s": (run.time[there], run.force[there])}
     lags = {
-        "signals_s": lag_behind(run.time, run.depth, run.time, strength, longest),
-        "force_s": lag_behind(run.time, run.depth, run.weighed, run.force, longest),
+        name: lag_behind(run.time, depth, *effect, parameters.longest_lag_s)
+        for name, effect in effects.items()
     }
-    own = weighed_presses(run, lags)
+    own = weighed_presses(run, lags, parameters.pressed_n)
     presses = np.unique(own.press)
     row = {"run": run.name} | lags | {"readings": len(own.force), "presses": len(presses)}
     errors, traces = [], []
@@ -116,7 +102,7 @@ def _run_errors(
         errors.append(_press_errors(asked, found).assign(asked_about=run.name, new=NEW_PRESSES))
     models = _models(own, parameters) | {PROCESS: _process(own, known)}
     for other in (one for one in runs if one.name != run.name):
-        asked = weighed_presses(other, lags)
+        asked = weighed_presses(other, lags, parameters.pressed_n)
         found = {model: read(asked.channels) for model, read in models.items()}
         errors.append(_press_errors(asked, found).assign(asked_about=other.name, new=NEW_RUN))
         trace = pd.DataFrame({"time_s": asked.time, "force_n": asked.force, "read_n": found[QUADRATIC]})
@@ -139,16 +125,20 @@ def lag_behind(
     return float(np.clip(lags[best] + LAG_STEP_S * shift, 0.0, longest))
 
 
-def weighed_presses(run: Strokes, lags: Mapping[str, float]) -> WeighedPresses:
-    """Readings of the scale with the channels that belong to them."""
-    at = run.weighed - lags["force_s"] + lags["signals_s"]
+def weighed_presses(run: TouchLog, lags: Mapping[str, float], pressed: float) -> WeighedPresses:
+    """Readings of the scale with the channels that belong to them, in presses that reach `pressed` N."""
+    assert run.time is not None
+    assert run.force is not None
+    there = np.isfinite(run.force)
+    time, force = run.time[there], run.force[there]
+    at = time - lags["force_s"] + lags["signals_s"]
     after = np.searchsorted(run.time, at)
     inside = (after > 0) & (after < len(run.time))
     after = np.clip(after, 1, len(run.time) - 1)
     kept = inside & (run.time[after] - run.time[after - 1] <= LONGEST_GAP_S)
     channels = np.stack([np.interp(at, run.time, values) for values in run.counts.T], axis=1)
     channels = np.hstack([channels, np.linalg.norm(channels, axis=1, keepdims=True)])
-    return WeighedPresses(run.weighed, channels, run.force, run.press).part(kept)
+    return WeighedPresses(time, channels, force, press_numbers(time, force, pressed)).part(kept)
 
 
 def press_numbers(time: np.ndarray, force: np.ndarray, pressed: float) -> np.ndarray:

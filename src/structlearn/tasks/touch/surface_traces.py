@@ -97,14 +97,9 @@ def deviations_from_expected(
     statistics = []
     for group in dict.fromkeys(groups.values()):
         values = np.array([its[:samples] for name, its in left.items() if groups[name] == group])
-        electrodes = values.shape[2]
-        columns = {
-            "group": group,
-            "electrode": np.repeat(np.arange(1, electrodes + 1), samples),
-            "time_s": np.tile(dt * np.arange(samples), electrodes),
-            "mean": values.mean(axis=0).T.ravel(),
-            "std": values.std(axis=0).T.ravel(),
-        }
+        electrode, sample = np.indices(values.shape[:0:-1]).reshape(2, -1)
+        columns = {"group": group, "electrode": electrode + 1, "time_s": dt * sample}
+        columns |= {"mean": values.mean(axis=0).T.ravel(), "std": values.std(axis=0).T.ravel()}
         statistics.append(pd.DataFrame(columns))
     deviations = pd.DataFrame(rows, columns=["demonstration", "group", "rms", "largest"])
     return primitive, deviations, pd.concat(statistics, ignore_index=True)
