@@ -68,7 +68,7 @@ class SkinRuns:
 
     Attributes:
         tables, tuned_on: tables by name; runs on which constants were tuned.
-        numbers: what runs are called, those over places and those on a scale apart.
+        numbers: what runs are called: over places, on a scale, and along the skin.
     """
 
     def __init__(self, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
@@ -79,6 +79,9 @@ class SkinRuns:
             if table in tables
             for number, name in enumerate(sorted(set(tables[table]["learned_from"])), 1)
         }
+        if "published" in tables:
+            shear = tables["published"].query("quantity == 'shear_n'")["run"]
+            self.numbers |= {name: f"shear run {number}" for number, name in enumerate(shear, 1)}
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         """A table with the runs' numbers."""
@@ -210,7 +213,7 @@ def skin_tables(runs: SkinRuns, published: PublishedParameters | None) -> dict[s
         across = {"place_mm": runs.errors(NEW_RUN, "latent_mm"), "force_n": runs.force(NEW_RUN)}
         rows = []
         for quantity, its in runs.tables["published"].groupby("quantity", sort=False):
-            row = {"read": QUANTITIES[quantity], "published": getattr(published, quantity)}
+            row = {"what is read": QUANTITIES[quantity], "published": getattr(published, quantity)}
             row["by their protocol"] = ", ".join(f"{rms:.2f}" for rms in its["rms"])
             other = across.get(quantity, ())
             rows.append(
