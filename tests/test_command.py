@@ -87,3 +87,17 @@ def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, capsys, words, m
     assert ended.value.code == 1
     assert capsys.readouterr().err.startswith(f"error: {message}")
     assert {path.name for path in tmp_path.iterdir()} == {"there"}
+
+
+def test_demonstrations_are_exported_once_they_are_cut(lab, monkeypatch, capsys):
+    monkeypatch.chdir(lab)
+    command.main(["export", "pour", "--to", "out", "--fps", "20", "--words", "pour water"])
+    assert capsys.readouterr().out == "out: LeRobotDataset of 3 episodes\n"
+    assert read_values("out/meta/info.json")["fps"] == 20
+    for words, message in (
+        (["pour", "--to", "out"], "out: is there"),
+        (["x"], "data/tasks/x/segments: is not"),
+    ):
+        with pytest.raises(SystemExit):
+            command.main(["export", *words])
+        assert capsys.readouterr().err.startswith(f"error: {message}")

@@ -15,7 +15,6 @@ from structlearn.primitives import canonical
 from structlearn.primitives.vector import fit_expected_traces
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     SETTLED_S,
-    accumulated,
     cost_ratios,
     execution_scores,
     feedback_traces,
@@ -160,13 +159,6 @@ def test_the_shorter_of_both_is_compared():
     nominal = nominal_orientation([execution(roll=0.0)])
     assert len(orientation_cost(run, nominal[:200])) == 200
     assert len(orientation_cost(run, np.concatenate([nominal, nominal]))) == len(run.time)
-
-
-def test_accumulated_cost_is_the_sum_over_the_samples_of_a_primitive():
-    cost = orientation_cost(execution(roll=0.1), nominal_orientation([execution()]))
-    for start, end in SEGMENTS:
-        samples = round((end - start) * RATE_HZ) + 1
-        assert accumulated(cost, (start, end), RATE_HZ) == pytest.approx(0.1 * samples)
 
 
 def test_a_run_without_motion_capture_is_named():

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from feedback_skills import NAMES, POINTS, random_network, random_skill
 from hypothesis import given
-from hypothesis import strategies as st
-from primitives_movements import few, quick, random_orientations, random_vectors, rngs
+from primitives_movements import few, random_orientations, random_vectors, rngs
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
@@ -257,36 +256,6 @@ def test_positions_without_orientations_can_be_followed():
 
 
 # --- guarantees -------------------------------------------------------------------------------------------
-
-
-AXES_OF = ("x", "z", "ry")
-OWN_BOUNDS = Limits(largest_coupling={"x": 3.0, "z": 0.5, "ry": 40.0})
-
-
-@given(rng=rngs, size=st.floats(0.0, 1e5), noise=st.floats(0.0, 1e4), holes=st.floats(0.0, 1.0))
-@quick
-def test_the_goal_is_reached_and_every_axis_keeps_its_bounds_whatever_sensor_and_networks_do(
-    rng, size, noise, holes
-):
-    networks = {name: {axis: random_network(rng, size=size) for axis in AXES_OF} for name in NAMES}
-    skill = random_skill(rng, networks, limits=OWN_BOUNDS)
-    assert skill.axes == AXES_OF
-    samples = BASE + noise * rng.normal(size=(1000, 6))
-    samples[rng.random(1000) < holes, rng.integers(6)] = np.nan
-    controller = started(Controller(skill, 100.0))
-    outputs, _ = run(controller, lambda k: samples[k % 1000], ticks=900)
-    goal = skill.primitives[-1]
-    assert quaternion.angle_between(controller.orientation, goal.orientation.goal) < 1e-6
-    np.testing.assert_allclose(controller.position, goal.position.goal, atol=1e-6)
-    for name in ("velocity", "acceleration", "angular_velocity", "angular_acceleration"):
-        np.testing.assert_allclose(getattr(controller, name), 0.0, atol=1e-4)
-    np.testing.assert_allclose(np.linalg.norm(outputs["orientation"], axis=1), 1.0, atol=1e-9)
-    within = np.diff(outputs["primitive"]) == 0
-    change = np.abs(np.diff(outputs["coupling"], axis=0))[within]
-    for place, axis in enumerate(AXES_OF):
-        largest = OWN_BOUNDS.largest_coupling[axis]
-        assert np.abs(outputs["coupling"][:, place]).max() <= largest
-        assert change[:, place].max(initial=0.0) <= largest * 0.01 / OWN_BOUNDS.fade_s + 1e-9
 
 
 # --- faults of the sensor ---------------------------------------------------------------------------------

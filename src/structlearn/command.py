@@ -142,6 +142,23 @@ def view(given: argparse.Namespace) -> None:
     subprocess.run([_beside_python("rerun"), *web, *files], check=False)
 
 
+def export(given: argparse.Namespace) -> None:
+    """Write a task's demonstrations as a LeRobotDataset, its primitives as subtasks."""
+    from structlearn.tasks.movement.lerobot_export import write_lerobot
+    from structlearn.tasks.movement.movement_parameters import MovementEntry
+
+    files = TaskFiles(given.task)
+    if not files.segments.exists():
+        raise InputError(f"{files.segments}: is not there; make it first: structlearn run {given.task}")
+    target, entry = given.to or Path(given.task), files.entry(MovementEntry)
+    if target.exists():
+        raise InputError(f"{target}: is there already")
+    words = given.words or entry.title or files.name
+    runs, cuts = files.runs("demonstrations"), files.segmentation()
+    count = write_lerobot(runs, cuts, target, words, entry.fit.smoothing_hz, given.fps, given.robot)
+    print(f"{target}: LeRobotDataset of {count} episodes")
+
+
 def defaults(given: argparse.Namespace) -> None:
     """Print the defaults of all kinds of data with their units."""
     print(project.defaults_file().read_text(encoding="utf-8"), end="")
@@ -205,6 +222,13 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     one = command("view", view, "open the recordings of a task in 3-D")
     one.add_argument("task")
     one.add_argument("--web", action="store_true", help="serve them to a browser")
+    one = command("export", export, "write the demonstrations of a task as a LeRobotDataset (v3.0)")
+    one.add_argument("task")
+    one.add_argument("--format", choices=["lerobot"], default="lerobot")
+    one.add_argument("--to", type=Path, help="folder to make (default: the task's name)")
+    one.add_argument("--fps", type=int, help="frames per second (default: those of the task's clock)")
+    one.add_argument("--words", help="what is done, in words (default: the task's title or name)")
+    one.add_argument("--robot", help="name of the robot")
     command("defaults", defaults, "print what an entry may set, with units and defaults")
     one = command("inspect", inspect, "say what recordings hold, whether they are fit, and propose an entry")
     one.add_argument("source", help="a file, a bag, or a folder of them")
