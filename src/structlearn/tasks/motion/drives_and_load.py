@@ -83,9 +83,9 @@ def drive_tables(
         "joint": np.tile(joints, parameters.draws),
     }
     drives, drawn = [], []
-    for (quantity, log), (values, its) in found.items():
-        keys = {"quantity": quantity, "log": log}
-        drives.append(pd.DataFrame(keys | {"blocks": counts[log], "joint": joints, "value": values}))
+    for (quantity, name), (values, its) in found.items():
+        keys = {"quantity": quantity, "log": name}
+        drives.append(pd.DataFrame(keys | {"blocks": counts[name], "joint": joints, "value": values}))
         drawn.append(pd.DataFrame(keys | draws | {"value": its.ravel()}))
     table = pd.concat(drives, ignore_index=True)
     return {
@@ -127,7 +127,7 @@ def found_gains(drives: pd.DataFrame, parameters: MotionParameters) -> pd.DataFr
     if own.rest is not None:
         measured = _of(drives, names.AT_REST, own.rest)
         stands_in = {joint: measured[other - 1] for joint, other in own.assumed_gains.items()}
-        stand_in = np.array([stands_in.get(joint, np.nan) for joint in joints])
+        stand_in = np.array([stands_in.get(int(joint), np.nan) for joint in joints])
     assumed = np.isnan(measured) & ~np.isnan(stand_in)
     found = np.where(assumed, stand_in, measured)
     found = np.where(np.isnan(found), moving, found)

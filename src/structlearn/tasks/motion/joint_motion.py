@@ -336,7 +336,8 @@ def choose_networks(
         parts = motion.split(parameters.train_share)
         tried = partial(_tried, tree=tree, parts=parts, parameters=parameters)
         results = parallel_map(tried, work, "networks")
-    rows, chosen = [], dict[Kind, tuple[float, int, NetworkTraining]]()
+    rows: list[tuple[str, str, float, int, float]] = []
+    chosen: dict[Kind, tuple[float, int, NetworkTraining]] = {}
     for (kind, setting), errors in zip(work, results, strict=True):
         nodes = "-".join(map(str, setting.hidden))
         for epochs, error in zip(sorted(parameters.epochs), errors, strict=True):

@@ -1,6 +1,7 @@
 """Figures of an arm's logs: errors by joint, torques, the load over time, delays of the drives."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -45,7 +46,7 @@ def errors_panel(results: MotionResults) -> Figure:
     figure, axes = panel("Motion not learned from", 3.5, xlabel="joint", ylabel="NMSE", yscale="log")
     for key, look in LOOKS.items():
         if key in results.test.index and (key[0] != BOUNDS or key == results.bounds):
-            style = {"marker": "o", "markersize": 4, "color": look.colour, "label": look.name}
+            style: dict[str, Any] = {"marker": "o", "markersize": 4, "color": look.colour, "label": look.name}
             axes.plot(results.joints, results.test.loc[key], "--" if key[0] == BOUNDS else "-", **style)
     _, draws, _ = results.nmse(results.tested, results.best)
     colour = LOOKS[results.best].colour

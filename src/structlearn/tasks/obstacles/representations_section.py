@@ -123,12 +123,9 @@ def representation_tables(found: Tables) -> dict[str, Table]:
     """Tables by name."""
     held_out, train = (by_axis(found["scores"], column) for column in ("nmse", "train"))
     wide = held_out.join(train.add_suffix(", learned from"))
-    worth = found["phase_worth"].assign(
-        text=[
-            with_interval(*pair, ".3f")
-            for pair in found["phase_worth"][["gain", "half_width"]].itertuples(index=False)
-        ]
-    )
+    worth = found["phase_worth"]
+    text = [with_interval(row.gain, row.half_width, ".3f") for row in worth.itertuples()]
+    worth = worth.assign(text=text)
     gains = worth.pivot_table("text", ["representation", "inputs"], "axis", aggfunc="first")[AXES]
     best = frozenset({held_out.index.get_loc(best_representation(found))})
     return {

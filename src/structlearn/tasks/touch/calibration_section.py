@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -210,15 +211,15 @@ def amplitude_panel(electrodes: pd.DataFrame, name: str, title: str) -> Figure:
         label: str | None = group
         for _, finger in electrodes[electrodes["group"] == group].groupby(["run", "finger"], sort=False):
             values = np.maximum(np.sort(finger[name].abs().to_numpy())[::-1], 0.3)
-            style = {"color": WORLDS[group], "linewidth": width, "alpha": opacity, "label": label}
-            axes.plot(np.arange(1, len(values) + 1), values, **style)
+            style: dict[str, Any] = {"color": WORLDS[group], "linewidth": width, "alpha": opacity}
+            axes.plot(np.arange(1, len(values) + 1), values, **style, label=label)
             label = None
     axes.set_xticks([1, 5, 10, 15, 19])
     return legend(figure)
 
 
 @styled
-def sets_panel(table: pd.DataFrame, title: str, ticks: Sequence[float], **labels: object) -> Figure:
+def sets_panel(table: pd.DataFrame, title: str, ticks: Sequence[float], **labels: Any) -> Figure:
     """A curve for each set, over a logarithmic axis: columns `group`, x and y."""
     figure, axes = panel(title, xscale="log", **labels)
     for group, colour in WORLDS.items():

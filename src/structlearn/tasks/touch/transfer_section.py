@@ -149,7 +149,7 @@ def scores_table(scores: pd.DataFrame) -> Table:
     """Mean and std over parts and seeds, as text."""
 
     def spread(key: tuple[str, ...], error: str) -> str:
-        return with_spread(*scores.loc[key, [error, f"{error}_std"]], ".2f")
+        return with_spread(scores.loc[key, error], scores.loc[key, f"{error}_std"], ".2f")
 
     rows = [
         {"learned from": first, "tested on": second if new == NEW_SET else new}
