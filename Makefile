@@ -1,4 +1,5 @@
 # `make` alone lists the targets. Each creates the environment first, if it is not there.
+SHELL := bash
 PYTHON ?= python3
 BIN := .venv/bin
 IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
@@ -19,11 +20,22 @@ help:
 # The table of findings stands in the README too.
 TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
 
+# The testbeds share no stage but the list of code, so a first run makes two at a time, the longest first: one fills the
+# cores while the other waits. `dvc repro` does what is left.
+TESTBEDS := dynamics scraping servoing obstacles
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
+ifeq ($(wildcard data/code/main),)
+	$(IN_ENVIRONMENT) dvc repro --quiet code
+	@$(MAKE) --no-print-directory --jobs=2 $(TESTBEDS:%=stages-of-%)
+endif
 	$(IN_ENVIRONMENT) dvc repro
 	@$(BIN)/python -m structlearn.core.wall_clock
 	@$(TABLE_OF_README)
 	@echo "reports/index.html is up to date"
+
+stages-of-%:
+	@set -o pipefail; $(IN_ENVIRONMENT) dvc --wait-for-lock repro --single-item \
+	  $$(sed -n 's/^  \($*_[a-z_]*\):$$/\1/p' dvc.yaml) 2>&1 | sed -u '/^$$/d; s/^/$*: /'
 
 test: lint  ## lint, run all tests
 	OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
@@ -64,7 +76,7 @@ own-example: $(INSTALLED)  ## write six bags of a simulated task to try it with
 # What recordings hold, whether they are fit to be learned from, and an entry for stages/tasks/own.yaml, e.g.
 # `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
 inspect: $(INSTALLED)  ## say what recordings hold, and propose an entry: make inspect SOURCE=~/bags
-	$(BIN)/python -m structlearn.inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
+	$(BIN)/python -m structlearn.command inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks
@@ -119,9 +131,7 @@ upsets: $(INSTALLED)  ## run N ticks of the controller under faults
 # Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
 check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make check TASK=pour
 	$(if $(TASK),,$(error which task? make check TASK=pick))
-	$(BIN)/python -m structlearn.tasks.task_entry own.yaml "$$TASK" > /dev/null
-	$(IN_ENVIRONMENT) dvc repro "stages/tasks/dvc.yaml:check@$$TASK"
-	$(BIN)/python -m structlearn.tasks.movement.check_results "$$TASK"
+	$(BIN)/python -m structlearn.command check "$$TASK"
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=obstacles`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping
