@@ -40,7 +40,7 @@ def test_readings_take_the_state_of_the_nearest_time(folder):
     np.testing.assert_allclose(run.time, [0.0, 3.8])
     np.testing.assert_array_equal(run.counts[0], np.arange(1, 16))
     assert run.force is None
-    assert run.provenance["commit"] == eflesh.COMMIT
+    assert run.provenance["commit"] == eflesh.SOURCE.commit
 
 
 def test_the_scale_reads_newtons_and_misses_some(folder):

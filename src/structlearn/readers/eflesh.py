@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.text_log import check_rising, read_each, read_stamped_table, source_provenance
+from structlearn.readers.text_log import PublicSet, check_rising, read_each, read_stamped_table
 from structlearn.readers.touch_log import TouchLog
 
-REPOSITORY = "https://github.com/notvenky/eFlesh"
-COMMIT = "ab5ca56a87df7cbf59264138998bf74efc216b13"
-LICENCE = "MIT"
+SOURCE = PublicSet(
+    "https://github.com/notvenky/eFlesh",
+    "ab5ca56a87df7cbf59264138998bf74efc216b13",
+    "MIT",
+)
 
 CHANNELS = tuple(f"{magnetometer}{axis}" for magnetometer in range(1, 6) for axis in "xyz")
 """Five magnetometers, three axes each, in the order of the columns."""
@@ -34,9 +36,7 @@ MISSING = -1.0
 def read_touch(folder: Path, entry: object, left_out: dict[str, str]) -> list[TouchLog]:
     """All runs, over places and on a scale, each in the order of their names, which are times.
 
-    Raises:
-        MissingInputError: there is no run over places.
-        InputError: see `read_run`.
+    Raises MissingInputError: there is no run over places. Raises InputError: see `read_run`.
     """
     found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
     if not found[PRESSES]:
@@ -54,11 +54,9 @@ def read_runs(folder: str | Path, kind: str, left_out: dict[str, str] | None = N
 def read_run(path: Path, root: Path, on_scale: bool) -> TouchLog:
     """One run from a folder below the data set's; `on_scale`: its states end with a scale's reading.
 
-    Counts are less the resting reading; the place is the commanded one, z pointing away from the skin.
-
-    Raises:
-        InputError: a file is missing or no table of its columns, times do not rise, a reading has no state
-            near it, or the scale reads a negative weight that does not stand for a missing one.
+    Counts are less the resting reading; the place is the commanded one, z pointing away from the skin. Raises
+    InputError: a file is missing or no table of its columns, times do not rise, a reading has no state near
+    it, or the scale reads a negative weight that does not stand for a missing one.
     """
     files = [path / "states.csv", path / "sensor_post_baselines.csv"]
     stamps, states = read_stamped_table(files[0], 5 if on_scale else 4, separator=",")
@@ -86,7 +84,7 @@ def read_run(path: Path, root: Path, on_scale: bool) -> TouchLog:
         place=1e-3 * states[rows, :3],
         time=(sensed - sensed[0]) * 1e-9,
         force=force,
-        provenance=source_provenance(REPOSITORY, COMMIT, LICENCE, root, files),
+        provenance=SOURCE.provenance(root, files),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core import signals
-from structlearn.core.block_bootstrap import block_count
+from structlearn.core.metrics import block_count
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.joint_log import DriveLog, on_clock
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains

@@ -12,9 +12,8 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core.artefacts import write_table
-from structlearn.core.block_bootstrap import blocks
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.core.metrics import nmse
+from structlearn.core.metrics import blocks, nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import AdamParameters, one_thread
 from structlearn.readers.joint_log import (

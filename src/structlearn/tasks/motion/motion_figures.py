@@ -7,10 +7,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.core.block_bootstrap import percentiles
+from structlearn.core.metrics import percentiles
 from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE
-from structlearn.reporting.figure_style import Drawing, styled
-from structlearn.reporting.panels import legend, panel
+from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.tasks.motion.motion_results import (
     BEST,
     BOUNDS,

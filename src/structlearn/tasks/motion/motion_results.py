@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from structlearn.core.block_bootstrap import block_count, block_sums, drawn_counts, percentiles
+from structlearn.core.metrics import block_count, block_sums, drawn_counts, percentiles
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, Look
 from structlearn.reporting.claims import Evidence, Found, confidence, counted, exact, mean, unknown
 from structlearn.reporting.findings import Findings

@@ -21,8 +21,7 @@ from structlearn.viewer.arm_meshes import (
     send_followed,
     send_sticks,
 )
-from structlearn.viewer.notes import legend, notes_view, send_notes
-from structlearn.viewer.rrd import layout, recording, rgba, time_column
+from structlearn.viewer.rrd import layout, legend, notes_view, recording, rgba, send_notes, time_column
 
 ARM, BODY = "arm", "load"
 

@@ -15,8 +15,8 @@ from structlearn.avoidance import features
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.primitives import canonical, kernels
-from structlearn.readers.clmc import COMMIT, LICENCE, REPOSITORY
-from structlearn.readers.text_log import read_table, source_provenance
+from structlearn.readers.clmc import SOURCE
+from structlearn.readers.text_log import read_table
 
 FOLDER = "obs_avoid/pmnn_unroll_test_dataset"
 FILES = {
@@ -47,7 +47,7 @@ def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str]) -> Record
     """Reader of a task, see `task_import`."""
     samples = read_coupling_samples(folder)
     files = list(sample_files(folder).values())
-    return RecordedSamples(samples, source_provenance(REPOSITORY, COMMIT, LICENCE, Path(folder), files))
+    return RecordedSamples(samples, SOURCE.provenance(Path(folder), files))
 
 
 def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:

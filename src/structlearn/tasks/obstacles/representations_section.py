@@ -11,9 +11,8 @@ from structlearn.core.metrics import mean_interval
 from structlearn.palette import BLACK, BLUE, GREY, OCHRE, Look
 from structlearn.reporting.claims import Evidence, difference
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import rounded, with_interval
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles

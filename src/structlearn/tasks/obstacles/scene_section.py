@@ -17,9 +17,8 @@ from structlearn.reporting.claims import (
     mean,
 )
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import interval, rounded
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import ObstacleEntry

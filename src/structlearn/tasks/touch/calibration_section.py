@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from structlearn.palette import BLACK, CATEGORICAL_COLOURS, GREY
 from structlearn.reporting.claims import exact, judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
-from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import listing, rounded
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.shown_tables import shown

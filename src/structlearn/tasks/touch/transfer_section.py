@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from structlearn.palette import BLACK
 from structlearn.reporting.claims import mean, unknown
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import listing, rounded, with_spread
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown

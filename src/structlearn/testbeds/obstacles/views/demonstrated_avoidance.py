@@ -24,11 +24,12 @@ from structlearn.testbeds.obstacles.views.avoidance_scene import (
     send_scenario,
 )
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
-from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import (
     FLOOR_SQUARE_M,
     entity,
     layout,
+    legend,
+    notes_view,
     origin_label,
     plot,
     recording,
@@ -36,6 +37,7 @@ from structlearn.viewer.rrd import (
     scene_view,
     send_curve,
     send_floor_axes,
+    send_notes,
 )
 
 SIDES = {1: "left of", 2: "above"}
