@@ -351,7 +351,7 @@ def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[C
         yield from (
             change(how, names, table[label] == value) for value, how in product(values, (raised, lowered))
         )
-    yield from (change(how, [name]) for name, how in product(names, HOW))
+    yield from (change(how, [name]) for how, name in product(HOW[::-1], names))
 
 
 def with_other(how: Callable, every: Tables, columns: Mapping[str, Sequence[str]]) -> Change:
