@@ -2,11 +2,12 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
-from structlearn.reporting.claims import Evidence, claims_table, judge, quoted, read_claims
+from structlearn.reporting.claims import Evidence, claims_table, judge, read_claims
 from structlearn.reporting.document import environment
 from structlearn.reporting.verdicts import (
     DIGITS,
@@ -66,7 +67,7 @@ def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
         "- {statement: read, source: IV, evidence: read, test: above}\n"
     )
     above = Evidence(1.0, 0.5, 1.5, 5)
-    found = {"ran": above} | quoted({"read": {"a": above, "b": above}}, "toy/people")
+    found = {"ran": above, "read": dict.fromkeys("ab", replace(above, study="toy/people"))}
     claims = read_claims(tmp_path / "claims.yaml")
     table = claims_table(judge(claims, found, environment("structlearn.reporting"), {}))
     assert table["study"].tolist() == ["", "toy/people", "toy/people"]
