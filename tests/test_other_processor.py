@@ -67,7 +67,8 @@ def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
         "- {statement: read, source: IV, evidence: read, test: above}\n"
     )
     above = Evidence(1.0, 0.5, 1.5, 5)
-    found = {"ran": above, "read": dict.fromkeys("ab", replace(above, study="toy/people"))}
+    read = replace(above, study="toy/people")
+    found = {"ran": above, "read": {"a": read, "b": read}}
     claims = read_claims(tmp_path / "claims.yaml")
     table = claims_table(judge(claims, found, environment("structlearn.reporting"), {}))
     assert table["study"].tolist() == ["", "toy/people", "toy/people"]

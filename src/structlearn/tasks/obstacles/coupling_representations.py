@@ -25,7 +25,7 @@ from structlearn.avoidance.scene_models import (
     scene_states,
     straight_baseline,
 )
-from structlearn.avoidance.scene_people import ScenePeopleParameters, reaches_past_obstacles
+from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import MissingInputError
 from structlearn.core.metrics import mean_interval, nmse
 from structlearn.core.parallel import parallel_map
@@ -81,7 +81,9 @@ class RepresentationResults:
     phase_worth: pd.DataFrame
 
 
-def samples_of_reaches(runs: Sequence[Demonstration], parameters: ScenePeopleParameters) -> AvoidanceDataset:
+def samples_of_reaches(
+    runs: Sequence[Demonstration], parameters: SceneLearningParameters
+) -> AvoidanceDataset:
     """Samples of the coupling term of reaches past obstacles, with the published features of the nearest."""
     reaches, _ = reaches_past_obstacles(runs, parameters)
     baseline = straight_baseline(reaches, parameters.straight_share)

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from structlearn.core.metrics import nmse
 from structlearn.core.params import Parameters
+from structlearn.palette import COLOUR_NAMES
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
