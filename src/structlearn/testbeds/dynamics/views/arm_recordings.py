@@ -23,7 +23,6 @@ from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_plots, send_arm, send_followed
 from structlearn.viewer.rrd import (
-    COLOUR_NAMES,
     entity,
     layout,
     legend,
