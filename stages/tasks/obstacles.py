@@ -21,7 +21,7 @@ def main(files: TaskFiles) -> None:
         if parameters.representations is not None:
             samples = samples_of_reaches(reaches, parameters)
     if samples is not None and parameters.representations is not None:
-        results |= vars(compare_representations(samples, parameters.representations))
+        results |= compare_representations(samples, parameters.representations)
     with publish(files.folder / "obstacles") as folder:
         folder.mkdir()
         for name, table in results.items():

@@ -31,11 +31,12 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
     without_avoidance,
 )
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
-from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import (
     FLOOR_SQUARE_M,
     entity,
     layout,
+    legend,
+    notes_view,
     origin_label,
     plot,
     recording,
@@ -44,6 +45,7 @@ from structlearn.viewer.rrd import (
     send_curve,
     send_floor_axes,
     send_moving_frame,
+    send_notes,
     time_column,
 )
 

@@ -30,17 +30,20 @@ from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     send_hand,
     send_paths,
 )
-from structlearn.viewer.notes import legend, notes_path, notes_view, send_notes
 from structlearn.viewer.rrd import (
     FLOOR_SQUARE_M,
     entity,
     layout,
+    legend,
+    notes_path,
+    notes_view,
     plot,
     recording,
     rgba,
     scene_view,
     send_curve,
     send_floor_axes,
+    send_notes,
     send_series,
     time_column,
 )
