@@ -8,8 +8,6 @@ from structlearn.core.errors import InputError
 from structlearn.readers import ur10e
 from structlearn.readers.joint_log import DriveLog, on_clock
 
-FIELDS = (*ur10e.SIGNALS, "stamps")
-
 
 @pytest.fixture
 def folder(tmp_path):

@@ -67,8 +67,8 @@ class Findings(Mapping[str, Found]):
         """
         if name in self._rows:
             raise ValueError(f"two findings are called {name}")
-        if self._study and isinstance(found, Evidence):
-            found = replace(found, study=self._study)
+        if isinstance(found, Evidence):
+            found = replace(found, study=self._study) if self._study else found
         elif self._study:
             found = {case: replace(one, study=self._study) for case, one in found.items()}
         self._rows[name] = _Row(found, unit, self._population, headline)

@@ -24,7 +24,6 @@ from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.newton_euler import torque_differences
-from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.rigid_body.urdf_writer import write_urdf
@@ -84,12 +83,10 @@ class Identified:
     Attributes:
         models: by kind and friction.
         torques: (M, N, n) N m of each model on each part.
-        friction: coefficients (n, t) of the models that learned some.
     """
 
     models: Mapping[ModelKey, DynamicsModels]
     torques: Mapping[ModelKey, Mapping[str, np.ndarray]]
-    friction: Mapping[ModelKey, np.ndarray]
 
 
 def identify_arm(
@@ -112,7 +109,7 @@ def identify_arm(
     models: dict[ModelKey, DynamicsModels] = dict(
         zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True)
     )
-    tree, coefficients = robot.tree, {}
+    tree = robot.tree
     urdf = {name: rigid_body_torques(tree, robot.inertias, part)[None] for name, part in parts.items()}
     torques: dict[ModelKey, dict[str, np.ndarray]] = {(URDF, "none"): urdf}
     for friction in LEARNED_FRICTIONS:
@@ -120,15 +117,12 @@ def identify_arm(
             name: MotionRegressor(tree, part, True, FRICTIONS[friction]) for name, part in parts.items()
         }
         theta = least_squares(normalised_triangle(regressors[TRAIN].factors, fitting.limits))
-        key = LEAST_SQUARES, friction
-        torques[key] = {name: (its.columns @ theta)[None] for name, its in regressors.items()}
-        joints = len(tree.names)
-        coefficients[key] = theta[SYMMETRIC_COLUMNS * joints :].reshape(joints, -1)
+        torques[LEAST_SQUARES, friction] = {
+            name: (its.columns @ theta)[None] for name, its in regressors.items()
+        }
     for key, learned in models.items():
         torques[key] = {name: predicted_torques(learned, tree, part) for name, part in parts.items()}
-        if learned.friction:
-            coefficients[key] = learned.friction_coefficients()[0]
-    return Identified(models, torques, coefficients)
+    return Identified(models, torques)
 
 
 def error_table(identified: Identified, parts: Mapping[str, Motion]) -> pd.DataFrame:
@@ -142,16 +136,6 @@ def error_table(identified: Identified, parts: Mapping[str, Motion]) -> pd.DataF
                 keys = {"model": model, "friction": friction, "seed": seed, "part": name}
                 rows.append(pd.DataFrame(keys | columns))
     return pd.concat(rows, ignore_index=True)
-
-
-def friction_table(identified: Identified) -> pd.DataFrame:
-    """`model`, `friction`, `joint`, `term`, `value` in SI units."""
-    rows = [
-        (*key, joint + 1, FRICTIONS[key[1]][place], value)
-        for key, values in identified.friction.items()
-        for (joint, place), value in np.ndenumerate(values)
-    ]
-    return pd.DataFrame(rows, columns=["model", "friction", "joint", "term", "value"])
 
 
 def body_table(identified: Identified, robot: Robot) -> pd.DataFrame:

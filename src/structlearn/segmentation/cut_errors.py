@@ -21,22 +21,15 @@ def cut_errors(demonstrations: Sequence[Demonstration], segmentation: Segmentati
     """Errors of the cut points of primitives that have an axis, where the true ones are known.
 
     Primitives in between have no cut points of their own, and the reference is not guessed: both are left
-    out.
-
-    `demonstrations`: with `true_segments` in the order of the primitives. Returns `demonstration`,
+    out. `demonstrations`: with `true_segments` in the order of the primitives. Returns `demonstration`,
     `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
     """
     true = {one.name: one.true_segments for one in demonstrations if one.true_segments is not None}
-    places = {name: place for place, name in enumerate(segmentation.cuts["primitive"].unique())}
-    cuts = segmentation.cuts
+    places, cuts = segmentation.primitives, segmentation.cuts
     cuts = cuts[cuts["primitive"].isin(segmentation.pairs["primitive"].unique())]
     cuts = cuts[cuts["demonstration"] != segmentation.reference]
-    truth = np.array(
-        [
-            true[name][places[primitive]]
-            for name, primitive in zip(cuts["demonstration"], cuts["primitive"], strict=True)
-        ]
-    )
+    keys = zip(cuts["demonstration"], cuts["primitive"], strict=True)
+    truth = np.array([true[name][places.index(primitive)] for name, primitive in keys])
     return cuts[["demonstration", "primitive", "method"]].assign(
         start_error_s=cuts["start_s"] - truth[:, 0], end_error_s=cuts["end_s"] - truth[:, 1]
     )
@@ -97,10 +90,7 @@ def distances_to_reference_mm(
 ) -> pd.Series:
     """Mean distance in mm of each aligned segment from the reference's, each relative to its own mean.
 
-    One number per demonstration, so that two methods can be compared in pairs; `aligned_spread_mm` is one
-    number for them all.
-
-    Returns distances, index demonstration, without the reference.
+    Index: demonstration, without the reference, so that two methods can be compared in pairs.
     """
     curves, names = aligned_segments(demonstrations, segmentation, primitive, method, axis)
     curves = curves - curves.mean(axis=1, keepdims=True)
@@ -114,30 +104,27 @@ def downsampling_effect(
 ) -> pd.DataFrame:
     """Cut points with the alignment down-sampled by several factors (appendix C).
 
-    `parameters`: of the segmentation; its `downsampling` is replaced.
-
-    Returns:
-        One row per factor: `factor`, `work` (cells of the warping tables that were computed, relative to the
-        first factor; `make bench` times them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points
-        against the first factor's, and the largest in samples that are aligned: `shift_samples`,
-        `shift_samples_text` of weighted least squares as printed.
+    `parameters`: of the segmentation; its `downsampling` is replaced. Returns one row per factor: `factor`,
+    `work` (cells of the warping tables that were computed, relative to the first factor; `make bench` times
+    them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points against the first factor's, and the
+    largest in samples that are aligned: `shift_samples`, `shift_samples_text` of weighted least squares as
+    printed.
     """
-    results, cells, rows = {}, {}, []
-    for factor in factors:
-        segmentation = cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
-        cells[factor] = segmentation.cells
-        ends = segmentation.cuts.set_index(["method", "demonstration", "primitive"])[["start_s", "end_s"]]
-        results[factor] = {method: ends.loc[method] for method in (RESULT, AS_PRINTED)}
-    for factor, found in results.items():
-        shift, as_printed = (
-            (found[method] - results[factors[0]][method]).dropna().abs().to_numpy()  # that both could cut
-            for method in (RESULT, AS_PRINTED)
-        )
+    found = {
+        factor: cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
+        for factor in factors
+    }
+    keys, first = ["method", "demonstration", "primitive"], found[factors[0]]
+    rows = []
+    for factor, segmentation in found.items():
+        ends = [one.cuts.set_index(keys)[["start_s", "end_s"]] for one in (segmentation, first)]
+        shifts = (ends[0] - ends[1]).dropna().abs()  # of what both could cut
+        shift, as_printed = (shifts.loc[method].to_numpy() for method in (RESULT, AS_PRINTED))
         sample_s = factor * demonstrations[0].dt
         rows.append(
             {
                 "factor": factor,
-                "work": cells[factor] / cells[factors[0]],
+                "work": segmentation.cells / first.cells,
                 "mean_shift_ms": 1e3 * shift.mean(),
                 "max_shift_ms": 1e3 * shift.max(),
                 "shift_samples": shift.max() / sample_s,
@@ -149,16 +136,11 @@ def downsampling_effect(
 
 @dataclass(frozen=True)
 class Dwells:
-    """How a single movement is set into a longer recording, to know its true cut points.
+    """How a single movement is set into a longer recording, to know its true cut points."""
 
-    Attributes:
-        shortest_s, longest_s: range of the rests before and after it.
-        noise_hz: cut-off of the smooth noise on everything.
-    """
-
-    shortest_s: float
+    shortest_s: float  # range of the rests before and after it
     longest_s: float
-    noise_hz: float
+    noise_hz: float  # cut-off of the smooth noise on everything
 
 
 def between_dwells(
@@ -190,10 +172,9 @@ BASELINE = "ls"  # The method that the text compares weighted least squares with
 
 
 def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
-    """Mean absolute cut error of every simulated person.
+    """Mean absolute cut error of every simulated person: `noise_mm`, `seed`, `method`, `error_ms`.
 
-    `noise`: of `simulation.cut_sweep.noise_sweep`. Returns `noise_mm`, `seed`, `method`, `error_ms`: mean
-    over demonstrations, primitives and both ends.
+    Over demonstrations, primitives and both ends. `noise`: of `cut_sweep.noise_sweep`.
     """
     found = noise[noise["method"] != "left_out"]
     both_ends = found[["start_error_s", "end_error_s"]].abs().mean(axis=1)
@@ -207,21 +188,20 @@ def errors_by_level(by_seed: pd.DataFrame) -> pd.DataFrame:
     `by_seed`: of `errors_by_seed`. Returns `noise_mm`, `method`, `mean_ms`, `half_width_ms`; methods in their
     own order.
     """
-    rows = []
-    for level, at_level in by_seed.groupby("noise_mm"):
-        errors = at_level.set_index("method")["error_ms"]
-        for method in METHODS:
-            if method in errors.index:
-                rows.append((level, method, *mean_interval(errors.loc[[method]].to_numpy())))
+    rows = [
+        (level, method, *mean_interval(errors.to_numpy()))
+        for level, at_level in by_seed.groupby("noise_mm")
+        for method in METHODS
+        if len(errors := at_level.loc[at_level["method"] == method, "error_ms"])
+    ]
     return pd.DataFrame(rows, columns=["noise_mm", "method", "mean_ms", "half_width_ms"])
 
 
 def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
     """Error of every other method minus that of the result's, in pairs over the seeds.
 
-    People differ more than methods do; the same person cut by two methods shows the difference.
-
-    `by_seed`: of `errors_by_seed`. Returns `noise_mm`, `method` (the other), `seeds`, `difference_ms`
+    People differ more than methods do; the same person cut by two methods shows the difference. `by_seed`: of
+    `errors_by_seed`. Returns `noise_mm`, `method` (the other), `seeds`, `difference_ms`
     (positive where the result is better), `low_ms`, `high_ms` (95 % confidence interval) and `verdict` on the
     result.
     """
@@ -239,10 +219,7 @@ def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
 
 
 def wins_at_every_noise_level(by_level: pd.DataFrame) -> bool:
-    """Whether the result's mean error is the smallest at every level with noise; False if there is none.
-
-    `by_level`: of `errors_by_level`.
-    """
+    """Whether the result has the smallest of `errors_by_level` at every level with noise, if there is one."""
     means = by_level.pivot_table(index="noise_mm", columns="method", values="mean_ms")
     means = means[means.index > 0]
     wins = means.drop(columns=RESULT).min(axis=1) > means[RESULT]
@@ -257,12 +234,10 @@ def alignment_comparison(
     """How closely the refined segments lie together, and whether closer than by ordinary least squares.
 
     The spread is one number for the whole set, so the test is on the distances from the reference's segment,
-    in pairs over the demonstrations.
-
-    `segmentation`: of these, with at least one demonstration beside the reference. Returns one row per
-    primitive and method: `primitive`, `method`, `spread_mm`, `distance_mm` (mean over the demonstrations),
-    `gain_mm` (distance by ordinary least squares minus this one, positive where this one is closer),
-    `low_mm`, `high_mm` (95 % confidence interval) and `verdict` on this method.
+    in pairs over the demonstrations. `segmentation`: of these, with at least one demonstration beside the
+    reference. Returns one row per primitive and method: `primitive`, `method`, `spread_mm`, `distance_mm`
+    (mean over the demonstrations), `gain_mm` (distance by ordinary least squares minus this one, positive
+    where this one is closer), `low_mm`, `high_mm` (95 % confidence interval) and `verdict` on this method.
     """
     rows = []
     for primitive in primitives:

@@ -11,8 +11,7 @@ import rerun.blueprint as rrb
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE
 from structlearn.readers.joint_log import MotionLog
 from structlearn.rigid_body.urdf import moved_link
-from structlearn.tasks.motion.motion_parameters import LoadParameters
-from structlearn.tasks.motion.motion_results import CARRYING
+from structlearn.tasks.motion.motion_parameters import CARRYING, LoadParameters
 from structlearn.viewer.arm_meshes import (
     arm_contents,
     arm_view,
