@@ -1,7 +1,7 @@
 """Recordings of a task's movements, and of what was learned from them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -87,15 +87,11 @@ def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segment
     for part in parts:
         times.append(part.time + starts[-1])
         starts.append(times[-1][-1] + part.dt)
-    signals: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in SIGNALS
-        if all(getattr(part, name) is not None for part in parts)
-    }
-    nothing: dict[str, Any] = {
-        one.name: None for one in fields(Demonstration) if one.name in SIGNALS and one.name not in signals
-    }
-    execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **signals, **nothing)
+    recorded: dict[str, Any] = {}
+    for name in SIGNALS:
+        its = [getattr(part, name) for part in parts]
+        recorded[name] = None if any(one is None for one in its) else np.concatenate(its)
+    execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **recorded)
     rows = [
         (EXECUTION, part.name, RESULT, start, end)
         for part, start, end in zip(parts, starts[:-1], starts[1:], strict=True)
