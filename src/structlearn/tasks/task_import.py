@@ -29,8 +29,7 @@ from structlearn.readers import Recording, read_recordings, synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import JointLog, read_joint_logs, write_log_table
 from structlearn.readers.runs import write_runs, write_streams
-from structlearn.readers.settings import setting_folders
-from structlearn.readers.source import ClockParameters, SourceParameters
+from structlearn.readers.source import ClockParameters, SourceParameters, setting_folders
 from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry

@@ -18,16 +18,27 @@ from structlearn.primitives.fitting import orientations, segment_paths, whole
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.twist_swing import dominant_axes, from_chart, on_chart
-from structlearn.readers.demonstration import SIGNALS, Demonstration
+from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration
 from structlearn.segmentation.alignment import RESULT
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
 from structlearn.tasks.movement.phase_corrections import complete, typical_paths
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer.learned_primitives import write_primitives
-from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import entity, eye_view, layout, plot, recording, rgba, send_series, time_column
+from structlearn.viewer.rrd import (
+    entity,
+    eye_view,
+    layout,
+    legend,
+    notes_view,
+    plot,
+    recording,
+    rgba,
+    send_notes,
+    send_series,
+    time_column,
+)
 
 DEMONSTRATED = (
     "Coloured by the primitive that they were cut into, white outside; each has a tab with its signals."
@@ -93,7 +104,7 @@ def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segment
         times.append(part.time + starts[-1])
         starts.append(times[-1][-1] + part.dt)
     recorded: dict[str, Any] = {}
-    for name in SIGNALS:
+    for name in SIGNAL_UNITS:
         its = [getattr(part, name) for part in parts]
         recorded[name] = None if any(one is None for one in its) else np.concatenate(its)
     execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **recorded)

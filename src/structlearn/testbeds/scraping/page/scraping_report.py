@@ -8,7 +8,7 @@ from typing import Any
 from structlearn.core.params import read_values
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.reporting import movement_figures, segmentation_figures
+from structlearn.reporting import movement_figures
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
@@ -174,21 +174,21 @@ def segmentation_drawings(results: SegmentationResults) -> Drawings:
             results.example, results.segmentation
         ),
         "space": demonstration_figures.space_figure(results),
-        "downsampling": segmentation_figures.downsampling_figure(results.downsampling),
+        "downsampling": movement_figures.downsampling_figure(results.downsampling),
         "position_fit": demonstration_figures.position_fit_figure(results),
         "forcing": demonstration_figures.forcing_figure(results),
         "sequence": movement_figures.sequence_figure(results.sequences),
         "sequence_space": demonstration_figures.sequence_space_figure(results.sequences),
-        "noise_sweep": segmentation_figures.noise_figure(results.sweep, results.sweep_comparison),
+        "noise_sweep": movement_figures.noise_figure(results.sweep, results.sweep_comparison),
         "orientation_fit": demonstration_figures.orientation_fit_figure(results),
     }
     if results.guesses:
         first = results.found_primitives[0]
         guess = results.most_refined_guess(first.name)
-        made["correspondences"] = segmentation_figures.correspondence_figure(
+        made["correspondences"] = movement_figures.correspondence_figure(
             results.reference, guess, results.segmentation, first
         )
-        made["alignment"] = segmentation_figures.alignment_figure(
+        made["alignment"] = movement_figures.alignment_figure(
             results.was_cut, results.segmentation, results.found_primitives
         )
     return made

@@ -23,15 +23,18 @@ from structlearn.testbeds.scraping.views.search_recording import searches, send_
 from structlearn.testbeds.scraping.views.shown_execution import Execution, send_signals
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 from structlearn.viewer.arm_meshes import arm_contents, send_arm
-from structlearn.viewer.notes import legend, notes_view, origin_sentence, send_notes
 from structlearn.viewer.rrd import (
     entity,
     eye_view,
     lanes,
     layout,
+    legend,
+    notes_view,
     origin_label,
+    origin_sentence,
     plot,
     recording,
+    send_notes,
     send_primitive_lane,
     send_series,
     time_column,
@@ -160,7 +163,7 @@ def _send_lane(stream: rr.RecordingStream, one: Execution) -> rrb.StateTimelineV
     """Log which primitive runs, at the same times in every setting, and return the view of it."""
     segments = one.run.signal("true_segments")
     times = time_column(np.append(segments[:, 0], segments[-1, 1]))
-    send_primitive_lane(stream, "primitive", [times], [*one.primitives, ""])
+    send_primitive_lane(stream, "primitive", [times], one.primitives)
     return lanes(["primitive"])
 
 

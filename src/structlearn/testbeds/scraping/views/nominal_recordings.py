@@ -22,8 +22,19 @@ from structlearn.testbeds.scraping.views.scraping_scene import SKIN, send_board,
 from structlearn.testbeds.scraping.world.layout import EDGE_M
 from structlearn.viewer import learned_primitives, recorded_demonstrations
 from structlearn.viewer.diagram import texts
-from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
-from structlearn.viewer.rrd import blended, entity, flat_view, layout, origin_label, recording, rgba, thinning
+from structlearn.viewer.rrd import (
+    blended,
+    entity,
+    flat_view,
+    layout,
+    notes_view,
+    origin_label,
+    origin_sentence,
+    recording,
+    rgba,
+    send_notes,
+    thinning,
+)
 
 DEMONSTRATED = """A person guides the tool down to the level board, turns it and scrapes. Coloured by the
 primitive that they were cut into, white outside (dissertation IV.5). The hand is that of {reference}; every
