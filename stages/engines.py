@@ -20,7 +20,7 @@ from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
     execute_run,
 )
-from structlearn.testbeds.scraping.world.in_pybullet import in_pybullet
+from structlearn.testbeds.scraping.world.scraping_world import in_pybullet
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 COMPARED_S = 8.0

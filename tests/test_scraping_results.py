@@ -9,9 +9,9 @@ from scipy import stats
 from structlearn.core.metrics import BETTER
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.reporting.findings import Findings
-from structlearn.testbeds.scraping.page.feedback_results import informative_channel
 from structlearn.testbeds.scraping.page.findings import refinement_of_one
 from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
+from structlearn.testbeds.scraping.page.results import informative_channel
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 

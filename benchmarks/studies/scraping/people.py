@@ -18,9 +18,9 @@ from structlearn.reporting.prose import level_name
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.scraping.page.execution_results import ExecutionResults
+from structlearn.testbeds.scraping.page.executions import ExecutionResults
 from structlearn.testbeds.scraping.page.findings import segmentation_of_one
-from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
+from structlearn.testbeds.scraping.page.results import SegmentationResults
 from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation

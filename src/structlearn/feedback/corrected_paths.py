@@ -84,21 +84,18 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
     not on a uniform clock from the start to the end of the primitive.
     """
     keys = sorted(set(zip(dataset.setting.tolist(), dataset.demonstration.tolist(), strict=True)))
-    columns: dict[str, list[np.ndarray]] = {"deviation": [], "target": [], "correction": []}
+    found = []
     for setting, number in keys:
         chosen = np.flatnonzero((dataset.setting == setting) & (dataset.demonstration == number))
         rows = dataset.where(chosen[np.argsort(dataset.time[chosen], kind="stable")])
         _check_whole_movement(rows, f"setting {setting_label(setting)}, demonstration {number}")
-        for name, values in (
-            ("deviation", rows.deviation),
-            ("target", rows.target[:, None]),
-            ("correction", _correction(rows.target)),
-        ):
-            columns[name].append(time_normalised(values, samples))
+        columns = np.column_stack([rows.target, _correction(rows.target), rows.deviation])
+        found.append(time_normalised(columns, samples))
+    paths = np.array(found)  # (L, T, 2 + D)
     return CorrectedPaths(
-        deviation=np.array(columns["deviation"]),
-        target=np.array(columns["target"])[..., 0],
-        correction=np.array(columns["correction"])[..., 0],
+        deviation=paths[..., 2:],
+        target=paths[..., 0],
+        correction=paths[..., 1],
         setting=np.array([setting for setting, _ in keys]),
         demonstration=np.array([number for _, number in keys]),
     )
@@ -125,20 +122,12 @@ def path_errors(
     """
     tables = []
     for name, dataset in datasets.items():
+        paths = corrected_paths(dataset, SAMPLES)
         for model, networks in models.items():
-            network = networks[name]
-            paths = corrected_paths(dataset, SAMPLES)
-            tables.append(
-                pd.DataFrame(
-                    {
-                        "model": model,
-                        "primitive": name,
-                        "setting_deg": paths.setting,
-                        "demonstration": paths.demonstration,
-                        "error_deg": np.degrees(unrolled_error(network, paths)),
-                    }
-                )
-            )
+            errors = np.degrees(unrolled_error(networks[name], paths))
+            keys = {"model": model, "primitive": name, "setting_deg": paths.setting}
+            columns = keys | {"demonstration": paths.demonstration, "error_deg": errors}
+            tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.feedback import controller_tick, run_tables
-from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
+from structlearn.feedback.skill import ReactiveSkill, require_unit
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import PoseGoal
 from structlearn.primitives.transformation import ALPHA, BETA
@@ -106,8 +106,8 @@ class Controller:
         orientations. Raises InputError: the pose is not finite, outside the skill's workspace or no unit
         quaternion, or a reach has no direction.
         """
-        plan, state, start = self._plan, self._state, "the position at the start"
-        position = run_tables.within_workspace(self.skill, require_finite(position, 3, start), start)
+        plan, state = self._plan, self._state
+        position = run_tables.checked_point(self.skill, position, "the position at the start")
         turned = self.skill.primitives[0].orientation is not None
         if turned or orientation is not None:
             orientation = require_unit(orientation, 4, "the orientation at the start")
@@ -181,7 +181,7 @@ class Controller:
         name = self.skill.primitives[index].name
         if index < running:
             raise InputError(f"'{name}' has ended, its goal cannot be moved")
-        position = run_tables.checked_goal(self.skill, name, position)
+        position = run_tables.checked_point(self.skill, position, f"the goal of '{name}'")
         old, old_turned = plan.position_goal[index].copy(), plan.orientation_goal[index].copy()
         turned = old_turned if orientation is None else run_tables.unit_goal(orientation, name)
         goals = plan.position_goal.copy()
@@ -205,11 +205,7 @@ class Controller:
 
     def _due_point(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity, acceleration of the sample that is due."""
-        plan, row, running = (
-            self._plan,
-            self._clock[controller_tick.ROW],
-            self._clock[controller_tick.PRIMITIVE],
-        )
+        plan, (row, running) = self._plan, self._clock[[controller_tick.ROW, controller_tick.PRIMITIVE]]
         tau, (offset, rate, goal) = plan.tau[running], self._state.point[:, 0]
         force = ALPHA * (BETA * (goal - offset) - rate) + plan.position_forcing[row]
         return offset + plan.position_goal[running], rate / tau, force / tau**2

@@ -26,7 +26,6 @@ what they tell. For the same reason training from an untrained network is slow w
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -181,7 +180,9 @@ def train_unrolled(
     demonstrations; its standardisation of the input is kept. Raises InputError: nothing was corrected in the
     demonstrations.
     """
-    target_scale = float(np.sqrt(np.mean(training.target**2)))
+    target_scale, path_scale = (
+        float(np.sqrt(np.mean(values**2))) for values in (training.target, training.correction)
+    )
     if target_scale == 0.0:
         raise InputError("nothing was corrected in the demonstrations: all coupling targets are 0")
     generator = torch.Generator().manual_seed(parameters.seed)
@@ -189,14 +190,23 @@ def train_unrolled(
         [initial], [target_scale], parameters.dropout, generator
     )
     optimiser = torch.optim.Adam(stack.parameters(), lr=parameters.learning_rate)
-    data = _scaled(training, initial, target_scale)
+    # in the units that the stack trains in; L demonstrations of T samples
+    inputs = as_tensor((training.deviation - initial.input_mean) / initial.input_scale)  # (L, T, D)
+    modulation = as_tensor(kernels.unit_features(training.target.shape[1], initial.kernel_count))  # (T, N)
+    target = as_tensor(training.target / target_scale)  # (L, T)
+    correction = as_tensor(training.correction / path_scale)  # (L, T)
+    response = as_tensor(training.response * (target_scale / path_scale))  # (T, T)
     best, smallest = initial, np.mean(unrolled_error(initial, validation) ** 2)
     with one_thread():
         for step in range(1, parameters.steps + 1):
-            order = torch.randperm(len(data.target), generator=generator)
-            loss = _loss(stack, data, order[:DEMONSTRATIONS_PER_BATCH], parameters.coupling_loss_weight)
+            chosen = torch.randperm(len(target), generator=generator)[:DEMONSTRATIONS_PER_BATCH]
+            repeated = modulation.repeat(len(chosen), 1)
+            coupling = stack.forward(inputs[chosen].flatten(0, 1)[None], repeated[None], training=True)
+            coupling = coupling.reshape(len(chosen), -1)  # (B, T)
+            path_loss = (coupling @ response.T - correction[chosen]).square().mean()
+            coupling_loss = (coupling - target[chosen]).square().mean()
             optimiser.zero_grad()
-            loss.backward()
+            (path_loss + parameters.coupling_loss_weight * coupling_loss).backward()
             optimiser.step()
             if step % VALIDATION_INTERVAL == 0 or step == parameters.steps:
                 network = stack.to_network(0, initial.input_mean, initial.input_scale, target_scale)
@@ -204,36 +214,3 @@ def train_unrolled(
                 if error < smallest:
                     best, smallest = network, error
     return best
-
-
-@dataclass(frozen=True)
-class _Scaled:
-    """Demonstrations in the units that a stack of one network trains in."""
-
-    inputs: torch.Tensor  # (L, T, D)
-    modulation: torch.Tensor  # (T, N)
-    target: torch.Tensor  # (L, T)
-    correction: torch.Tensor  # (L, T)
-    response: torch.Tensor  # (T, T), from scaled coupling terms to scaled corrections
-
-
-def _scaled(paths: CorrectedPaths, network: PhaseModulatedNetwork, target_scale: float) -> _Scaled:
-    path_scale = float(np.sqrt(np.mean(paths.correction**2)))
-    return _Scaled(
-        inputs=as_tensor((paths.deviation - network.input_mean) / network.input_scale),
-        modulation=as_tensor(kernels.unit_features(paths.target.shape[1], len(network.output_weights))),
-        target=as_tensor(paths.target / target_scale),
-        correction=as_tensor(paths.correction / path_scale),
-        response=as_tensor(paths.response * (target_scale / path_scale)),
-    )
-
-
-def _loss(
-    stack: StackedPhaseModulatedNetworks, data: _Scaled, chosen: torch.Tensor, weight: float
-) -> torch.Tensor:
-    """Loss of some whole demonstrations: that on the path, plus that on the coupling terms."""
-    inputs = data.inputs[chosen].flatten(0, 1)  # (B T, D)
-    modulation = data.modulation.repeat(len(chosen), 1)
-    coupling = stack.forward(inputs[None], modulation[None], training=True).reshape(len(chosen), -1)  # (B, T)
-    path_loss = (coupling @ data.response.T - data.correction[chosen]).square().mean()
-    return path_loss + weight * (coupling - data.target[chosen]).square().mean()

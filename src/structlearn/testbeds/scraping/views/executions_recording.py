@@ -1,4 +1,7 @@
-"""Recordings of executions on the tilted board: with and without feedback, before and after refinement."""
+"""Recordings of executions on the tilted board: with and without feedback, before and after refinement.
+
+Shown is the first of each kind in every setting.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,18 +12,28 @@ import pybullet_data
 import rerun as rr
 import rerun.blueprint as rrb
 
+from structlearn.feedback.coupling_dataset import to_table
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.palette import primitive_colour
 from structlearn.primitives.transformation import ALPHA, BETA
-from structlearn.testbeds.scraping.names import RUNS
-from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
+from structlearn.testbeds.scraping.files import CLOSED_LOOP, CORRECTIONS, REFINED, ScrapingFiles
+from structlearn.testbeds.scraping.names import CORRECTED, RUNS
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    AFTER,
+    BEFORE,
+    NOMINAL,
+    nominal_orientation,
+    orientation_cost,
+)
 from structlearn.testbeds.scraping.views.scraping_scene import (
+    Execution,
     close_view,
     full_scale,
     send_electrode_map,
     send_scene,
+    send_signals,
 )
 from structlearn.testbeds.scraping.views.search_recording import searches, send_search
-from structlearn.testbeds.scraping.views.shown_execution import Execution, send_signals
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 from structlearn.viewer.arm_meshes import arm_contents, send_arm
 from structlearn.viewer.notes import legend, notes_view, origin_sentence, send_notes
@@ -102,7 +115,7 @@ def write_refinement(
     Each setting has a tab with the executions without feedback, before and after refinement, and each refined
     primitive one with its search, in which a step of the time line `search.ITERATION` is an iteration.
 
-    `settings`: of `shown_execution.read_refined_runs`. `history`: one row per rollout, of
+    `settings`: of `read_refined_runs`. `history`: one row per rollout, of
     `refinement.history_rows` with `primitive`. `samples`: what was felt and done, of
     `refinement.sample_rows` with `primitive`.
     """
@@ -195,3 +208,77 @@ def _send_setting(
     left = rrb.Vertical(rrb.Horizontal(*scenes), rrb.Horizontal(*maps), notes_view(), row_shares=[10, 5, 7])
     plots = rrb.Vertical(*send_signals(stream, tab, group), _send_lane(stream, group[0]))
     return rrb.Horizontal(left, plots, column_shares=[3, 2], name=tab)
+
+
+NEEDED = ("orientation", "joint_positions", "wrench", "tool_to_board", "true_segments")
+"""Of a run that is shown."""
+
+FEEDBACK_RUNS = {
+    NOMINAL: (CLOSED_LOOP, NOMINAL),
+    CORRECTED: (CORRECTIONS, ""),
+    POINTWISE: (CLOSED_LOOP, POINTWISE),  # trained as in the dissertation
+}
+REFINED_RUNS = {model: (REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
+"""Where the runs lie that a recording puts beside each other, for `ScrapingFiles.runs_at`."""
+
+
+def read_feedback_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
+    """The first nominal, corrected and closed-loop run of every setting that has all three.
+
+    Returns by roll of the board in degrees, the largest first; empty where nothing was executed. Raises
+    InputError: a file is not readable.
+    """
+    traces = files.table("traces")
+    if traces.empty:
+        return {}
+    corrected = [to_table(dataset).assign(primitive=name) for name, dataset in files.datasets().items()]
+    targets = pd.concat(corrected).query("demonstration == 0").rename(columns={"target": "coupling"})
+    return _read(files, FEEDBACK_RUNS, pd.concat([_first_runs(traces), targets.assign(model=CORRECTED)]))
+
+
+def read_refined_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
+    """The first run without feedback, before and after refinement by trial of every setting, with its cost.
+
+    Returns, raises:
+        As `read_feedback_runs`.
+    """
+    traces = files.table("refined_traces")
+    if traces.empty:
+        return {}
+    return _read(files, REFINED_RUNS, _first_runs(traces), nominal_orientation(files.runs("unrolls")))
+
+
+def _first_runs(traces: pd.DataFrame) -> pd.DataFrame:
+    return traces[traces["run"] == traces["run"].min()]
+
+
+def _read(
+    files: ScrapingFiles,
+    places: Mapping[str, tuple[str, str]],
+    traces: pd.DataFrame,
+    nominal: np.ndarray | None = None,
+) -> dict[float, list[Execution]]:
+    """Executions of the settings that have a complete run of every kind, with cost if nominal is known."""
+    primitives = [primitive.name for primitive in files.primitives()]
+    shown = {}
+    for setting in sorted(traces["setting_deg"].unique(), reverse=True):
+        found = {
+            kind: run
+            for kind, (folder, model) in places.items()
+            for run in files.runs_at(setting, folder, model)[:1]
+            if all(getattr(run, name) is not None for name in NEEDED)
+        }
+        if len(found) == len(places):
+            felt = dict(iter(traces[traces["setting_deg"] == setting].groupby("model")))
+            shown[float(setting)] = [
+                Execution(
+                    RUNS[kind],
+                    run,
+                    float(setting),
+                    primitives,
+                    felt[kind],
+                    None if nominal is None else orientation_cost(run, nominal),
+                )
+                for kind, run in found.items()
+            ]
+    return shown

@@ -1,4 +1,4 @@
-"""The scraping testbed in recordings: the tilted board, the hand that pinches the tool, and what it feels.
+"""Executions in recordings: the tilted board, the hand that pinches the tool, what it feels, and plots.
 
 Frames as in the simulation, all with x along the pinch, y along the scraping direction and z along the
 fingers: `hand` is the recorded frame, where the tool's edge is while nothing pulls at it; the grasp lies
@@ -6,23 +6,40 @@ between the finger tips, and the tool turns about it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import quaternion
-from structlearn.palette import GREY, WHITE
+from structlearn.palette import GREY, WHITE, Look
+from structlearn.readers.demonstration import Demonstration
 from structlearn.simulation.fingers import HOME_MM, PAD_DISTANCE_MM
 from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
-from structlearn.testbeds.scraping.views.shown_execution import RATE_HZ, Execution
-from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M, GRASP_M, ROLL_AXIS
+from structlearn.testbeds.scraping.world.layout import (
+    CONTACT_M,
+    EDGE_M,
+    EDGE_WIDTH_M,
+    GRASP_M,
+    ROLL_AXIS,
+    board_orientation,
+    grasp_place,
+    hand_roll_deg,
+    tool_orientation,
+    tool_roll_deg,
+)
 from structlearn.viewer.diagram import texts
 from structlearn.viewer.rrd import (
     deviation_colours,
+    entity,
     eye_view,
     flat_view,
+    plot,
     rgba,
+    send_curve,
     send_moving_frame,
     solid_boxes,
     thinning,
@@ -45,6 +62,80 @@ FULL_SCALE_QUANTILE = 0.995
 
 MAP_WIDTH, MAP_GAP = 24.0, 3.0  # mm that one finger takes in the flat picture, and between the two
 
+RATE_HZ = 50.0  # Poses, colours and samples of signals per second: smooth to the eye; they are most of a file
+HEADINGS = {
+    "roll on board": "roll of the tool on the board (degrees; 0 is flat)",
+    "hand roll": "roll of the hand (degrees; grey: of the board)",
+    "coupling": "coupling term (rad)",
+    "cost": "cost: tool off its nominal orientation (rad)",
+    "force": "force on the board (N)",
+    "torque": "roll torque of the board (mN m)",
+}
+"""Signals by name; the cost takes the place of the force where it is known."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """One run on the board, and what the feedback saw and did in it."""
+
+    look: Look  # name and colour of what kind of run it is
+    run: Demonstration  # with orientation, joint positions, wrench, tool-to-board orientation and segments
+    board_deg: float  # roll of the board
+    primitives: Sequence[str]  # names, in order of `run.true_segments`
+    # what was felt and done in the primitives with feedback, columns `primitive`, `time_s` since its start,
+    # `coupling` (rad, about the roll axis) and `channel_00` ... (counts, what the electrodes read minus what
+    # they read in nominal runs).
+    traces: pd.DataFrame
+    # (C,) rad, of the first C <= T samples of the run (eq. IV.34); None where it is not shown.
+    cost: np.ndarray | None = None
+
+    @property
+    def kept(self) -> slice:
+        """Samples of the run that are shown."""
+        return slice(None, None, thinning(self.run.dt, RATE_HZ))
+
+    @cached_property
+    def felt(self) -> pd.DataFrame:
+        """(S, ...) the traces in order of time, with `time_s` since the start of the run."""
+        starts = dict(zip(self.primitives, self.run.signal("true_segments")[:, 0], strict=True))
+        since_start = self.traces["time_s"] + self.traces["primitive"].map(starts)
+        return self.traces.assign(time_s=since_start).sort_values("time_s", kind="stable")
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """(S, 38) counts, what the electrodes read minus what they read in nominal runs."""
+        return self.felt.filter(regex="^channel_").to_numpy(float)
+
+    @property
+    def signals(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Plotted signals by name as in `HEADINGS`: times (N,) in s, and values (N,)."""
+        run, kept, wrench = self.run, self.kept, self.run.signal("wrench")
+        before = run.time[:1]  # without feedback, so that all plots begin together
+        signals = {
+            "roll on board": (run.time[kept], tool_roll_deg(run)[kept]),
+            "hand roll": (run.time[kept], hand_roll_deg(run)[kept]),
+            "coupling": (np.append(before, self.felt["time_s"]), np.append(0.0, self.felt["coupling"])),
+        }
+        if self.cost is None:
+            signals["force"] = (run.time[kept], -wrench[kept, 2])
+        else:
+            signals["cost"] = (run.time[: len(self.cost)][kept], self.cost[kept])
+        return signals | {"torque": (run.time[kept], -1e3 * wrench[kept, 3:] @ ROLL_AXIS)}
+
+
+def send_signals(
+    stream: rr.RecordingStream, parent: str, executions: Sequence[Execution]
+) -> list[rrb.TimeSeriesView]:
+    """Log the signals of executions in one setting below a parent, and the roll that the hand is to reach."""
+    for one in executions:
+        for kind, (times, values) in one.signals.items():
+            send_curve(
+                stream, entity(parent, kind, one.look.name), times, values, one.look.name, one.look.colour
+            )
+    board = entity(parent, "hand roll", "board")
+    send_curve(stream, board, one.run.time[[0, -1]], np.full(2, one.board_deg), "board", GREY)
+    return [plot(HEADINGS[kind], [f"{entity(parent, kind)}/**"], legend=False) for kind in one.signals]
+
 
 def send_scene(
     stream: rr.RecordingStream, path: str, one: Execution, scale: float, shadow: bool = False
@@ -60,7 +151,8 @@ def send_scene(
     send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, 0.0)
     send_hand(stream, f"{path}/hand", colour if shadow else SKIN, opacity)
     pose = rr.Transform3D.columns(
-        translation=one.grasp[one.kept], quaternion=quaternion.to_xyzw(one.tool_orientation[one.kept])
+        translation=grasp_place(one.run)[one.kept],
+        quaternion=quaternion.to_xyzw(tool_orientation(one.run, one.board_deg)[one.kept]),
     )
     stream.send_columns(f"{path}/tool", times, pose)
     send_tool(stream, f"{path}/tool", colour, colour if shadow else WHITE, opacity)
@@ -75,8 +167,7 @@ def send_scene(
 
 def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) -> None:
     """Log the board, tilted about its axis, with its top where the tool meets it."""
-    orientation = quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)
-    turn = rr.Quaternion(xyzw=quaternion.to_xyzw(orientation))
+    turn = rr.Quaternion(xyzw=quaternion.to_xyzw(board_orientation(board_deg)))
     pose = rr.Transform3D(translation=CONTACT_M, quaternion=turn)
     stream.log(path, pose, static=True)
     box = solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
