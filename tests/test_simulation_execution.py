@@ -17,6 +17,7 @@ from structlearn.core import quaternion
 from structlearn.feedback.runtime import Controller
 from structlearn.primitives.sequence import default_start
 from structlearn.simulation.fingers import FingerPair, TouchParameters
+from structlearn.testbeds.scraping.protocol.executions import guided_motion, pressure
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters, corrector, hold
 from structlearn.testbeds.scraping.world.demonstrator import (
     DemonstratorParameters,
@@ -24,7 +25,6 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     orientation_of,
 )
 from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, ControlParameters, execute, roll_of
-from structlearn.testbeds.scraping.world.guided_demonstrations import guided_motion, pressure
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 from structlearn.testbeds.scraping.world.testbed import GuidanceParameters
 

@@ -14,10 +14,10 @@ from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
     evaluation_runs,
     executions,
+    guided_demonstrations,
     nominal_runs,
 )
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
 from structlearn.testbeds.scraping.world.testbed import RecorderParameters, TestbedParameters
 
 KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]

@@ -24,9 +24,13 @@ from structlearn.testbeds.scraping.page.results import SegmentationResults
 from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
-from structlearn.testbeds.scraping.protocol.executions import executed_set, executions, nominal_runs
+from structlearn.testbeds.scraping.protocol.executions import (
+    executed_set,
+    executions,
+    guided_demonstrations,
+    nominal_runs,
+)
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 NOT_OF_ONE = ("demonstrations", "simulated", "sweep_", "wls_wins", "downsampling_")

@@ -55,11 +55,8 @@ class LearningCurves:
     """What was seen while a stack trained."""
 
     steps: np.ndarray  # (E,) gradient steps done
-    # (E, M, 2) normalised mean squared errors per model and part, in the order of `CHOOSING`; NaN for a part
-    # without samples
-    nmse: np.ndarray
-    # per part of `CHOOSING`, parameters of the stack with every model's best ones
-    weights: Mapping[str, Sequence[Tensor]]
+    nmse: np.ndarray  # (E, M, 2) per model and part of `CHOOSING`; NaN for a part without samples
+    weights: Mapping[str, Sequence[Tensor]]  # per part of `CHOOSING`, every model's best ones
 
     def best(self, part: str) -> np.ndarray:
         """Per model (M,), the index of the evaluation with the lowest error on a part."""
@@ -142,10 +139,10 @@ def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np
 
 
 def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tuple[list[float], StackedData]:
-    """Scales of the jobs' targets (M,), and all that a stack trains on.
+    """Scales of the jobs' targets (M,), and all that a stack trains on, with inputs (M, S, D) standardised.
 
-    `inputs`: (M, S, D) standardised. `kernel_count`: number of phase features; None for networks without.
-    Raises InputError: a target is constant.
+    `kernel_count`: number of phase features; None for networks without. Raises InputError: a target is
+    constant.
     """
     scales = [target_scale(dataset.target, fold) for dataset, fold in jobs]
     modulation = None if kernel_count is None else as_tensor(jobs[0][0].modulation(kernel_count))

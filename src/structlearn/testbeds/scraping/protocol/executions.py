@@ -1,7 +1,13 @@
-"""Executions by the robot as recordings: nominal, corrected by a person, or with feedback.
+"""Runs on the testbed as recordings: guided by a person, nominal, corrected by a person, or with feedback.
 
 Every run draws what differs between runs of a real set-up from a seed of its own, so any run can be repeated
 alone, bit for bit, and the number of processes does not matter.
+
+A person who guides the arm (kinesthetic teaching, IV.9.1.3, i) makes the nominal demonstrations. The arm is
+in gravity compensation; what the person's own arm does to it is again a pose reference with a natural
+frequency, softer than the robot's. People who have practised compensate the inertia of what they hold
+(Shadmehr & Mussa-Ivaldi 1994), so the intended velocity and acceleration are fed forward and only the noise
+is filtered by the arm's inertia. Pressure on the board is regulated by feel, slowly.
 """
 
 import time
@@ -27,12 +33,16 @@ from structlearn.segmentation.segments import commanded_cuts
 from structlearn.simulation.fingers import FingerPair
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters, ExecutedSet
 from structlearn.testbeds.scraping.world.corrector import corrector
-from structlearn.testbeds.scraping.world.demonstrator import first_stamp
-from structlearn.testbeds.scraping.world.execution import Engine, execute
+from structlearn.testbeds.scraping.world.demonstrator import (
+    DemonstratorParameters,
+    Intention,
+    intended_movements,
+    orientation_of,
+)
+from structlearn.testbeds.scraping.world.execution import Engine, Reference, execute
 from structlearn.testbeds.scraping.world.testbed import (
+    GuidanceParameters,
     TestbedParameters,
-    finger_rate,
-    provenance,
     recorded,
     run_conditions,
 )
@@ -109,16 +119,15 @@ def execute_run(
 ) -> Recording:
     """One execution, as in `executions`; `index` sets the recorder's clock, for `engine` see `execute`."""
     sequence = np.random.SeedSequence([testbed.seed, *run.seed])
-    conditions_rng, fingers_rng, wrist_rng, clocks_rng, person_rng = (
-        np.random.default_rng(child) for child in sequence.spawn(5)
+    conditions_rng, fingers_rng, wrist_rng, clocks_rng, person_rng = map(
+        np.random.default_rng, sequence.spawn(5)
     )
-    rate_hz = testbed.world.control_rate_hz
+    own, rate_hz = testbed.control, testbed.world.control_rate_hz
     controller = Controller(skill, rate_hz, feedback=run.feedback)
     start = default_start(skill.primitives)
     if start.orientation is None:
         raise InputError("the skill moves positions only; the robot needs orientations too")
     controller.start(start.position, start.orientation)
-    own = testbed.control
     duration = sum(primitive.duration for primitive in skill.primitives)
     ticks = round((duration + HOLD_S) * rate_hz)
     conditions = run_conditions(
@@ -129,43 +138,21 @@ def execute_run(
         force=np.full(ticks, own.force_n),
         gains=(own.force_p_m_n, own.force_i_m_n_s),
     )
-    fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, finger_rate(testbed))
+    fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, testbed.finger_rate_hz)
     person = corrector(testbed.corrector, ticks, testbed.world.dt, person_rng) if run.corrected else None
-    log = execute(
-        testbed.world,
-        controller,
-        (start.position, quaternion.matrix(start.orientation)),
-        ticks,
-        conditions,
-        own,
-        fingers,
-        wrist_rng,
-        person,
-        engine,
-    )
-    what = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
+    pose = start.position, quaternion.matrix(start.orientation)
+    log = execute(testbed.world, controller, pose, ticks, conditions, own, fingers, wrist_rng, person, engine)
+    switches = np.flatnonzero(np.diff(log.primitive)) + 1
+    edges = np.array([0.0, *(switches / rate_hz), duration])  # the hold at the end belongs to no primitive
+    segments = np.column_stack([edges[:-1], edges[1:]])
+    kind = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
     seed = " ".join(map(str, [testbed.seed, *run.seed]))
-    return recorded(
-        run.name,
-        first_stamp(index),
-        log,
-        _segments(log.primitive, rate_hz, duration),
-        provenance(f"execution, {what}", run.setting_deg, seed),
-        testbed.world.dt,
-        testbed.recorder,
-        clocks_rng,
-    )
+    what = {"seed": seed, "setting": setting_name(run.setting_deg), "what": f"execution, {kind}"}
+    return recorded(testbed, run.name, index, log, segments, clocks_rng, what)
 
 
 def _execute(work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParameters) -> Recording:
     return execute_run(*work, skill, testbed)
-
-
-def _segments(primitive: np.ndarray, rate_hz: float, duration: float) -> np.ndarray:
-    """(P, 2) s: start and end of the commanded primitives; the hold at the end belongs to none."""
-    switches = np.flatnonzero(np.diff(primitive)) + 1
-    edges = np.concatenate([[0.0], switches / rate_hz, [duration]])
-    return np.column_stack([edges[:-1], edges[1:]])
 
 
 def executed_set(
@@ -190,6 +177,70 @@ def executed_set(
         cuts[setting] = commanded_cuts(by_setting[setting], names)
     networks = {name: one for name, by_axis in skill.networks.items() for one in by_axis.values()}
     return ExecutedSet(model, networks, by_setting, cuts)
+
+
+def guided_motion(movement: Intention) -> Reference:
+    """The intended movement as a pose reference."""
+    step = movement.time[1]
+    velocity = np.gradient(movement.edge, step, axis=0)
+    turning = np.gradient(movement.tilt, step, axis=0)  # small angles: the vector's rate
+    return Reference(
+        position=movement.edge + movement.edge_noise,
+        velocity=velocity,
+        acceleration=np.gradient(velocity, step, axis=0),
+        orientation=orientation_of(movement.tilt + movement.tilt_noise),
+        angular_velocity=turning,
+        angular_acceleration=np.gradient(turning, step, axis=0),
+        primitive=np.searchsorted(movement.segments[1:, 0], movement.time, side="right"),
+    )
+
+
+def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:
+    """Force that the person means to press with, over the ticks of one trial: (ticks,) N."""
+    from scipy.signal import lfilter
+
+    level = parameters.force_n * np.exp(parameters.force_spread * rng.standard_normal())
+    keep = np.exp(-dt / parameters.force_fluctuation_s)
+    fluctuation = lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(ticks))
+    return level * (1.0 + parameters.force_cv * fluctuation)
+
+
+def guided_demonstrations(
+    demonstrator: DemonstratorParameters, testbed: TestbedParameters
+) -> list[Recording]:
+    """Nominal demonstrations by a person who guides the arm on the flat board.
+
+    Returns recordings "01", "02", ... with `true_segments` (3, 2) of the intended movement.
+    """
+    movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
+    guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)
+    first, *others = movements
+    # the first in this process, which compiles the robot once; each worker would do so again
+    return [guide(first), *parallel_map(guide, others, "guided demonstrations")]
+
+
+def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Recording:
+    conditions_rng, fingers_rng, wrist_rng, clocks_rng = map(np.random.default_rng, movement.run.spawn(4))
+    own, ticks, number = testbed.guidance, len(movement.time), int(movement.name)
+    conditions = run_conditions(
+        testbed,
+        0.0,
+        conditions_rng,
+        stiffness=(2.0 * np.pi * own.frequency_hz) ** 2,
+        force=pressure(own, ticks, testbed.world.dt, conditions_rng),
+        gains=(0.0, own.force_i_m_n_s),
+    )
+    motion = guided_motion(movement)
+    start = motion.position[0], quaternion.matrix(motion.orientation[0])
+    fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, testbed.finger_rate_hz)
+    log = execute(testbed.world, motion, start, ticks, conditions, testbed.control, fingers, wrist_rng)
+    what = {"seed": str(seed), "setting": setting_name(0.0), "what": "a person guides the arm"}
+    return recorded(testbed, movement.name, number - 1, log, movement.segments, clocks_rng, what)
+
+
+def setting_name(setting_deg: float) -> str:
+    """What a setting is called in the provenance of a recording."""
+    return f"board roll {setting_deg:g} degrees"
 
 
 WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled

@@ -35,20 +35,9 @@ from structlearn.testbeds.scraping.views.scraping_scene import (
 )
 from structlearn.testbeds.scraping.views.search_recording import searches, send_search
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
+from structlearn.viewer import rrd
 from structlearn.viewer.arm_meshes import arm_contents, send_arm
 from structlearn.viewer.notes import legend, notes_view, origin_sentence, send_notes
-from structlearn.viewer.rrd import (
-    entity,
-    eye_view,
-    lanes,
-    layout,
-    origin_label,
-    plot,
-    recording,
-    send_primitive_lane,
-    send_series,
-    time_column,
-)
 
 FEEDBACK_NOTE = f"""### Scraping with feedback
 
@@ -98,9 +87,9 @@ def write_executions(
     `settings`: executions by roll of the board in degrees; those of one setting are of different kinds. The
     first tab is that of the first setting.
     """
-    with recording(path, title) as stream:
+    with rrd.recording(path, title) as stream:
         tabs = _send_settings(stream, settings, FEEDBACK_NOTE)
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
 def write_refinement(
@@ -119,11 +108,11 @@ def write_refinement(
     `refinement.history_rows` with `primitive`. `samples`: what was felt and done, of
     `refinement.sample_rows` with `primitive`.
     """
-    origin = origin_label([one.run for group in settings.values() for one in group])
-    with recording(path, title) as stream:
+    origin = rrd.origin_label([one.run for group in settings.values() for one in group])
+    with rrd.recording(path, title) as stream:
         tabs = _send_settings(stream, settings, REFINEMENT_NOTE)
         tabs += [send_search(stream, search, origin) for search in searches(history, samples)]
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=1.0))
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=1.0))
 
 
 def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
@@ -134,31 +123,31 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
     angles = one.run.joint_positions
     if angles is None or angles.shape[1] != len(JOINTS):
         raise ValueError(f"{one.run.name}: needs the positions of {len(JOINTS)} joints")
-    times = time_column(one.run.time[one.kept])
+    times = rrd.time_column(one.run.time[one.kept])
     scale = full_scale([one])
-    with recording(path, title) as stream:
+    with rrd.recording(path, title) as stream:
         send_notes(stream, _notes(ROBOT_NOTE, [one]))
         send_arm(stream, "arm", URDF, JOINTS, times, angles[one.kept])
         send_scene(stream, "run", one, scale)
         names = [f"joint {number + 1}" for number in range(len(JOINTS))]
         colours = [primitive_colour(number) for number in range(len(JOINTS))]
         moved = np.degrees(angles[one.kept] - angles[0])
-        send_series(stream, "joints", [times], moved, names, colours)
+        rrd.send_series(stream, "joints", [times], moved, names, colours)
 
         # the arm from the side that the tool does not turn to
         target, offset = np.array([0.57 * CONTACT_M[0], 0.0, 0.4]), 1.3 * np.array([0.45, -0.85, 0.3])
-        heading = f"{title}{origin_label([one.run])}"
+        heading = f"{title}{rrd.origin_label([one.run])}"
         details = rrb.Horizontal(
             close_view(f"board at {one.board_deg:g} degrees", ["/run/**"]),
             rrb.Vertical(
                 send_electrode_map(stream, "electrodes", one, scale), notes_view(), row_shares=[2, 3]
             ),
         )
-        moving = plot("joints since the start (degrees)", ["/joints"], legend=False)
+        moving = rrd.plot("joints since the start (degrees)", ["/joints"], legend=False)
         right = rrb.Vertical(*send_signals(stream, "signals", [one]), moving)
-        whole = eye_view(heading, [arm_contents("arm"), "/run/**"], target, offset)
+        whole = rrd.eye_view(heading, [arm_contents("arm"), "/run/**"], target, offset)
         stream.send_blueprint(
-            layout(rrb.Horizontal(rrb.Vertical(whole, details), right, column_shares=[4, 3]))
+            rrd.layout(rrb.Horizontal(rrb.Vertical(whole, details), right, column_shares=[4, 3]))
         )
 
 
@@ -172,9 +161,9 @@ def _notes(text: str, executions: Sequence[Execution]) -> str:
 def _send_lane(stream: rr.RecordingStream, one: Execution) -> rrb.StateTimelineView:
     """Log which primitive runs, at the same times in every setting, and return the view of it."""
     segments = one.run.signal("true_segments")
-    times = time_column(np.append(segments[:, 0], segments[-1, 1]))
-    send_primitive_lane(stream, "primitive", [times], [*one.primitives, ""])
-    return lanes(["primitive"])
+    times = rrd.time_column(np.append(segments[:, 0], segments[-1, 1]))
+    rrd.send_primitive_lane(stream, "primitive", [times], [*one.primitives, ""])
+    return rrd.lanes(["primitive"])
 
 
 def _send_settings(
@@ -196,15 +185,17 @@ def _send_setting(
     names = [one.look.name for one in group]
     shadows = {pale: of for pale, of in PALE.items() if {pale, of} <= set(names)}
     for one in group:
-        send_scene(stream, entity(tab, "runs", one.look.name), one, scale, one.look.name in shadows)
+        send_scene(stream, rrd.entity(tab, "runs", one.look.name), one, scale, one.look.name in shadows)
     scenes = []
     for name in names:
         if name not in shadows:
             shown = [name, *(pale for pale, of in shadows.items() if of == name)]
             heading = " (pale: ".join(shown) + ")" * (len(shown) - 1)
-            contents = [f"{entity(tab, 'runs', one)}/**" for one in shown]
-            scenes.append(close_view(f"{heading}{origin_label([group[0].run])}", contents))
-    maps = [send_electrode_map(stream, entity(tab, "electrodes", one.look.name), one, scale) for one in group]
+            contents = [f"{rrd.entity(tab, 'runs', one)}/**" for one in shown]
+            scenes.append(close_view(f"{heading}{rrd.origin_label([group[0].run])}", contents))
+    maps = [
+        send_electrode_map(stream, rrd.entity(tab, "electrodes", one.look.name), one, scale) for one in group
+    ]
     left = rrb.Vertical(rrb.Horizontal(*scenes), rrb.Horizontal(*maps), notes_view(), row_shares=[10, 5, 7])
     plots = rrb.Vertical(*send_signals(stream, tab, group), _send_lane(stream, group[0]))
     return rrb.Horizontal(left, plots, column_shares=[3, 2], name=tab)

@@ -31,20 +31,8 @@ from structlearn.testbeds.scraping.world.layout import (
     tool_orientation,
     tool_roll_deg,
 )
+from structlearn.viewer import rrd
 from structlearn.viewer.diagram import texts
-from structlearn.viewer.rrd import (
-    deviation_colours,
-    entity,
-    eye_view,
-    flat_view,
-    plot,
-    rgba,
-    send_curve,
-    send_moving_frame,
-    solid_boxes,
-    thinning,
-    time_column,
-)
 
 WRIST_M, FINGER_M = 0.06, 0.045
 """From the end of the arm to the hand's root, and from the palm to the start of a finger's round tip."""
@@ -92,7 +80,7 @@ class Execution:
     @property
     def kept(self) -> slice:
         """Samples of the run that are shown."""
-        return slice(None, None, thinning(self.run.dt, RATE_HZ))
+        return slice(None, None, rrd.thinning(self.run.dt, RATE_HZ))
 
     @cached_property
     def felt(self) -> pd.DataFrame:
@@ -129,12 +117,14 @@ def send_signals(
     """Log the signals of executions in one setting below a parent, and the roll that the hand is to reach."""
     for one in executions:
         for kind, (times, values) in one.signals.items():
-            send_curve(
-                stream, entity(parent, kind, one.look.name), times, values, one.look.name, one.look.colour
+            rrd.send_curve(
+                stream, rrd.entity(parent, kind, one.look.name), times, values, one.look.name, one.look.colour
             )
-    board = entity(parent, "hand roll", "board")
-    send_curve(stream, board, one.run.time[[0, -1]], np.full(2, one.board_deg), "board", GREY)
-    return [plot(HEADINGS[kind], [f"{entity(parent, kind)}/**"], legend=False) for kind in one.signals]
+    board = rrd.entity(parent, "hand roll", "board")
+    rrd.send_curve(stream, board, one.run.time[[0, -1]], np.full(2, one.board_deg), "board", GREY)
+    return [
+        rrd.plot(HEADINGS[kind], [f"{rrd.entity(parent, kind)}/**"], legend=False) for kind in one.signals
+    ]
 
 
 def send_scene(
@@ -145,10 +135,10 @@ def send_scene(
     `scale`: of `full_scale`. `shadow`: only hand and tool, pale and in the run's colour, without electrodes,
     which would hide those of another hand.
     """
-    times, colour = [time_column(one.run.time[one.kept])], one.look.colour
+    times, colour = [rrd.time_column(one.run.time[one.kept])], one.look.colour
     position, orientation = one.run.position[one.kept], one.run.signal("orientation")[one.kept]
     opacity = SHADOW_OPACITY if shadow else 1.0
-    send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, 0.0)
+    rrd.send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, 0.0)
     send_hand(stream, f"{path}/hand", colour if shadow else SKIN, opacity)
     pose = rr.Transform3D.columns(
         translation=grasp_place(one.run)[one.kept],
@@ -158,7 +148,7 @@ def send_scene(
     send_tool(stream, f"{path}/tool", colour, colour if shadow else WHITE, opacity)
     if not shadow:
         send_board(stream, f"{path}/board", one.board_deg)
-        strip = rr.LineStrips3D([position], colors=rgba([colour]), radii=-1.0)
+        strip = rr.LineStrips3D([position], colors=rrd.rgba([colour]), radii=-1.0)
         stream.log(f"{path}/path", strip, static=True)
         points = rr.Points3D(electrodes().reshape(-1, 3) - [0.0, 0.0, EDGE_M], radii=0.0008)
         stream.log(f"{path}/hand/electrodes", points, static=True)
@@ -170,7 +160,7 @@ def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) ->
     turn = rr.Quaternion(xyzw=quaternion.to_xyzw(board_orientation(board_deg)))
     pose = rr.Transform3D(translation=CONTACT_M, quaternion=turn)
     stream.log(path, pose, static=True)
-    box = solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
+    box = rrd.solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
     stream.log(path, box, static=True)
 
 
@@ -182,14 +172,14 @@ def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: 
         lengths=[FINGER_M] * 2,
         radii=[1e-3 * SKIN_RADIUS_MM] * 2,
         translations=[[outwards, 0.0, tips[0] - FINGER_M], [-outwards, 0.0, tips[1] - FINGER_M]],
-        colors=rgba([skin], 0.4 * opacity),
+        colors=rrd.rgba([skin], 0.4 * opacity),
         fill_mode=rr.components.FillMode.Solid,
     )
     stream.log(f"{path}/fingers", fingers, static=True)
     top, bottom = -EDGE_M - GRASP_M, -EDGE_M - FINGER_M
     sizes = [[0.06, 0.03, bottom - top], [0.04, 0.04, WRIST_M]]
     centres = [[0.0, 0.0, 0.5 * (top + bottom)], [0.0, 0.0, top - 0.5 * WRIST_M]]
-    stream.log(f"{path}/palm", solid_boxes(sizes, centres, [skin], opacity), static=True)
+    stream.log(f"{path}/palm", rrd.solid_boxes(sizes, centres, [skin], opacity), static=True)
 
 
 def send_tool(
@@ -199,15 +189,15 @@ def send_tool(
     reached = 0.5 * GRIP_M[2]
     sizes: list[np.ndarray | list[float]] = [GRIP_M, [EDGE_WIDTH_M, BLADE_M, EDGE_M - reached]]
     centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + EDGE_M)]]
-    stream.log(f"{path}/body", solid_boxes(sizes, centres, [grip, colour], opacity), static=True)
+    stream.log(f"{path}/body", rrd.solid_boxes(sizes, centres, [grip, colour], opacity), static=True)
     ends = [[-0.5 * EDGE_WIDTH_M, 0.0, EDGE_M], [0.5 * EDGE_WIDTH_M, 0.0, EDGE_M]]
-    stream.log(f"{path}/edge", rr.LineStrips3D([ends], colors=rgba([colour]), radii=-2.5), static=True)
+    stream.log(f"{path}/edge", rr.LineStrips3D([ends], colors=rrd.rgba([colour]), radii=-2.5), static=True)
 
 
 def close_view(name: str, contents: Sequence[str], distance_m: float = EYE_M) -> rrb.Spatial3DView:
     """3-D view along the scraping direction, close to where the tool meets the board, that shows roll."""
     target = CONTACT_M + np.array([0.0, 0.02, 0.028])
-    return eye_view(name, contents, target, distance_m * np.array([0.15, -0.93, 0.33]))
+    return rrd.eye_view(name, contents, target, distance_m * np.array([0.15, -0.93, 0.33]))
 
 
 def full_scale(executions: Sequence[Execution]) -> float:
@@ -243,7 +233,7 @@ def send_electrode_map(
     names = texts(offsets + np.array([-5.0, 6.2]), ["left finger", "right finger"], [GREY])
     stream.log(f"{path}/names", names, static=True)
     heading = f"{one.look.name}: ±{scale:.0f} counts"
-    return flat_view(heading, path, [-16.0, 2 * MAP_WIDTH + MAP_GAP - 11.0], [-7.0, 11.0])
+    return rrd.flat_view(heading, path, [-16.0, 2 * MAP_WIDTH + MAP_GAP - 11.0], [-7.0, 11.0])
 
 
 def _send_colours(
@@ -255,8 +245,8 @@ def _send_colours(
 ) -> None:
     """Colours of the electrodes over time; until feedback begins all read as expected."""
     felt, deviation = one.felt["time_s"].to_numpy(), one.deviation
-    kept = slice(None, None, thinning(float(np.median(np.diff(felt))), RATE_HZ))
+    kept = slice(None, None, rrd.thinning(float(np.median(np.diff(felt))), RATE_HZ))
     times = np.append(one.run.time[:1], felt[kept])
     shown = np.vstack([np.zeros(deviation.shape[1]), deviation[kept]])
-    columns = points.columns(colors=deviation_colours(shown, scale).ravel())
-    stream.send_columns(path, [time_column(times)], columns.partition([shown.shape[1]] * len(shown)))
+    columns = points.columns(colors=rrd.deviation_colours(shown, scale).ravel())
+    stream.send_columns(path, [rrd.time_column(times)], columns.partition([shown.shape[1]] * len(shown)))

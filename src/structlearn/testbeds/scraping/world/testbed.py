@@ -13,6 +13,7 @@ from structlearn.core.params import Parameters
 from structlearn.readers.recording import Recording, Stream
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters
+from structlearn.testbeds.scraping.world.demonstrator import first_stamp
 from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, Conditions, ControlParameters, RunLog
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
@@ -26,61 +27,6 @@ class RecorderParameters(Parameters):
 
     motion_capture_deg: float = Field(ge=0)
     stamp_jitter_s: float = Field(ge=0)
-
-
-def recorded(
-    name: str,
-    start: int,
-    log: RunLog,
-    segments: np.ndarray,
-    origin: dict[str, str],
-    dt: float,
-    parameters: RecorderParameters,
-    rng: np.random.Generator,
-) -> Recording:
-    """A run as it is recorded: pose and wrench at the controller's rate, all else slower.
-
-    `start`: stamp of the first tick in ns. `segments`: (P, 2) s, start and end of the primitives. `origin`:
-    see `provenance`. `dt`: s per control tick. Returns streams of pose, joints, wrench, two fingers and
-    motion capture.
-    """
-    ticks = np.arange(len(log.position))
-    slow = ticks[::RECORDED_EVERY]
-    robot = start + np.round(ticks * dt * 1e9).astype(np.int64)
-
-    def device(sampled: np.ndarray) -> np.ndarray:
-        """Stamps of a device that samples at these ticks and has a clock of its own."""
-        jitter = np.clip(parameters.stamp_jitter_s * rng.standard_normal(len(sampled)), -dt, dt)
-        jitter[[0, -1]] = 0.0
-        return robot[sampled] + np.round(jitter * 1e9).astype(np.int64)
-
-    noise = np.radians(parameters.motion_capture_deg) * rng.standard_normal((len(slow), 3))
-    seen = quaternion.product(quaternion.from_rotation_vector(noise), log.tool_to_board[slow])
-    streams = [
-        Stream("/hand/pose", "pose", robot, np.hstack([log.position, log.orientation])),
-        Stream("/joints/positions", "joint_positions", robot[slow], log.joint_positions[slow]),
-        Stream("/joints/velocities", "joint_velocities", robot[slow], log.joint_velocities[slow]),
-        Stream("/joints/torques", "joint_torques", robot[slow], log.joint_torques[slow]),
-        Stream("/wrist/wrench", "wrench", robot, log.wrench),
-    ]
-    streams += [
-        Stream(f"/fingers/{finger}", "tactile", device(log.count_ticks), counts)
-        for finger, counts in zip(FINGERS, np.hsplit(log.counts, len(FINGERS)), strict=True)
-    ]
-    streams.append(Stream("/motion_capture/tool_to_board", "tool_to_board", device(slow), seen))
-    return Recording(name, tuple(streams), segments, origin)
-
-
-def provenance(what: str, setting_deg: float, seed: str) -> dict[str, str]:
-    """Provenance of a simulated run: what it was, on a board of which roll in degrees, from which seed."""
-    return {
-        "origin": "simulated",
-        "generator": "structlearn.testbeds.scraping.protocol.executions",
-        "version": structlearn.__version__,
-        "seed": seed,
-        "setting": f"board roll {setting_deg:g} degrees",
-        "what": what,
-    }
 
 
 class GuidanceParameters(Parameters):
@@ -117,6 +63,11 @@ class TestbedParameters(Parameters):
     guidance: GuidanceParameters
     corrector: CorrectorParameters
 
+    @property
+    def finger_rate_hz(self) -> float:
+        """Samples per second that the fingers give."""
+        return self.world.control_rate_hz / FINGER_TICKS
+
 
 def run_conditions(
     testbed: TestbedParameters,
@@ -144,6 +95,49 @@ def run_conditions(
     )
 
 
-def finger_rate(testbed: TestbedParameters) -> float:
-    """Samples per second that the fingers give."""
-    return testbed.world.control_rate_hz / FINGER_TICKS
+def recorded(
+    testbed: TestbedParameters,
+    name: str,
+    index: int,
+    log: RunLog,
+    segments: np.ndarray,
+    rng: np.random.Generator,
+    provenance: dict[str, str],
+) -> Recording:
+    """A run as it is recorded: pose and wrench at the controller's rate, all else slower.
+
+    `index`: sets the recorder's clock. `segments`: (P, 2) s, start and end of the primitives. `provenance`:
+    what it was, the setting and the seed. Returns streams of pose, joints, wrench, two fingers and motion
+    capture.
+    """
+    dt, devices = testbed.world.dt, testbed.recorder
+    ticks = np.arange(len(log.position))
+    slow = ticks[::RECORDED_EVERY]
+    robot = first_stamp(index) + np.round(ticks * dt * 1e9).astype(np.int64)
+
+    def device(sampled: np.ndarray) -> np.ndarray:
+        """Stamps of a device that samples at these ticks and has a clock of its own."""
+        jitter = np.clip(devices.stamp_jitter_s * rng.standard_normal(len(sampled)), -dt, dt)
+        jitter[[0, -1]] = 0.0
+        return robot[sampled] + np.round(jitter * 1e9).astype(np.int64)
+
+    noise = np.radians(devices.motion_capture_deg) * rng.standard_normal((len(slow), 3))
+    seen = quaternion.product(quaternion.from_rotation_vector(noise), log.tool_to_board[slow])
+    streams = [
+        Stream("/hand/pose", "pose", robot, np.hstack([log.position, log.orientation])),
+        Stream("/joints/positions", "joint_positions", robot[slow], log.joint_positions[slow]),
+        Stream("/joints/velocities", "joint_velocities", robot[slow], log.joint_velocities[slow]),
+        Stream("/joints/torques", "joint_torques", robot[slow], log.joint_torques[slow]),
+        Stream("/wrist/wrench", "wrench", robot, log.wrench),
+    ]
+    streams += [
+        Stream(f"/fingers/{finger}", "tactile", device(log.count_ticks), counts)
+        for finger, counts in zip(FINGERS, np.hsplit(log.counts, len(FINGERS)), strict=True)
+    ]
+    streams.append(Stream("/motion_capture/tool_to_board", "tool_to_board", device(slow), seen))
+    origin = {
+        "origin": "simulated",
+        "generator": "structlearn.testbeds.scraping.protocol.executions",
+        "version": structlearn.__version__,
+    }
+    return Recording(name, tuple(streams), segments, origin | provenance)
