@@ -100,10 +100,9 @@ def learn_expected(
 ) -> dict[str, VectorPrimitive]:
     """Expected traces of every primitive from nominal executions (associative skill memory).
 
-    `runs`: executions in the default setting. `cuts`: of these runs; those that are not in it are left out.
-    `smoothing_hz`: low-pass of the traces; about 12 / duration is what 25 kernels resolve. Returns by
-    primitive, a vector primitive with one dimension per channel. Raises InputError: a run has no stream of a
-    sensor.
+    Runs that are not in `cuts` are left out. `smoothing_hz`: low-pass of the traces; about 12 / duration is
+    what 25 kernels resolve. Returns by primitive, a vector primitive with one dimension per channel. Raises
+    InputError: a run has no stream of a sensor.
     """
     traces = {run.name: without_offset(felt(run, sensors)) for run in runs}
     return {
@@ -135,11 +134,10 @@ def corrected_primitive(
     expected: VectorPrimitive,
     parameters: CorrectionParameters,
 ) -> CorrectedPrimitive:
-    """Supervised data of one primitive in one corrected demonstration.
+    """Supervised data of one primitive in one corrected demonstration, on its clock.
 
-    `cut`: `start_s` and `end_s` of the primitive in it. Returns signals on the demonstration's clock, from
-    the primitive's start to its end. Raises InputError: orientation or a sensor's stream is missing, or the
-    primitive turns beyond half a circle.
+    `cut`: `start_s` and `end_s` of the primitive in it. Raises InputError: orientation or a sensor's stream
+    is missing, or the primitive turns beyond half a circle.
     """
     dt, ticks = demonstration.dt, _ticks(demonstration, cut)
     time, deviating = executed_primitive(demonstration, cut, expected, parameters.sensors)
@@ -205,10 +203,7 @@ def sensor_channels(
 def require_parts(
     names: Sequence[str], primitives: Sequence[PosePrimitive], expected: Mapping[str, VectorPrimitive]
 ) -> None:
-    """Check that feedback can be learned for the primitives of these names.
-
-    Raises InputError: there is no such primitive, or nothing is expected of its sensors.
-    """
+    """InputError where there is no primitive of one of these names, or nothing is expected of its sensors."""
     known = [primitive.name for primitive in primitives]
     for name in names:
         if name not in known:
@@ -259,10 +254,7 @@ def coupling_dataset(
 def coupling_samples(
     corrected: CorrectedPrimitive, setting: float | str, number: int, parameters: CorrectionParameters
 ) -> dict[Axis, CouplingDataset]:
-    """Supervised data of each axis from one corrected primitive.
-
-    `setting`: in degrees, or its label. `parameters`: axes, and the samples per second that are kept.
-    """
+    """Supervised data of each axis from one corrected primitive; `setting`: in degrees, or its label."""
     whole = _samples(corrected.time, corrected.deviation, (setting, number), parameters.rate_hz)
     kept = thinned(corrected.time, parameters.rate_hz)
     return {
@@ -280,8 +272,7 @@ def level_dataset(
 ) -> CouplingDataset:
     """Supervised data of one primitive in nominal executions in the default setting, with c_target = 0.
 
-    `cuts`: the primitive's segments in them; executions that are not in it are left out. `parameters`:
-    sensors, and the samples per second that are kept. `setting`: the default one; that of a board is level.
+    `cuts`: the primitive's segments in them; executions that are not in it are left out.
     """
     parts = []
     for number, run in enumerate(runs):
@@ -304,8 +295,8 @@ def _samples(
     kept = thinned(time, rate_hz)
     duration, time = time[-1], time[kept]
     p, u = canonical.phase(time, canonical.time_constant(duration))
-    keys = (np.full(len(time), value) for value in key)
-    return CouplingDataset(deviation[kept], p, u, np.zeros(len(time)), *keys, time)
+    setting, number = (np.full(len(time), value) for value in key)
+    return CouplingDataset(deviation[kept], p, u, np.zeros(len(time)), setting, number, time)
 
 
 def _checks(

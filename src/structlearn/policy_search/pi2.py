@@ -70,11 +70,7 @@ class CovarianceParameters(Parameters):
 
 
 def covariance_factor(covariance: np.ndarray) -> np.ndarray:
-    """Lower Cholesky factor of a covariance.
-
-    `covariance`: (D, D) symmetric. Returns (D, D) L with L L^T = covariance. Raises InputError: the
-    covariance is not positive definite.
-    """
+    """Lower Cholesky factor of a covariance (D, D); InputError where it is not positive definite."""
     try:
         return np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError as error:
@@ -143,10 +139,7 @@ class SearchDistribution:
 
     @classmethod
     def around(cls, mean: np.ndarray, std: float | np.ndarray) -> Self:
-        """Independent parameters.
-
-        `mean`: (D,) parameters. `std`: standard deviation of all, or (D,) of each.
-        """
+        """Independent parameters around a mean (D,); `std`: standard deviation of all, or (D,) of each."""
         return cls(np.array(mean, dtype=float), np.diag(np.broadcast_to(std, np.shape(mean)) ** 2.0))
 
 
@@ -186,10 +179,7 @@ def cost_to_go(costs: np.ndarray, horizon: float = 1.0) -> np.ndarray:
 
 
 def time_weights(steps: int) -> np.ndarray:
-    """T, T - 1, ..., 1 over their sum (algorithm IV.4, lines 9 and 10): early steps have more to decide.
-
-    `steps`: number of time steps T. Returns (T,) weights.
-    """
+    """T, T - 1, ..., 1 over their sum (algorithm IV.4, lines 9, 10): early steps have more to decide."""
     return np.arange(steps, 0.0, -1.0) * (2.0 / (steps * (steps + 1.0)))
 
 
@@ -261,10 +251,9 @@ def _check_shapes(
 
 
 def normalised(costs: np.ndarray) -> np.ndarray:
-    """Costs of every time step mapped from [lowest, highest over the samples] to [0, 1].
+    """Finite costs (K, T) of every time step mapped from [lowest, highest over the samples] to [0, 1].
 
-    `costs`: (K, T) finite costs of K samples. Returns (K, T) costs without unit; 0 at time steps where all
-    samples cost the same.
+    They are 0 at time steps where all samples cost the same.
     """
     lowest, highest = costs.min(axis=0), costs.max(axis=0)
     # halved: the difference of two finite numbers may be infinite

@@ -80,11 +80,7 @@ def cost_matrix(runs: Sequence[Rollout]) -> np.ndarray:
 
 
 def kernel_activation(steps: int, kernel_count: int = KERNEL_COUNT) -> np.ndarray:
-    """How much each weight of an open-loop policy acts at every tick of a primitive: |G_i(p, u)|.
-
-    `steps`: ticks T from the primitive's start to its end. `kernel_count`: number of weights N. Returns
-    (T, N).
-    """
+    """How much each weight of an open-loop policy acts at every tick of a primitive: |G_i(p, u)|, (T, N)."""
     p, u = canonical.phase(np.linspace(0.0, 1.0, steps), canonical.TAU_PER_DURATION)
     return np.abs(features(p, u, kernel_count))
 

@@ -23,7 +23,7 @@ from structlearn.core.artefacts import Metrics
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
-from structlearn.feedback.runtime import Controller, tick_latency
+from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.sequence import default_start
 from structlearn.readers.clock import synchronise
@@ -96,10 +96,9 @@ def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -
 
 
 def executions(skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParameters) -> list[Recording]:
-    """Executions by the robot from the skill's mean start.
+    """Executions by the robot from the skill's mean start, one recording per run, in order.
 
-    `skill`: primitives, and where runs ask for it expected traces and networks. Returns one recording per
-    run, in order, with `true_segments` (P, 2) of the commanded primitives.
+    Their `true_segments` (P, 2) are those of the commanded primitives.
     """
     work = list(zip(runs, range(len(runs)), strict=True))
     return parallel_map(partial(_execute, skill=skill, testbed=testbed), work, "executions")
@@ -162,10 +161,9 @@ def executed_set(
     testbed: TestbedParameters,
     clock: ClockParameters,
 ) -> ExecutedSet:
-    """Execute a skill in every setting.
+    """Execute a skill with the networks of a model, or with none, in every setting.
 
-    `skill`: with the networks of that model, or with none. `parameters`: settings and number of runs; runs of
-    equal number meet equal conditions in every set.
+    Runs of equal number meet equal conditions in every set.
     """
     runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
     recordings = executions(skill, runs, testbed)
@@ -257,7 +255,16 @@ class TimingParameters(Parameters):
 
 def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:
     """Time ticks of the controller with feedback: `controller_tick_us_median`, `..._p99` and `..._max`."""
-    microseconds = 1e6 * tick_latency(Controller(skill, parameters.controller_hz), parameters.ticks).seconds
+    controller, start = Controller(skill, parameters.controller_hz), default_start(skill.primitives)
+    samples = np.random.default_rng(0).normal(0.0, 10.0, (1000, skill.channels))
+    microseconds = np.zeros(parameters.ticks)
+    for k in range(parameters.ticks):
+        if k == 0 or controller.finished:
+            controller.start(start.position, start.orientation)
+        sample = samples[k % len(samples)]
+        begin = time.perf_counter()
+        controller.tick(sample)
+        microseconds[k] = 1e6 * (time.perf_counter() - begin)
     return {
         "controller_tick_us_median": float(np.median(microseconds)),
         "controller_tick_us_p99": float(np.percentile(microseconds, 99)),

@@ -130,20 +130,10 @@ def execute(
 ) -> RunLog:
     """Run a motion in the world.
 
-    Args:
-        parameters: of the world.
-        motion: who leads: a reference, or a controller that has been started.
-        start: (3,) m and (3, 3): pose of the edge frame at rest.
-        ticks: number of control ticks T.
-        conditions: of this run.
-        control: of the robot.
-        fingers: read every third tick.
-        rng: noise of the wrist sensor.
-        person: who corrects roll, from the second primitive on; then the robot gives way.
-        engine: who integrates the motion; None: the compiled loop.
-
-    Returns:
-        The log; not finite where the robot diverged.
+    `motion`: who leads: a reference, or a controller that has been started. `start`: (3,) m and (3, 3), pose
+    of the edge frame at rest. `ticks`: number of control ticks T. `rng`: noise of the wrist sensor. `person`:
+    who corrects roll, from the second primitive on; then the robot gives way. `engine`: who integrates the
+    motion; None: the compiled loop. Raises FloatingPointError: the robot has diverged.
     """
     angles = scraping_robot.joint_angles(*start)
     world = scraping_world.placed(

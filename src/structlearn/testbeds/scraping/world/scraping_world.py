@@ -154,12 +154,9 @@ def advance(world: World, torques: np.ndarray) -> None:
 def load(world: World, arm: np.ndarray) -> None:
     """Write the joint torques of the next physics step: of the arm (7,) in N m, grasp and contact."""
     torques = world.torques
-    for i in range(3):
-        for k in range(3):
-            world.tool_rotation[i, k] = world.work.frame[-1, i, k]
+    world.tool_rotation[:] = world.work.frame[-1]
     press(world.work, world.v, world.board, world.dt, world.stuck, world.edge, world.board_wrench, torques)
-    for j in range(ARM_JOINTS):
-        torques[j] += arm[j]
+    torques[:ARM_JOINTS] += arm
     for i in range(6):
         j = ARM_JOINTS + i
         spring = world.grasp[0, i] * world.q[j] + world.grasp[1, i] * world.v[j]
@@ -210,27 +207,22 @@ def press(
     frame, place, normal = work.frame[-1], work.place[-1], board.normal
     for i in range(3):
         middle[i] = place[i] + EDGE_M * frame[i, 2]
-    for k in range(6):
-        wrench[k] = 0.0
-    for j in range(len(torques)):
-        torques[j] = 0.0
+    wrench[:] = 0.0
+    torques[:] = 0.0
     along = (frame[0, 0], frame[1, 0], frame[2, 0])
     height = _dot(
         (middle[0] - board.point[0], middle[1] - board.point[1], middle[2] - board.point[2]), normal
     )
     slope = _dot(along, normal)
     if height - 0.5 * EDGE_WIDTH_M * abs(slope) > 0.0:
-        for i in range(EDGE_POINTS):
-            for d in range(3):
-                stuck[i, d] = 0.0
+        stuck[:] = 0.0
         return  # in the air
 
     angular, linear = _velocity_at(work.screw, v, middle)
     for i in range(EDGE_POINTS):
         depth = -height - POINTS[i] * slope
         if depth <= 0.0:
-            for d in range(3):
-                stuck[i, d] = 0.0
+            stuck[i] = 0.0
             continue
         arm = (POINTS[i] * along[0], POINTS[i] * along[1], POINTS[i] * along[2])
         sweep = cross(angular, arm)
