@@ -24,11 +24,7 @@ def main() -> None:
     pipeline = sys.argv[1]
     sources = SourceTree(Path("src"))
     with publish(Path("data/code", pipeline)) as folder:
-        for script in scripts(pipeline):
-            path = folder / script.relative_to(SCRIPTS if pipeline == "main" else script.parent)
-            lines = [f"{digest[:16]} {file.as_posix()}\n" for file, digest in sources.closure(script).items()]
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.with_suffix(".txt").write_text("".join(lines), encoding="utf-8")
+        sources.write(scripts(pipeline), folder, SCRIPTS if pipeline == "main" else SCRIPTS / pipeline)
 
 
 if __name__ == "__main__":

@@ -90,11 +90,7 @@ def transform_messages(stamps, parent, child, rows, topic="/tf"):
 
 def transform_stamped(stamp, parent, child, row):
     transform = {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])}
-    return {
-        "header": header(stamp) | {"frame_id": parent},
-        "child_frame_id": child,
-        "transform": transform,
-    }
+    return {"header": header(stamp) | {"frame_id": parent}, "child_frame_id": child, "transform": transform}
 
 
 def pose_rows(count, seed=0):

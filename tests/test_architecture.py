@@ -67,20 +67,14 @@ STARTS = {
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
         "servoing/servo.py servoing/other_skins.py",
     ),
-    "dynamics": (
-        ("torch", "pinocchio"),
-        "dynamics/train.py dynamics/online.py dynamics/track.py",
-    ),
+    "dynamics": (("torch", "pinocchio"), "dynamics/train.py dynamics/online.py dynamics/track.py"),
     "recordings": (
         ("rerun",),
         "scraping/view.py obstacles/view.py servoing/view.py tasks/view_motion.py "
         "tasks/view_movement.py tasks/view_obstacles.py tasks/view_touch.py",
     ),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
-    "pages": (
-        ("matplotlib",),
-        "tasks/report.py tasks/recorded_report.py tasks/calibration_report.py",
-    ),
+    "pages": (("matplotlib",), "tasks/report.py tasks/recorded_report.py tasks/calibration_report.py"),
     "pages with stills": (
         ("matplotlib", "pybullet"),
         "obstacles/report.py servoing/report.py scraping/loop.py",
@@ -156,7 +150,7 @@ def loaded_at_start(script: Path) -> set[Path]:
 
 def floor(room: str) -> int:
     """Height of a package; of the modules beside the packages, programs stand above all, others below."""
-    beside = len(FLOORS) if room in PROGRAMS else 0
+    beside = len(FLOORS) + (room == "command") if room in PROGRAMS else 0  # `structlearn inspect` runs one
     return next((height for height, rooms in enumerate(FLOORS) if room in rooms), beside)
 
 

@@ -206,10 +206,7 @@ PAGES = (
             lambda place: place == "comparison",
         ),
         "boxes": Page(
-            PUBLIC,
-            f"{CLAIMS}/boxes.yaml",
-            lambda get: [test_tasks_obstacles.made_up_ways()],
-            scene_findings,
+            PUBLIC, f"{CLAIMS}/boxes.yaml", lambda get: [test_tasks_obstacles.made_up_ways()], scene_findings
         ),
         "avoidance": Page(
             PUBLIC,

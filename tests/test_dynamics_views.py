@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from committed import committed
 from dynamics_tables import IIWA, iiwa, payload_table, tracking_tables
-from viewer_files import colour_of, contents, note, values, view_names
+from viewer_files import contents, note, values, view_names
 
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
-from structlearn.rigid_body.model_names import DEFAULT, model_name
+from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.rigid_body.training_grid import OURS
-from structlearn.testbeds.dynamics.names import ROBOT, colour
+from structlearn.testbeds.dynamics.names import ROBOT
 from structlearn.testbeds.dynamics.protocol.tracking import tracked_reaches
 from structlearn.testbeds.dynamics.views.log_recordings import (
     DynamicsViewParameters,
@@ -25,7 +25,6 @@ from structlearn.testbeds.dynamics.views.log_recordings import (
 from structlearn.testbeds.dynamics.views.reaches_recording import write_reaches
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.viewer.arm_meshes import send_arm
-from structlearn.viewer.notes import COLOUR_NAMES
 from structlearn.viewer.rrd import recording, time_column
 
 TREE = iiwa().tree
@@ -61,18 +60,6 @@ def test_a_reach_is_that_of_the_shown_seed(shown):
     assert own[0] == 0.0
     assert own == pytest.approx(wanted)
     assert wanted[1] == pytest.approx(np.sqrt(3.0) * 0.1 * np.sin(0.04) / 0.04)
-
-
-def test_every_model_has_an_arm_and_a_colour_of_its_own(shown, reaches):
-    _, still, _ = contents(reaches)
-    for one in shown:
-        assert f"/arm_{one.model}/lbr_iiwa/visual_geometries/lbr_iiwa_link_3/visual_0" in still
-        frames = values(reaches, f"/arm_{one.model}/frames/{TREE.names[3]}", "Transform3D:child_frame")
-        assert len(frames) == len(one.time)
-        for curve in ("off", "speed"):
-            assert colour_of(reaches, f"/{curve}/{one.model}") == colour(one.model)
-        assert f"| {COLOUR_NAMES[colour(one.model)]} | {model_name(one.model)} |" in note(reaches)
-    assert len({colour(one.model) for one in shown}) == len(shown)
 
 
 def test_arms_stand_where_their_joints_say(shown, reaches):

@@ -7,23 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from committed import committed
-from feedback_toy import toy_dataset
 from own_skills import pick_skill, slower
-from scraping_motions import CHANNELS, CONTACT_M, NAMES, scraping_skill
 
 from structlearn.core.artefacts import write_table
-from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.feedback.feedback_models import FeedbackParameters, train_models
-from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import demonstrated_workspace
 from structlearn.feedback.skill_file import read_skill, write_skill
 from structlearn.primitives.sequence import sequence_table, unroll
-from structlearn.readers.source import ClockParameters
 from structlearn.tasks.pick_and_place_world import takes, write_takes
-from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
-from structlearn.testbeds.scraping.protocol.executions import executed_set
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 ROOT = Path(__file__).parents[1]
 LONGEST = 60
@@ -82,32 +71,6 @@ def test_the_follower_counts_its_deadlines(short_skill):
     assert found["ticks"] == pytest.approx(1e3 * read_skill(short_skill).primitives[0].duration, abs=2)
     assert 0.0 < found["median (ms)"] <= found["99 % (ms)"]
     assert 0 <= found["missed"] <= found["ticks"]
-
-
-def test_a_network_of_ones_own_is_trained_runs_on_the_board_and_stands_in_the_skill(
-    example_networks, tmp_path
-):
-    chosen = committed(FeedbackParameters, "train_feedback", network="linear_feedback")
-    samples = toy_dataset(settings=(2.5, 10.0), channels=CHANNELS)
-    datasets = dict.fromkeys(NAMES[1:], samples)
-    for model, networks in train_models(datasets, datasets, chosen).items():
-        write_networks(networks, tmp_path / f"{model}.safetensors")
-        skill = scraping_skill(read_networks(tmp_path / f"{model}.safetensors"))
-        board = EvaluationParameters(settings_deg=(8.8,), runs=1)
-        testbed, clock = committed(TestbedParameters, "testbed"), committed(ClockParameters, "clock")
-        executed = executed_set(model, skill, board, testbed, clock)
-        assert {type(network).__name__ for network in executed.networks.values()} == {"LinearFeedback"}
-        assert np.isfinite(executed.runs[8.8][0].orientation).all()
-    write_skill(
-        replace(skill, workspace=demonstrated_workspace([CONTACT_M[None]], 0.5)), tmp_path / "skill", {}
-    )
-    controller = Controller(read_skill(tmp_path / "skill"), 300.0)
-    controller.start(skill.primitives[0].position.start, skill.primitives[0].orientation.start)
-    coupling = []
-    while not controller.finished:
-        controller.tick(np.full(CHANNELS, float(len(coupling) > 100)))
-        coupling.append(controller.coupling[0])
-    assert np.ptp(coupling) > 0.0
 
 
 def test_reading_results(tmp_path, monkeypatch, capsys):

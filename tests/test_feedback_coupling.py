@@ -186,32 +186,3 @@ def test_about_one_axis_the_orientation_primitive_has_the_same_response(rng):
     difference = turned(fit_quaternion([roll]), coupling, dt)
     np.testing.assert_allclose(difference[:, 0], angle, rtol=0, atol=1e-9)
     np.testing.assert_allclose(difference[:, 1:], 0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize(("other_deg", "error_deg"), [(1, 0.001), (4, 0.02), (10, 0.1)])
-def test_with_other_rotations_the_roll_is_still_linear_to_a_fraction_of_a_degree(other_deg, error_deg):
-    dt = 0.01
-    for seed in range(5):
-        rng = np.random.default_rng(seed)
-        base = quaternion.from_rotation_vector(rng.normal(size=3))
-        wobble = np.radians(other_deg / 3)
-        path = wobbly_turn(rng, np.radians(other_deg), wobble, 2.6, dt, base, axis=(0, 0.6, 0.8))
-        nominal = fit_quaternion([path])
-        coupling, angle = roll_correction(nominal, np.radians(10), dt)
-        error = turned(nominal, coupling, dt)[:, 0] - angle
-        assert np.degrees(np.abs(error).max()) < error_deg
-
-
-@pytest.mark.parametrize(("amplitude_deg", "error_deg"), [(2, 0.15), (5, 0.35), (10, 0.7)])
-def test_corrections_about_two_axes_at_once_nearly_add_up(amplitude_deg, error_deg):
-    dt = 0.01
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        base = quaternion.from_rotation_vector(rng.normal(size=3))
-        path = wobbly_turn(rng, np.radians(10), np.radians(3), 2.6, dt, base, axis=(0, 0.6, 0.8))
-        nominal, largest = fit_quaternion([path]), np.radians(amplitude_deg)
-        pairs = [roll_correction(nominal, largest, dt, swings) for swings in (4.0, 2.0)]
-        coupling, angles = (np.column_stack([*part, 0.0 * part[0]]) for part in zip(*pairs, strict=True))
-        corrected = nominal.unroll(dt, coupling=lambda k, q, w, c=coupling: c[k])
-        found = quaternion.difference(corrected.orientation, nominal.unroll(dt).orientation)
-        assert np.degrees(np.abs(found - angles).max()) < error_deg

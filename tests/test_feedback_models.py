@@ -8,7 +8,7 @@ from feedback_toy import toy_dataset
 
 from structlearn.core.errors import InputError
 from structlearn.feedback import feedback_models
-from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, split, unrolled_error
+from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, unrolled_error
 from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
 from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
@@ -61,20 +61,6 @@ def test_what_has_seen_the_level_board_asks_for_less_there(trained, level):
         )
         before, after = (np.mean(one**2) for one in coupling)
         assert after < 0.5 * before
-
-
-def test_what_stops_training_in_the_unroll_was_not_seen_before(trained, datasets):
-    """The unrolled model starts from a pointwise one that has not seen the validation demonstrations."""
-    paths = corrected_paths(datasets["turn"], SAMPLES)
-    training, validation = split(paths, FEW.validation_share, FEW.unrolled.seed)
-    unseen = np.setdiff1d(datasets["turn"].demonstration, training.demonstration)
-    np.testing.assert_array_equal(np.unique(validation.demonstration), unseen)
-    seen = np.isin(datasets["turn"].demonstration, training.demonstration)
-    initial = train_final(PhaseModulatedNetwork, datasets["turn"].where(seen), FEW.pointwise, FEW.hidden)
-    network = dict(trained["unrolled"])["turn"]
-    np.testing.assert_array_equal(network.input_mean, initial.input_mean)
-    before, after = (np.mean(unrolled_error(one, validation) ** 2) for one in (initial, network))
-    assert after <= before
 
 
 def test_path_errors_are_in_degrees_by_model_primitive_and_demonstration(trained, datasets):

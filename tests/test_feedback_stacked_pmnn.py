@@ -3,8 +3,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 
 from structlearn.core import artefacts
 from structlearn.core.errors import InputError
@@ -119,19 +117,6 @@ def test_coupling_is_the_equation_node_by_node(sizes, scale):
         one = network.coupling(deviation[index], phase[0][index[1]], phase[1][index[1]])
         assert one.shape == ()
         np.testing.assert_allclose(one, expected, rtol=1e-11)
-
-
-@given(
-    st.integers(0, 100),
-    st.lists(st.floats(-1e6, 1e6), min_size=INPUTS, max_size=INPUTS),
-    st.floats(-9.0, 0.0),
-    st.floats(0.0, 1.0),
-)
-def test_where_the_phase_rests_there_is_no_coupling(seed, deviation, u, p):
-    network = random_network((3,), seed)
-    assert network.coupling(np.array(deviation), p, 0.0) == 0.0
-    one, two = (network.coupling(np.array(deviation), p, factor * u) for factor in (1.0, 2.0))
-    np.testing.assert_allclose(two, 2.0 * one)  # proportional to the phase velocity
 
 
 @pytest.mark.parametrize("description", ["a network", "[1]", "{}", '{"coupling_models": {"turn": "pmnn"}}'])

@@ -102,24 +102,6 @@ def test_training_is_deterministic_and_leaves_the_number_of_threads():
     assert torch.get_num_threads() == threads
 
 
-def test_left_out_demonstrations_never_enter_training():
-    data = toy_dataset()
-    foreign = data.demonstration == 2
-    changed = dataclasses.replace(
-        data,
-        deviation=np.where(foreign[:, None], 1e3, data.deviation),
-        target=np.where(foreign, np.random.default_rng(0).normal(size=len(foreign)), data.target),
-    )
-    fold = slice(2, 3)
-    one, other = networks(1), networks(1)
-    curves = train(one, stacked(data, chosen=fold), QUICK)
-    changed_curves = train(other, stacked(changed, chosen=fold), QUICK)
-    for values, found in zip(one.parameters(), other.parameters(), strict=True):
-        assert torch.equal(values, found)
-    np.testing.assert_array_equal(curves.nmse[..., 0], changed_curves.nmse[..., 0])
-    assert not np.array_equal(curves.nmse[..., 1], changed_curves.nmse[..., 1])
-
-
 def test_every_model_ends_with_the_weights_that_validation_chose_and_keeps_the_others():
     parameters = QUICK.model_copy(update={"steps": 400, "learning_rate": 0.05, "dropout": 0.0})
     data, network = stacked(toy_dataset()), networks(4, dropout=0.0)

@@ -519,7 +519,7 @@ def payload(monkeypatch, tmp_path):
     parameters = committed(
         PayloadLearningParameters, "online.payload", empty_s=10.0, batch=100, memory_s=2.0, iterations=5
     )
-    data, dt, picked = rubbing_motion(arm()).part(slice(0, 900)), 0.02, 600
+    data, dt, picked = rubbing_motion(arm()).part(slice(0, 900)), 0.02, 500
 
     def learn(motion):
         found = learn_payload((motion, dt), arm().tree, arm().inertias, parameters)

@@ -5,15 +5,7 @@ from hypothesis import strategies as st
 from primitives_movements import quick, rngs
 from scipy.stats import binomtest
 
-from structlearn.core.metrics import (
-    BETTER,
-    UNDECIDED,
-    WORSE,
-    nmse,
-    pairwise_spread,
-    verdict,
-    wilson_interval,
-)
+from structlearn.core.metrics import BETTER, UNDECIDED, WORSE, nmse, pairwise_spread, verdict, wilson_interval
 
 
 @given(rngs)

@@ -134,23 +134,6 @@ def test_a_change_of_goal_adds_the_step_response_of_a_triple_pole():
     np.testing.assert_allclose(paths.goal[0] @ paths.frame[0].T + START, change.goals)
 
 
-def test_a_change_of_goal_with_feedback_is_smooth_and_reaches_the_new_goal():
-    rng = np.random.default_rng(5)
-    clouds, model = spheres(beside_the_reach(rng, 6)), random_network(rng, 60.0)
-    change = GoalChange(0.5, GOAL + 0.1 * rng.normal(size=(6, 3)))
-    paths = unroll(PRIMITIVE, model, [clouds], DT, goal_change=change, until_factor=2.5)
-    before = unroll(PRIMITIVE, model, [clouds], DT)
-    k = round(0.5 / DT)
-    np.testing.assert_allclose(paths.path.position[:, : k + 1], before.path.position[:, : k + 1], atol=1e-12)
-    own = baseline_path(6, goal_change=change, until_factor=2.5)
-    deviation = np.linalg.norm(paths.path.position - own.position, axis=-1)
-    assert deviation.max() > 0.01
-    assert deviation[:, END].max() <= 0.035 * (1 + 1e-9)
-    assert deviation[:, LATE].max() <= 0.0035 * (1 + 1e-9)
-    reached = own.position[:, -1] - paths.goal
-    assert np.linalg.norm(reached, axis=-1).max() < 0.001
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

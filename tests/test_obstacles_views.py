@@ -24,7 +24,6 @@ from structlearn.testbeds.obstacles.views.demonstrated_avoidance import write_tr
 from structlearn.testbeds.obstacles.views.unseen_avoidance import (
     shown_reaches,
     sphere_paths,
-    write_changing_avoidance,
     write_unseen_avoidance,
 )
 from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M
@@ -125,30 +124,6 @@ def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reach
     assert len(values(path, "/notes/sphere", "TextDocument:text")) == 63
     assert f"| {KINDS['none'].name} | {len(hit)} |" in note(path)
     assert "simulated" in note(path)
-
-
-def test_situations_that_change_run_on_the_time_line(tmp_path, reaches):
-    path = tmp_path / "beyond.rrd"
-    makers = (avoidance_protocols.moving, avoidance_protocols.pairs, avoidance_protocols.goal_change)
-    situations = [make(PRIMITIVE, TESTED) for make in makers]
-    write_changing_avoidance(path, situations, reaches, PRIMITIVE, "Beyond")
-    rows, _, timelines = contents(path)
-    assert timelines == {"time"}
-    names = {"moving": "moving sphere {}, 0.1 m/s", "pair": "two spheres {}", "goal_change": "moving goal {}"}
-    for situation in situations:
-        groups = groups_of(situation, reaches)
-        chosen = shown_reaches(groups)
-        assert chosen
-        for index in chosen:
-            assert without_avoidance(groups[index]).hit
-            name = names[situation.protocol].format(situation.numbers[index])
-            scene = drawn.entity(situation.protocol, name)
-            samples = len(groups[index][0].time)
-            for number in range(len(situation.obstacles)):
-                assert rows[f"{scene}/spheres/{number}"] == samples
-            assert rows[f"{scene}/reaches/all\\ shapes/trail"] == samples
-            assert rows[f"{scene}/goal"] == (2 if situation.goal_change else 1)
-        assert "simulated" in note(path, f"/notes/{situation.protocol}")
 
 
 def test_chosen_reaches_are_spread_over_those_that_hit(reaches):

@@ -192,7 +192,7 @@ def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_
     shutil.copytree(root / "stages/tasks", tmp_path / "stages/tasks")
     (tmp_path / "stages/tasks/dvc.lock").unlink(missing_ok=True)
     shutil.copy(root / "stages/list_code.py", tmp_path / "stages")
-    shutil.copytree(root / "src", tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(root / "src", tmp_path / "src", True, shutil.ignore_patterns("__pycache__"))
     own_tasks(tmp_path, **dict.fromkeys(EVIL[1::2], REACH))
     kept = tmp_path / "kept/demonstrations/1.mcap"
     kept.parent.mkdir(parents=True)

@@ -27,7 +27,8 @@ from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
 from structlearn.tasks.inspection.source_survey import frame_pairs
 from structlearn.tasks.pick_and_place_world import TIP, URDF, takes, write_takes
-from structlearn.tasks.task_entry import FOLDER, read_task
+from structlearn.tasks.project import CLONE
+from structlearn.tasks.task_entry import read_task
 
 MS = 10**6
 STAMPS = (10**9 + 10 * MS * np.arange(400)).tolist()
@@ -58,9 +59,9 @@ def answer(found, question):
 def as_task(entry, folder):
     """The task that an entry becomes at the end of the parameter file."""
     own_tasks(folder)
-    (folder / FOLDER / "own.yaml").write_text((ROOT / FOLDER / "own.yaml").read_text() + entry)
+    (folder / CLONE / "own.yaml").write_text((ROOT / CLONE / "own.yaml").read_text() + entry)
     (name,) = yaml.safe_load(entry)
-    return read_task(name, folder / FOLDER)
+    return read_task(name, folder / CLONE)
 
 
 def rewritten(source, target, topics, change=lambda topic, messages: messages):

@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 import pytest
 import yaml
 from reduced_pipeline import artefacts, by_hand, clone, environment, repro
+from viewer_files import contents, values, view_names
 
 from structlearn.core.wall_clock import TIMES, read_times
 from structlearn.reporting.document import words_in_view
@@ -21,6 +22,8 @@ CUTTING = [
     *("scraping_segment", "scraping_fit_primitives"),
 ]
 """Stages on which DVC itself is tried."""
+
+TEXT = "TextDocument:text"
 
 TESTBEDS = {"scraping": 6, "obstacles": 4, "dynamics": 4, "servoing": 3}
 """With the number of their recordings."""
@@ -61,11 +64,23 @@ def test_everything_is_there(reduced_project):
         for out in [*stage.get("outs", []), *stage.get("metrics", [])]:
             path = reduced_project / (out if isinstance(out, str) else next(iter(out)))
             assert path.stat().st_size, path
-    for testbed, count in TESTBEDS.items():
-        assert len(list((reduced_project / "reports/rerun" / testbed).glob("*.rrd"))) == count
+    for testbed in TESTBEDS:
         values = json.loads((reduced_project / "reports" / testbed / "metrics.json").read_text())
         assert sum(values[f"claims_{word}"] for word in ("yes", "no", "undecided", "not_tested"))
     assert not list(reduced_project.rglob(".publish-*"))
+
+
+@pytest.mark.parametrize("testbed", TESTBEDS)
+def test_recordings_are_sound_and_say_what_is_simulated(reduced_project, testbed):
+    recordings = list((reduced_project / "reports/rerun" / testbed).glob("*.rrd"))
+    assert len(recordings) == TESTBEDS[testbed]
+    for path in recordings:
+        _, entities, timelines = contents(path)
+        assert timelines <= {"time", "phase", "iteration", "demonstration", "sphere"}
+        notes = [entity for entity in entities if entity.startswith("/notes")]
+        assert notes
+        assert any("imulated" in words for place in notes for words in values(path, place, TEXT)[0])
+        assert view_names(path)
 
 
 @pytest.mark.parametrize("testbed", ["", *TESTBEDS])

@@ -7,7 +7,7 @@ from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import reach
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from structlearn.core.errors import InputError
 from structlearn.policy_search.pi2 import (
@@ -21,7 +21,6 @@ from structlearn.policy_search.pi2 import (
     normalised,
     probabilities,
     sample,
-    time_weights,
     update,
 )
 from structlearn.policy_search.refinement import kernel_activation
@@ -31,7 +30,6 @@ rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 DEFAULT = committed(PI2Parameters, "refine.search")
 TEXT = {"samples": 38, "averaging": "per_policy", "horizon": 1.0}
 COLD = committed(PI2Parameters, "refine.search", temperature=1e-3, **TEXT)
-TWO_SIDES = np.array([[1.0], [-1.0]])
 
 
 def random_rollouts(rng, samples=12, steps=6, dimensions=3):
@@ -102,22 +100,6 @@ def test_a_cost_beyond_the_horizon_does_not_count():
     costs = np.array([[1.0, 2.0, 4.0, 8.0]])
     np.testing.assert_array_equal(cost_to_go(costs, 0.5), [[3, 6, 12, 8]])
     np.testing.assert_array_equal(cost_to_go(costs, 1e-3), costs)  # one step at least
-
-
-def test_time_weights_by_hand():
-    """Three steps, two samples, costs on one step only: weights 3, 2, 1 over 6."""
-    np.testing.assert_allclose(time_weights(3), [3 / 6, 2 / 6, 1 / 6])
-    np.testing.assert_allclose(time_weights(1), [1.0])
-    costs = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 2.0]])
-    np.testing.assert_array_equal(cost_to_go(costs), [[1, 1, 0], [2, 2, 2]])
-    # the first sample is better at all steps; nearly all weight at temperature 1e-3
-    distribution = SearchDistribution.around(np.zeros(1), 1.0)
-    assert update(distribution, TWO_SIDES, costs, COLD).distribution.mean == pytest.approx(1.0)
-    # better only where nothing has been paid yet (weights 3 + 2), worse at the end (weight 1)
-    costs = np.array([[0.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
-    found = update(distribution, TWO_SIDES, costs, COLD)
-    assert found.distribution.mean == pytest.approx(5 / 6 - 1 / 6)
-    np.testing.assert_allclose(found.weights[:, 0], [5 / 6, 1 / 6])
 
 
 def test_two_samples_at_a_fixed_temperature():
@@ -330,12 +312,6 @@ def test_costs_near_the_largest_number_do_not_overflow():
     np.testing.assert_allclose(normalised(np.array([[-1.7e308], [0.0], [1.7e308]])), [[0], [0.5], [1]])
 
 
-def test_probabilities_of_two_samples_are_the_logistic_function():
-    weights = probabilities(np.array([[0.0, 0.0], [1.0, 1.0]]), np.array([0.5, 2.0]))
-    np.testing.assert_allclose(weights[0], 1 / (1 + np.exp([-2.0, -0.5])))
-    np.testing.assert_allclose(weights.sum(axis=0), 1.0)
-
-
 @given(rng=rngs, samples=st.integers(2, 60), kl_bound=st.floats(1e-3, 3.0))
 def test_the_bound_is_met_wherever_it_can_be(rng, samples, kl_bound):
     costs = random_costs(rng, samples, 20)
@@ -359,16 +335,6 @@ def test_temperatures_minimise_the_dual_of_relative_entropy_policy_search(rng):
         best = minimize_scalar(dual, bounds=(FLOOR, 10.0), method="bounded", options={"xatol": 1e-10}).x
         assert dual(found) <= dual(best) + 1e-12
         assert found == pytest.approx(best, abs=1e-5)
-
-
-@pytest.mark.parametrize("kl_bound", [1e-6, 0.01, 0.3, 0.69])
-def test_temperature_of_two_samples(kl_bound):
-    """KL = log 2 - entropy(p) = bound, solved for p; then p = 1 / (1 + exp(-1 / lambda))."""
-    p = brentq(
-        lambda p: np.log(2) + p * np.log(p) + (1 - p) * np.log(1 - p) - kl_bound, 0.5, 1 - 1e-12, xtol=1e-15
-    )
-    (found,) = bounded_temperatures(np.array([[0.0], [1.0]]), kl_bound, FLOOR)
-    assert found == pytest.approx(1 / np.log(p / (1 - p)), rel=1e-5)
 
 
 def test_the_floor_stands_where_the_bound_is_out_of_reach():
@@ -411,13 +377,6 @@ def estimate(deviations, weights):
     """Sigma_ml of the module's first equation, sum by sum."""
     pairs = zip(weights[:, 0], deviations, strict=True)
     return sum(weight * np.outer(deviation, deviation) for weight, deviation in pairs)
-
-
-@given(rng=rngs)
-def test_full_is_the_weighted_covariance_of_the_text(rng):
-    old, deviations, weights = random_covariance(rng, 3), rng.normal(size=(20, 3)), random_weights(rng, 20, 3)
-    new = adapted_covariance(old, deviations, weights, adaptation("full", eigenvalue_floor=NO_FLOOR))
-    np.testing.assert_allclose(new, estimate(deviations, weights), rtol=1e-7, atol=1e-7)
 
 
 @given(rng=rngs, damping=st.floats(1.0, 4.0))
@@ -499,8 +458,3 @@ def test_a_direction_may_become_very_narrow():
     widths = np.linalg.eigvalsh(covariance)
     assert 0 < widths[0] < 1e-10
     np.testing.assert_allclose(widths[1:], 1.0, rtol=1e-6)
-
-
-def test_a_covariance_that_is_none_is_named():
-    with pytest.raises(InputError, match="not positive definite"):
-        covariance_factor(np.array([[1.0, 2.0], [2.0, 1.0]]))

@@ -101,18 +101,6 @@ def test_a_batch_is_its_movements_one_by_one(rng):
             np.testing.assert_allclose(batch.acceleration[i, j], alone.acceleration, atol=1e-10)
 
 
-@given(rngs)
-@quick
-def test_coupling_of_zero_is_no_coupling(rng):
-    forcing, situation = rng.uniform(-100, 100, size=(3, 30, 2)), random_situation(rng)
-    plain = unroll(forcing=forcing, dt=0.05, tau=2.0, **situation)
-    coupled = unroll(
-        forcing=forcing, dt=0.05, tau=2.0, coupling=lambda k, x, xd: np.zeros_like(x), **situation
-    )
-    for name in ("time", "position", "velocity", "acceleration"):
-        np.testing.assert_array_equal(getattr(coupled, name), getattr(plain, name))
-
-
 def test_coupling_is_held_over_the_step():
     rng = np.random.default_rng(1)
     tau, dt, held = 2.0, 0.1, rng.uniform(-100, 100, size=(8, 2))

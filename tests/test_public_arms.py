@@ -10,10 +10,9 @@ import pytest
 from committed import committed_entry
 from motion_tables import MODELS, made_up
 from readers_bags import recorded_data
-from viewer_files import contents, note
 
 from structlearn.core.errors import MissingInputError
-from structlearn.readers import kuka_lwr4, panda, ur10e
+from structlearn.readers import kuka_lwr4, ur10e
 from structlearn.readers.joint_log import DriveLog
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import environment
@@ -23,7 +22,6 @@ from structlearn.tasks.motion import motion_results
 from structlearn.tasks.motion.joint_motion import CARRIES, arm_of, learn_motion, logs_that_are_there
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.motion.motion_section import motion_facts, motion_tables
-from structlearn.tasks.motion.motion_view import write_carried
 
 PARAMETERS = committed_entry("ur10e")
 DRIVES, LOAD = PARAMETERS.drives, PARAMETERS.load
@@ -199,15 +197,6 @@ def test_the_recorded_arm_goes_through_its_urdf(loaded):
     assert all(min(one[6:8]) > 0.0 for one in moving)  # viscous and Coulomb friction
 
 
-def test_a_recording_shows_the_load_at_the_arm(loaded, tmp_path):
-    logs = {log.name: log for log in ur10e.read_motion(recorded_data("ur10e"))}
-    shown = {name: getattr(loaded, name) for name in ("carried", "motions", "loads")}
-    write_carried(tmp_path / "load.rrd", loaded.urdf, shown, logs, loaded.chosen.load)
-    found = contents(tmp_path / "load.rrd")[1]
-    assert {"/load", "/mass/learned", "/arm/sticks/elbow_joint"} <= set(found)
-    assert f"{loaded.chosen.load.known_kg:g} kg" in note(tmp_path / "load.rrd")
-
-
 def test_the_published_identification_of_the_kuka_is_reached(tmp_path):
     its = identified(
         "kuka_lwr4", kuka_lwr4.read_motion(recorded_data("kuka_lwr4")), tmp_path, structures=["cov"]
@@ -219,18 +208,3 @@ def test_the_published_identification_of_the_kuka_is_reached(tmp_path):
     assert whole["relative_percent"] < 2.81
     assert whole["norm_n_m"] < 0.72
     assert its.links[["positive_mass", "positive_definite", "triangle"]].all(axis=None)
-
-
-def test_consistent_links_explain_the_recorded_panda_nearly_as_well_as_least_squares(tmp_path):
-    chosen = committed_entry("panda", structures=["cov"], networks=None, draws=100)
-    robot, urdf = arm_of(chosen)
-    (log,) = panda.read_motion(recorded_data("panda"))
-    _, tables = learn_motion(robot, {log.name: log}, chosen, urdf, tmp_path)
-    its = (
-        tables["errors"]
-        .query("part == 'test' and friction == 'coulomb'")
-        .set_index(["model", "joint"])["nmse"]
-    )
-    assert (its["cov"] < 2.0 * its[LEAST_SQUARES]).all()
-    assert its["cov"][:6].mean() < 0.02
-    assert its["cov"][7] < 0.06

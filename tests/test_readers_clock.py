@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from readers_bags import make_recording, pose_rows
+from readers_bags import make_recording
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
@@ -109,15 +109,6 @@ def test_every_kind_of_stream_finds_its_signal():
     np.testing.assert_allclose(demonstration.tactile[:, 37], expected, rtol=1e-6)
     expected = np.interp(demonstration.time, seconds(left.stamps, start), left.values[:, 0])
     np.testing.assert_allclose(demonstration.tactile[:, 0], expected, rtol=1e-6)
-
-
-def test_a_uniform_recording_keeps_its_samples_and_its_rate():
-    stamps = UNIX + np.round(np.arange(200) * (1e9 / 300)).astype(np.int64)
-    rows = pose_rows(200)
-    demonstration = synchronise(Recording("own", (Stream("/tool", "pose", stamps, rows),)))
-    assert len(demonstration.time) == 200
-    assert demonstration.dt == pytest.approx(1 / 300, rel=1e-6)
-    np.testing.assert_allclose(demonstration.position, rows[:, :3], atol=1e-4)
 
 
 def test_the_median_rate_ignores_a_hole():

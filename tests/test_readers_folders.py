@@ -4,11 +4,7 @@ from committed import topic_map
 from readers_bags import make_recording, pose_messages, pose_rows, write_bag
 
 from structlearn.core.errors import InputError
-from structlearn.readers import (
-    read_demonstrations,
-    read_recordings,
-    write_recordings,
-)
+from structlearn.readers import read_demonstrations, read_recordings, write_recordings
 
 STAMPS = [10**9 + row * 10**7 for row in range(5)]
 TOOL = topic_map(pose="/tool")

@@ -134,22 +134,3 @@ def test_what_is_missing_is_named(arm, tmp_path, names, tip, complaint):
     write_bag(tmp_path / "bag.mcap", joint_messages(STAMPS, names, positions))
     with pytest.raises(InputError, match=complaint):
         read_recording(tmp_path / "bag.mcap", topics(arm, tip))
-
-
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        (None, "no such URDF file"),
-        ("<robot", "not an XML file"),
-        ("<sdf/>", "its root is <sdf>, not <robot>"),
-        ('<robot name="r"/>', "not a valid URDF|has no link"),
-        (TWO_LINKS.replace("continuous", "floating"), "joint 'elbow' is not revolute, continuous or prism"),
-    ],
-)
-def test_a_urdf_that_is_none_is_named(tmp_path, text, complaint):
-    path = tmp_path / "arm.urdf"
-    if text is not None:
-        path.write_text(text)
-    write_bag(tmp_path / "bag.mcap", joint_messages(STAMPS, ["a"], np.zeros((len(STAMPS), 1))))
-    with pytest.raises(InputError, match=rf"arm\.urdf: .*{complaint}"):
-        read_recording(tmp_path / "bag.mcap", topics(path, "tool"))

@@ -7,11 +7,7 @@ from readers_bags import recorded_data
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import read_demonstrations, write_recordings
-from structlearn.readers.reaches_past_boxes import (
-    read_obstacles,
-    unity_rotation,
-    unity_to_base,
-)
+from structlearn.readers.reaches_past_boxes import read_obstacles, unity_rotation, unity_to_base
 
 TRIALS = "participant,trial,type,start_moved_time,target_reached_time\n"
 HAND = "time,pos_x,pos_y,pos_z,rot_x,rot_y,rot_z\n"

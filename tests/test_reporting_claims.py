@@ -11,6 +11,7 @@ from jinja2 import Environment, StrictUndefined, UndefinedError
 from structlearn.reporting.claims import (
     BY_CONSTRUCTION,
     NO,
+    NO_DIFFERENCE,
     NOT_TESTED,
     TESTS,
     UNDECIDED,
@@ -64,6 +65,20 @@ def within(low, high):
 def test_an_interval_decides_only_where_all_of_it_lies_on_one_side(test, bound, yes, no, undecided):
     judged = [claim(test, bound).verdict(within(*ends)) for ends in (yes, no, undecided)]
     assert judged == [YES, NO, UNDECIDED]
+
+
+def test_no_difference_needs_the_whole_interval_within_the_margin():
+    near = claim("above", 1.0, margin={"size": {"": 0.2, "far": 0.05}, "reason": "smaller does not matter"})
+    words = [
+        near.verdict(within(*ends))
+        for ends in ((0.85, 1.1), (0.75, 1.1), (0.9, 1.25), (1.01, 1.1), (0.9, 1.0))
+    ]
+    assert words == [NO_DIFFERENCE, UNDECIDED, UNDECIDED, YES, NO]
+    assert near.verdict(within(0.9, 1.1), "far") == UNDECIDED
+    assert near.would_decide(within(0.9, 1.1)) == ""
+    assert combined([NO_DIFFERENCE, YES]) == NO_DIFFERENCE
+    with pytest.raises(ValueError, match="one bound"):
+        claim("between", [0.0, 1.0], margin={"size": 0.1, "reason": "-"})
 
 
 def test_what_holds_by_construction_is_no_yes_and_says_why():
@@ -158,6 +173,7 @@ def test_metrics_count_what_the_dissertation_states():
     assert claim_metrics(judged) == {
         "claims_yes": 1,
         "claims_no": 1,
+        "claims_no_difference": 0,
         "claims_undecided": 0,
         "claims_not_tested": 0,
         "claims_holds_by_construction": 0,

@@ -103,13 +103,7 @@ def publish_twice(package, tmp_path, drawings, headlines=("error",), numbers=Non
     find = Findings.of_metrics(numbers or {"error": 1.5, "other": 2}, headlines)
     written = []
     for name in ("a", "b"):
-        publish_report(
-            tmp_path / name,
-            {"index": document(package)},
-            drawings(),
-            {"rows": ROWS},
-            find,
-        )
+        publish_report(tmp_path / name, {"index": document(package)}, drawings(), {"rows": ROWS}, find)
         written.append({path.name: path.read_bytes() for path in (tmp_path / name).rglob("*.*")})
     assert written[0] == written[1]
     return written[0]

@@ -3,8 +3,6 @@
 import numpy as np
 import pinocchio
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from rigid_body_arms import planar_arm
 from rigid_body_robots import FINGERS
 
@@ -27,11 +25,6 @@ def planar(tmp_path, *lengths, **options):
     path = tmp_path / "planar.urdf"
     path.write_text(planar_arm(*lengths, **options))
     return read_arm(path, "tip")
-
-
-@pytest.fixture(scope="module")
-def planar_elbow(tmp_path_factory):
-    return planar(tmp_path_factory.mktemp("planar"), 0.5, 0.4)
 
 
 def tip_poses(arm, joints):
@@ -61,18 +54,6 @@ def test_a_planar_elbow_has_the_angles_of_the_law_of_cosines(tmp_path):
     area = np.abs(0.5 * 0.4 * np.sin(elbow))  # the determinant of the Jacobian, the product of both values
     values = np.linalg.svd(path.jacobian, compute_uv=False)
     np.testing.assert_allclose(values.prod(axis=1), area, rtol=1e-6)
-
-
-@settings(max_examples=30, deadline=None)
-@given(shoulder=st.floats(-2.0, 2.0), elbow=st.floats(0.4, 2.6), ahead=st.floats(0.0, 0.1))
-def test_any_point_in_reach_is_reached_from_nearby(planar_elbow, shoulder, elbow, ahead):
-    """By the closed form of the tip's place, not by the kinematics that solves for it."""
-    elbows = np.array([elbow, elbow - ahead])
-    turned = shoulder + ahead + np.stack([np.zeros(2), elbows])
-    reach = 0.5 * np.exp(1j * turned[0]) + 0.4 * np.exp(1j * turned[1])
-    points = np.stack([reach.real, reach.imag, np.zeros(2)], axis=1)
-    path = follow(planar_elbow, points, None, DT, rest=np.array([shoulder, elbow]))
-    np.testing.assert_allclose(path.joints, np.stack([np.full(2, shoulder + ahead), elbows], 1), atol=1e-7)
 
 
 def test_a_redundant_arm_follows_smoothly_and_comes_back_to_where_it_was(panda):

@@ -154,20 +154,3 @@ def test_a_payload_is_found_after_it_was_picked_up():
     found = after[["moment_x_kg_m", "moment_y_kg_m", "moment_z_kg_m"]].to_numpy(float)
     np.testing.assert_allclose(found, mass * np.array(point), atol=0.01)
     assert after["nmse_learned"] < 0.01 * after["nmse_fixed"]
-
-
-def test_the_empty_arm_is_identified_before_anything_is_picked_up():
-    """What a log says after `empty_s` is not learned from, to the bit."""
-    motion = rubbing_motion(arm())
-    parameters = committed(PayloadLearningParameters, "online.payload", empty_s=16.0, iterations=20)
-
-    def found(changed):
-        torque = motion.torque.copy()
-        torque[changed] *= 1.5
-        its = Motion(motion.q, motion.qd, motion.qdd, torque)
-        links, friction = identify_empty(arm().tree, arm().inertias, its, 0.02, parameters)
-        return np.concatenate([*(values.ravel() for values in vars(links).values()), friction.ravel()])
-
-    nothing, payload, empty = found(slice(0)), found(slice(800, None)), found(slice(799, 800))
-    np.testing.assert_array_equal(payload, nothing)
-    assert not np.array_equal(empty, nothing)

@@ -1,4 +1,4 @@
-"""The three pages of the scraping testbed: evidence and verdicts on made-up data, and that they render."""
+"""The three pages of the scraping testbed: numbers and verdicts on made-up data, and that they render."""
 
 import runpy
 from collections import defaultdict
@@ -12,20 +12,36 @@ import reporting_verdicts
 from committed import committed
 from reporting_feedback import (
     ADAPTED,
+    AXIS,
     NMSE,
     PRIMITIVES,
+    TELLING,
     comparison,
+    dataset,
     feedback_results,
     network,
     orderings,
     people,
     phase_weights,
 )
-from reporting_refinement import COSTS, forms, history, refinement_results, variants
+from reporting_refinement import (
+    COSTS,
+    SETTINGS,
+    examples,
+    forms,
+    history,
+    parameters,
+    refinement_results,
+    search,
+    variants,
+)
 from reporting_refinement import scores as refined_scores
 from reporting_scraping import demonstration, noise_table, segmentation_results, work_table
 from reporting_verdicts import AnyFigure
+from scipy import stats
 
+from structlearn.core.metrics import BETTER
+from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.reporting.claims import (
     NO,
     NOT_TESTED,
@@ -41,15 +57,21 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page import findings as own
 from structlearn.testbeds.scraping.page import page as module
-from structlearn.testbeds.scraping.page.findings import ScrapingPeople, findings, share_left
+from structlearn.testbeds.scraping.page.findings import (
+    ScrapingPeople,
+    findings,
+    refinement_of_one,
+    share_left,
+)
+from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
 from structlearn.testbeds.scraping.page.results import (
     PEOPLE,
     ScrapingResults,
-    dominant_features,
-    sharing_over_phase,
+    informative_channel,
 )
 from structlearn.testbeds.scraping.page.tables import tables
-from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 
 CLAIMS = "refinement_claims.yaml"
 
@@ -156,13 +178,58 @@ def test_every_claim_holds_where_the_data_say_so(feedback, segmentation):
     assert found["downsampling_work_g2"] == YES
 
 
-def test_an_undecided_or_lost_sweep_over_noise_is_no_yes(segmentation):
-    for change, expected in (
-        (noise_table(advantage_ms=-5.0), NO),
-        (noise_table().query("seed == 0"), UNDECIDED),  # one person decides nothing
-    ):
-        swept = replace(segmentation, noise=change)
-        assert verdicts("segmentation", swept)["least_cut_error"] == expected
+def changed(setting, **costs):
+    """Scores of refinement with the costs of some models in one setting replaced."""
+    every = {model: COSTS[model] | ({setting: costs[model]} if model in costs else {}) for model in COSTS}
+    return {"scores": refined_scores(every)}
+
+
+def curve(*costs):
+    return {"history": history({"turn": costs})}
+
+
+def weights(phase_weights):
+    return {"networks": dict.fromkeys(ADAPTED, network(phase_weights))}
+
+
+CHANGES = [
+    ("segmentation", {"noise": noise_table(advantage_ms=-5.0)}, "least_cut_error", NO),
+    ("segmentation", {"noise": noise_table().query("seed == 0")}, "least_cut_error", UNDECIDED),  # one person
+    *(
+        ("segmentation", {"downsampling_people": table}, "downsampling_work_g2", verdict)
+        for table, verdict in (
+            (work_table(1.0), NO),  # the work falls with the square of g
+            (work_table(2.5), NO),
+            (work_table().query("factor == 1"), NOT_TESTED),
+        )
+    ),
+    (
+        "feedback",
+        weights(phase_weights()[(7 * np.arange(25)) % 25]),
+        "phase_dependent",
+        NO,
+    ),  # neighbours differ
+    (
+        "feedback",
+        weights(np.tile(phase_weights()[0], (25, 1))),
+        "phase_dependent",
+        NO,
+    ),  # equal at every phase
+    ("refinement", changed(10.0, after=60.0), "lower_ours", NO),
+    ("refinement", changed(10.0, after=60.0), "lower_text", YES),  # less than 30 %, but lower
+    ("refinement", changed(10.0, after=90.0), "lower_text", NO),
+    ("refinement", changed(0.0, after=1.0), "level_board_refined_ours", YES),
+    ("refinement", curve(80.0, 50.0, 42.0, 42.0), "converged_text", YES),
+    ("refinement", curve(80.0, 50.0, 45.0, 44.9, 38.0), "converged_text", NO),  # a later gain counts
+    ("refinement", curve(80.0, 50.0, 42.0, 50.0), "converged_text", YES),  # worse again: no improvement
+    ("refinement", curve(80.0, 50.0, 42.0), "converged_text", NOT_TESTED),  # no later one was run
+]
+
+
+@pytest.mark.parametrize(("page", "change", "evidence", "expected"), CHANGES)
+def test_verdicts_follow_the_data(page, change, evidence, expected, request):
+    results = refinement_results() if page == "refinement" else request.getfixturevalue(page)
+    assert verdicts(page, replace(results, **change))[evidence] == expected
 
 
 def test_each_rule_of_stopping_has_its_own_rows(feedback):
@@ -182,40 +249,6 @@ def test_each_rule_of_stopping_has_its_own_rows(feedback):
     }
     assert {claims[name] for name in (*text[:3], "phase_helps")} == {"text"}
     assert {by for name, by in claims.items() if name.endswith("_validated")} == {"ours"}
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        (lambda weights: weights, YES),
-        (lambda weights: weights[(7 * np.arange(25)) % 25], NO),  # the next kernel shares nothing
-        (lambda weights: np.tile(weights[0], (25, 1)), NO),  # the phase does not matter
-    ],
-    ids=["change with the phase", "kernels permuted", "equal at every phase"],
-)
-def test_dominant_nodes_that_do_not_follow_the_phase_refute_that_they_do(feedback, change, expected):
-    networks = dict.fromkeys(ADAPTED, network(change(phase_weights())))
-    assert verdicts("feedback", replace(feedback, networks=networks))["phase_dependent"] == expected
-
-
-def test_sharing_of_dominant_nodes_is_nought_on_average_with_permuted_weights(feedback):
-    rng = np.random.default_rng(0)
-    found = [
-        sharing_over_phase(dominant_features(weights))
-        for weights in (rng.permuted(phase_weights(), axis=1) for _ in range(100))
-    ]
-    assert abs(np.mean(found)) < 2.0 * np.std(found) / 10.0
-    assert np.std(found) < 0.1
-    assert sharing_over_phase(dominant_features(phase_weights())) < -0.3
-
-
-@pytest.mark.parametrize(("power", "expected"), [(2.0, YES), (1.0, NO), (2.5, NO)])
-def test_work_that_does_not_fall_with_the_square_refutes_it(segmentation, power, expected):
-    swept = replace(segmentation, downsampling_people=work_table(power))
-    assert verdicts("segmentation", swept)["downsampling_work_g2"] == expected
-    lone = work_table(power).query("factor == 1")  # of one factor g nothing is known
-    found = verdicts("segmentation", replace(segmentation, downsampling_people=lone))
-    assert found["downsampling_work_g2"] == NOT_TESTED
 
 
 def test_no_two_rows_rest_on_the_same_number(made, root):
@@ -292,42 +325,9 @@ def test_the_share_left_is_the_geometric_mean_of_the_least_clear_tilt():
     assert wider.low < found.low < found.high < wider.high
 
 
-def changed(setting, **costs):
-    """The costs with those of some models in one setting replaced."""
-    return {model: COSTS[model] | ({setting: costs[model]} if model in costs else {}) for model in COSTS}
-
-
-@pytest.mark.parametrize(
-    ("costs", "evidence", "expected"),
-    [
-        (changed(10.0, after=60.0), "lower_ours", NO),
-        (changed(10.0, after=60.0), "lower_text", YES),  # less than 30 %, but lower
-        (changed(10.0, after=90.0), "lower_text", NO),
-        (changed(0.0, after=1.0), "level_board_refined_ours", YES),
-    ],
-)
-def test_costs_after_refinement_decide(costs, evidence, expected):
-    found = verdicts("refinement", refinement_results(scores=refined_scores(costs)))
-    assert found[evidence] == expected
-
-
-@pytest.mark.parametrize(
-    ("curve", "expected"),
-    [
-        ((80.0, 50.0, 42.0, 42.0), YES),
-        ((80.0, 50.0, 45.0, 44.9, 38.0), NO),  # a later gain counts, however late
-        ((80.0, 50.0, 42.0, 50.0), YES),  # got worse again: no improvement after the second
-        ((80.0, 50.0, 42.0), NOT_TESTED),  # no later one was run
-    ],
-)
-def test_converged_means_that_no_later_iteration_is_much_lower(curve, expected):
-    results = refinement_results(history=history({"turn": curve}))
-    assert verdicts("refinement", results)["converged_text"] == expected
-
-
 def test_the_dissertation_s_claims_are_decided_by_its_own_form():
     """Ours improves, the text's does not: the row of the text is no, that of ours yes."""
-    worse = refinement_results(scores=refined_scores(changed(10.0, after=90.0)))
+    worse = refinement_results(**changed(10.0, after=90.0))
     found = refinement_evidence(refinement_results(), worse)
     words = reporting_verdicts.cases(module.__package__, defaultdict(lambda: UNKNOWN, found), CLAIMS)
     assert set(words["lower_text"].values()) == {NO}
@@ -372,3 +372,87 @@ def test_findings_are_the_means_given(made, feedback, segmentation):
     assert values["wls_wins_at_every_noise_level"] == 1
     assert values["demonstrations_left_out"] == 0
     assert values["acceleration_jump_nominal"] < 0.05  # eq. IV.12; 100 Hz here
+
+
+def test_the_most_telling_channel_is_the_one_that_follows_the_tilt():
+    channel, correlation = informative_channel(dataset())
+    assert channel == TELLING
+    assert correlation < -0.95
+
+
+def test_pairs_decide_what_means_cannot():
+    costs = {NOMINAL: 90.0, BEFORE: 30.0, AFTER: 29.6}  # 0.4 rad below, where runs differ by 1 rad
+    small = refined_scores({model: dict.fromkeys(SETTINGS, cost) for model, cost in costs.items()})
+    found = refinement_results(scores=small)
+    before, after = (found.run_costs(model, 5.0, "turn") for model in (BEFORE, AFTER))
+    assert stats.ttest_ind(before, after).pvalue > 0.05
+    assert found.ratio(AFTER, BEFORE, "turn").loc[5.0, "verdict"] == BETTER
+    assert stats.ttest_rel(before, after).pvalue < 0.05
+
+
+def test_gains_between_iterations_are_paired():
+    table = history({"turn": (80.0, 79.5, 79.0)})
+    found = refinement_results(history=table, parameters=parameters(("turn",)))
+    runs = table[table["kind"] == "feedback"].pivot_table("cost_rad", "number", "iteration")
+    row = found.progress.set_index("iteration").loc[1]
+    interval = stats.ttest_rel(runs[0], runs[1]).confidence_interval()
+    assert row["lower_rad"] - row["half_width"] == pytest.approx(interval.low)
+    assert row["lower_rad"] + row["half_width"] == pytest.approx(interval.high)
+    assert np.isnan(row["since_lower_rad"])
+
+
+def test_failed_rollouts_are_counted_by_their_fault():
+    found = refinement_results(history=history(faults={0: "diverged at 1.5 s", 3: "diverged at 0.2 s"}))
+    assert found.faults["rollouts"].tolist() == [6, 6]  # two of every iteration, by primitive
+    assert found.faults["fault"].unique().tolist() == ["diverged at … s"]
+    samples = found.curve("turn", "sample")
+    assert samples["mean"].notna().all()
+    assert (samples["failed"] == 2).all()
+
+
+def test_a_search_whose_mean_policy_failed_at_the_end_is_not_hidden():
+    table = search({PI2: 45.0, CMA_ES: 55.0}, seeds=1)
+    last = (table["method"] == PI2) & (table["update"] == 3) & (table["primitive"] == "turn")
+    table.loc[last, "cost_rad"] = np.nan
+    found = refinement_results(search=table)
+    assert np.isnan(found.searched.loc[("turn", PI2), "mean"])
+    find = Findings()
+    refinement_of_one(find, found, ["down", "turn", "scrape"])
+    values = find.numbers()
+    assert "search_cost_pi2_prim2" not in values
+    assert "search_cost_pi2_prim3" in values
+
+
+def test_settings_are_named_by_what_they_were():
+    found = refinement_results()
+    roles = [found.role(setting) for setting in SETTINGS]
+    assert roles == ["default", "learned", "learned", "unseen", "refined"]
+
+
+def test_readings_of_the_hand_are_those_of_the_recordings():
+    table = refinement_results().hand_roll.set_index(["model", "moment"])["mean_deg"]
+    assert np.allclose(table[BEFORE], [0.0, 0.0, 6.0, 6.0], atol=1e-6)
+    assert np.allclose(table[AFTER], [0.0, 0.0, 9.0, 9.0], atol=1e-6)
+    assert np.allclose(table[NOMINAL], 0.0, atol=1e-6)
+
+
+def test_snapshots_keep_recorded_angles_and_lay_the_edge_on_the_board():
+    (run, *_) = examples()[AFTER]
+    shots = snapshots(run, 10.0, AXIS)
+    assert [shot.hand_deg for shot in shots] == pytest.approx([0.0, 0.0, 9.0, 9.0], abs=1e-6)
+    assert [shot.off_deg for shot in shots] == pytest.approx([10.0, 10.0, 1.0, 1.0], abs=1e-6)
+    normal = turned(np.array([0.0, 1.0]), 10.0)
+    half = 500.0 * EDGE_WIDTH_M
+    for shot in shots:
+        corners = np.array([(-half, -1e3 * EDGE_M), (half, -1e3 * EDGE_M)])
+        heights = (shot.grasp + turned(corners, shot.tool_deg)) @ normal
+        assert heights.min() == pytest.approx(0.0, abs=1e-9)
+        assert np.ptp(heights) == pytest.approx(1e3 * EDGE_WIDTH_M * np.sin(np.radians(shot.off_deg)))
+
+
+def test_the_pair_that_is_drawn_gained_the_mean():
+    table = refined_scores()
+    others = (table["run"] != "02") & (table["model"] == AFTER) & (table["setting_deg"] == 10.0)
+    table.loc[others, "cost_rad"] += np.where(table.loc[others, "run"] == "01", 20.0, -10.0)
+    before, after = refinement_results(scores=table).pair
+    assert before.name == after.name == "02"

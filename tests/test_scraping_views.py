@@ -17,12 +17,11 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.tactile.electrodes import SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.names import CORRECTED, CUT_METHODS, ROLLOUTS, RUNS
+from structlearn.testbeds.scraping.names import CUT_METHODS, ROLLOUTS, RUNS
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.views.executions_recording import (
     read_feedback_runs,
     read_refined_runs,
-    write_executions,
     write_refinement,
     write_robot,
 )
@@ -151,27 +150,6 @@ def test_electrodes_lie_under_the_skin_and_face_each_other():
         assert (np.hypot(depth - SKIN_RADIUS_MM, finger[:, 1]) < SKIN_RADIUS_MM).all()
         assert depth[18] < SKIN_RADIUS_MM / 2  # electrode 19 is among those under the flat of the pad
     assert left[0, 1] == -right[0, 1]  # electrode 1 is at the side, and the two fingers are turned
-
-
-def test_executions_in_several_settings_share_one_time_line(tmp_path):
-    path, kinds = tmp_path / "feedback.rrd", (NOMINAL, CORRECTED, POINTWISE)
-    settings = {deg: [shown(kind, deg, hand_deg=deg) for kind in kinds] for deg in (10.0, 2.5)}
-    write_executions(path, settings, "Executions")
-    rows, entities, timelines = contents(path)
-    assert timelines == {"time"}
-    samples = -(-len(settings[10.0][0].run.time) // 4)  # 50 Hz of 200
-    for tab in ("10 degrees", "2.5 degrees"):
-        for look in (RUNS[kind] for kind in kinds):
-            scene = entity(tab, "runs", look.name)
-            assert f"{scene}/board" in entities
-            assert rows[f"{scene}/hand"] == rows[f"{scene}/tool"] == samples
-            assert colour_of(path, f"{scene}/path", "LineStrips3D") == look.colour
-            for signal in ("roll on board", "hand roll", "force", "torque"):
-                assert rows[entity(tab, signal, look.name)] == samples, signal
-                assert colour_of(path, entity(tab, signal, look.name)) == look.colour
-            assert f"{look.name} (simulated)" in view_names(path)
-            assert look.name in note(path)
-    assert "simulated" in note(path)
 
 
 def test_runs_before_and_after_share_a_scene_and_the_search_has_a_time_line_of_its_own(tmp_path):

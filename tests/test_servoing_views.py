@@ -15,7 +15,7 @@ from structlearn.simulation.touch_demonstrator import (
     recorded,
     true_contacts,
 )
-from structlearn.tactile.electrodes import SKINS, map_laying
+from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_dataset import read_dataset, write_dataset
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
 from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, OURS, TEXT
@@ -179,13 +179,3 @@ def test_closed_loops_stand_beside_each_other_with_the_names_and_colours_of_the_
         assert "simulated" in note(path, entity("notes", name))
     assert {f"NJ, {label} (simulated)" for label in labels} <= set(view_names(path))
     assert "/handle" in entities
-
-
-def test_laying_undoes_any_turn_mirror_and_shift():
-    places = np.random.default_rng(1).normal(size=(50, 2))
-    angle = 2.1
-    turn = np.array([[np.cos(angle), np.sin(angle)], [np.sin(angle), -np.cos(angle)]])
-    points = places @ turn + [3.0, -1.0]
-    laying = map_laying(points, places)
-    np.testing.assert_allclose(laying(points), places, atol=1e-12)
-    np.testing.assert_allclose(laying.turn @ laying.turn.T, np.eye(2), atol=1e-12)

@@ -85,16 +85,6 @@ def test_a_contact_that_slides_over_the_end_is_counted():
     assert scored(found, start, start, SCENE, TOLERANCE)["off_skin"].item()
 
 
-def test_a_finger_at_rest_keeps_its_touch():
-    start = held([[-0.006, 0.001, 1.2]], tilt=0.05)
-    found = run(Steady(np.zeros(6)), start, start, 0.5)
-    table = scored(found, start, start, SCENE, TOLERANCE)
-    assert table["success"].item()
-    assert table["reach_s"].item() == 0
-    assert table["path_mm"].item() == pytest.approx(0.0, abs=1e-9)
-    assert table["geodesic_mm"].item() == pytest.approx(0.0, abs=1e-9)
-
-
 def test_scores_of_a_straight_approach():
     """An ideal controller rolls on at a constant speed and stops; times and paths are known."""
     start, target = held([-0.006, -0.003, 1.0]), held([-0.006, 0.003, 1.0])

@@ -63,16 +63,6 @@ def test_in_the_air_there_is_no_load():
     assert contact.gap[0] == pytest.approx(0.002)
 
 
-def test_rolling_moves_the_contact_round_the_finger():
-    """A turn about the finger's axis moves the contact by radius times angle, and keeps the load."""
-    position, orientation = held_on_handle(np.array([-0.005]), np.zeros(1), np.ones(1), BAR, FINGER)
-    before = touching(position, orientation, BAR, FINGER)
-    after = touching(*moved(position, orientation, np.array([[0, 0, 0, 0.5, 0, 0]]), 0.2), BAR, FINGER)
-    shift = FINGER.skin.coordinates(after.point)[1] - FINGER.skin.coordinates(before.point)[1]
-    assert shift[0] == pytest.approx(-0.007 * 0.1, abs=1e-9)
-    assert after.load[0] == pytest.approx(before.load[0])
-
-
 def test_a_motion_is_in_the_frame_of_the_finger():
     orientation = quaternion.from_rotation_vector(np.array([[0, 0, np.pi / 2]]))
     position, turned = moved(np.zeros((1, 3)), orientation, np.array([[1.0, 0, 0, 0, 0, 0.1]]), 0.5)

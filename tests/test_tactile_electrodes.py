@@ -50,15 +50,6 @@ def test_projection_is_along_the_normal(name, along, across, height):
     np.testing.assert_allclose(skin.project(point + height * skin.radius * normal), point, atol=1e-12)
 
 
-def test_biotac_is_half_a_cylinder_with_a_quarter_sphere():
-    skin = biotac()
-    points = np.array([[-0.005, 0.001, -0.002], [0.003, 0.001, -0.002]])
-    on_skin = skin.project(points)
-    cylinder = 0.007 * points[0, 1:] / np.linalg.norm(points[0, 1:])
-    np.testing.assert_allclose(on_skin[0], [-0.005, *cylinder])
-    np.testing.assert_allclose(on_skin[1], 0.007 * points[1] / np.linalg.norm(points[1]))
-
-
 @pytest.mark.parametrize("name", sorted(SKINS))
 def test_electrodes_lie_under_the_skin_and_look_outwards(name):
     skin = SKINS[name]
@@ -68,16 +59,6 @@ def test_electrodes_lie_under_the_skin_and_look_outwards(name):
     assert skin.holds(surface).all()
     np.testing.assert_allclose(np.linalg.norm(skin.normals, axis=1), 1.0)
     assert ((skin.normals * skin.normal(surface)).sum(axis=1) > 0.6).all()
-
-
-def test_biotac_mirrors():
-    electrodes = {tuple(one) for one in biotac().electrodes.round(9)}
-    assert {(x, -y if y else 0.0, z) for x, y, z in electrodes} == electrodes
-
-
-def test_the_pad_is_flat_where_its_electrodes_are():
-    surface = flat_pad().project(flat_pad().electrodes)
-    np.testing.assert_allclose(surface[:, 2], surface[0, 2])
 
 
 # Shortest paths on skins against closed forms.

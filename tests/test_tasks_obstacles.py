@@ -8,8 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from committed import committed
-from readers_bags import recorded_data
-from viewer_files import colour_of, contents, note
 
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
@@ -26,14 +24,11 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
 from structlearn.primitives.position import fit_position
-from structlearn.readers import synchronise
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.reaches_past_boxes import read_obstacles
 from structlearn.readers.recording import NamedShape
 from structlearn.reporting.claims import read_claims
 from structlearn.tasks.obstacles.coupling_representations import samples_of_reaches
-from structlearn.tasks.obstacles.reaches_view import write_reaches_past_obstacles
-from structlearn.tasks.obstacles.scene_section import LOOKS, SceneWays, scene_findings, scene_pictures
+from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
 QUICK = {"folds": 2, "network": {"members": 1, "training": {"iterations": 4}}}
@@ -389,33 +384,3 @@ def test_one_person_alone_in_scenes_of_their_own_without_a_blocked_reach(root):
     assert words["hits_blocked"] == "not tested"
     assert words["path"] == "undecided"  # one person has no interval
     assert "people_apart" not in scene_findings(found)
-
-
-def test_the_recording_shows_every_scene_and_way(tmp_path):
-    path = tmp_path / "obstacles.rrd"
-    write_reaches_past_obstacles(path, made_up_ways().tables, "boxes: reaches past obstacles")
-    rows, entities, _ = contents(path)
-    name = LOOKS["scene"].name.replace(" ", "\\ ")
-    assert colour_of(path, f"/p0_1/{name}/path", "LineStrips3D") == LOOKS["scene"].colour
-    for reach in ("p0_1", "p1_1", "p2_1"):
-        assert {f"/{reach}/{part}" for part in ("obstacles", "walls", "axes", "recorded/hand")} <= entities
-    assert rows["/p0_1/recorded/hand"] == rows["/distance/p0_1/recorded"] == 20
-    assert "recorded" in note(path)
-
-
-def test_recorded_people_pass_beside_the_boxes():
-    """What the reaches show without any model: nobody touches, gaps are a matter of the scene."""
-    public = committed(ScenePeopleParameters, "defaults.obstacles", **BOXES)
-    recordings = read_obstacles(recorded_data("reaches_past_boxes"), None)
-    trials = [synchronise(one, refuse_jumps=False) for one in recordings]  # the stage names them
-    reaches, left_out = reaches_past_obstacles(trials, public)
-    assert len(reaches) == 269
-    assert len(left_out) == 17
-    clearance = [
-        min(box.signed_distance(one.in_base_frame).min() for box in one.obstacles) for one in reaches
-    ]
-    assert min(clearance) > 0.0125
-    pairs = scene_folds.beside_each_other(reaches)
-    assert len(pairs) == 415
-    assert pairs["same_gaps"].all()
-    assert pairs["path_mm"].mean() == pytest.approx(29.2, abs=0.5)

@@ -144,11 +144,7 @@ def made_up_scores(good=True):
     keys = ["representation", "inputs", "axis"]
     scores = folds.groupby(keys, sort=False)["nmse"].mean().reset_index().assign(train=0.05)
     worth = scores[(scores["inputs"] != "features") & (scores["representation"] != "pmnn")][keys]
-    return {
-        "folds": folds,
-        "scores": scores,
-        "phase_worth": worth.assign(gain=gain, half_width=0.02),
-    }
+    return {"folds": folds, "scores": scores, "phase_worth": worth.assign(gain=gain, half_width=0.02)}
 
 
 def test_claims_follow_the_tables(root):
@@ -167,8 +163,7 @@ def test_claims_follow_the_tables(root):
 def test_too_few_samples_for_the_folds():
     with pytest.raises(InputError, match="too few for 10 folds"):
         coupling_representations.compare_representations(
-            phase_dependent(15),
-            committed(RepresentationParameters, "defaults.obstacles.representations"),
+            phase_dependent(15), committed(RepresentationParameters, "defaults.obstacles.representations")
         )
 
 

@@ -11,12 +11,11 @@ from viewer_files import contents, note
 
 from structlearn.core.errors import MissingInputError
 from structlearn.palette import PLATE_CORNERS, place_colours
-from structlearn.readers import eflesh
 from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.pressed_skin import block_numbers, held_out
 from structlearn.tasks.touch import skin_force, skin_readings, skin_servoing
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
-from structlearn.tasks.touch.skin_touches import folds_of, gathered, learn_skin, learn_touch
+from structlearn.tasks.touch.skin_touches import folds_of, gathered, learn_touch
 from structlearn.tasks.touch.touch_names import (
     CORRECTED,
     FORCE_MODELS,
@@ -25,7 +24,6 @@ from structlearn.tasks.touch.touch_names import (
     NEW_RUN,
     QUADRATIC,
     SPACES,
-    STRUCTURED,
     TEXT_SERVO,
 )
 from structlearn.tasks.touch.touch_view import write_skin
@@ -290,18 +288,3 @@ def test_places_have_the_colours_of_their_corners():
     colours = place_colours(np.array([[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.0]]))
     hexes = [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colours[:4]]
     assert hexes == [*PLATE_CORNERS[0], *PLATE_CORNERS[1]]
-
-
-def test_the_recorded_skin_carries_over(recorded_data):
-    """A short training already finds the place of presses of another run within a millimetre and a half."""
-    logs = eflesh.read_touch(recorded_data / "eflesh", SMALL, {})
-    assert any(log.force is not None for log in logs)
-    pressed = [log for log in logs if log.force is None][:2]
-    brief = SMALL.spaces.training.model_copy(update={"steps": 400, "evaluate_every": 400})
-    few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
-    first, second = (touches(log, few) for log in pressed)
-    skin = learn_skin(first, np.full(len(first.counts), True), few, with_dynamics=False)
-    errors, _ = skin_readings.other_errors((skin, first, [second]), few)
-    by_model = errors.groupby("model")[["map_nmse", "laid_mm"]].mean()
-    assert by_model.loc[STRUCTURED, "map_nmse"] < 0.06
-    assert by_model.loc[STRUCTURED, "laid_mm"] < 1.5

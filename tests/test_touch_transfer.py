@@ -33,12 +33,7 @@ SKIN = biotac()
 FEW = committed_entry(
     "biotac",
     folds=2,
-    spaces={
-        "seeds": 1,
-        "training": {"steps": 2, "batch_size": 8},
-        "pair_pool": 100,
-        "evaluation_pairs": 50,
-    },
+    spaces={"seeds": 1, "training": {"steps": 2, "batch_size": 8}, "pair_pool": 100, "evaluation_pairs": 50},
 )
 
 
@@ -113,11 +108,7 @@ def test_every_trial_is_left_out_once_and_every_material_once():
 def test_all_is_asked_of_all_models(results):
     counts = results["errors"].groupby(["learned_from", "asked_about", "new", "model"])["part"].nunique()
     for model in (STRUCTURED, PLAIN, COMPONENTS):
-        for new, parts in (
-            (NEW_TRIALS, 2),
-            (NEW_MATERIAL, 2),
-            (OWN_UNITS, 2),
-        ):
+        for new, parts in ((NEW_TRIALS, 2), (NEW_MATERIAL, 2), (OWN_UNITS, 2)):
             assert counts[SLIDES, SLIDES, new, model] == parts
         for source, target in PARTNERS.items():
             assert counts[source, target, NEW_SET, model] >= 1
@@ -170,9 +161,7 @@ def test_a_faulty_trial_is_left_out_altogether():
 def test_a_set_goes_on_without_the_other(capsys):
     """What is learned from slides needs no logs; a set too small for a map of the skin is left aside."""
     found = touch_transfer.learn_transfer(
-        [touch_set(SLIDES, ("a", "a", "b", "b")), touch_set(MAGNITUDES, ("c",) * 4)],
-        SKIN,
-        FEW,
+        [touch_set(SLIDES, ("a", "a", "b", "b")), touch_set(MAGNITUDES, ("c",) * 4)], SKIN, FEW
     )
     assert set(found["sets"]["set"]) == {SLIDES, MAGNITUDES}
     assert set(found["errors"]["learned_from"]) == set(found["sets"]["set"])

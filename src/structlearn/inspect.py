@@ -53,12 +53,17 @@ class Findings:
 
 
 def main() -> None:
-    """Print the report; publish the proposed entry where a file is named for it."""
+    """Inspect what the command line names."""
     given = _arguments()
-    found = find_out(given.source, given.urdf)
+    inspect(given.source, given.urdf, given.output)
+
+
+def inspect(source: str, urdf: str | None, output: Path | None) -> None:
+    """Print what a source holds; publish the proposed entry where a file is named for it."""
+    found = find_out(source, urdf)
     print("\n".join(printable(line).rstrip() for line in report(found)))
-    if given.output is not None and found.proposal is not None:
-        with publish(given.output) as path:
+    if output is not None and found.proposal is not None:
+        with publish(output) as path:
             path.write_text("\n".join(as_yaml(found.proposal)) + "\n", encoding="utf-8")
 
 

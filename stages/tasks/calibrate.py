@@ -7,7 +7,7 @@ from structlearn.core.errors import MissingInputError
 from structlearn.core.stage import or_empty, run, stage_parameters
 from structlearn.readers import read_recordings
 from structlearn.readers.runs import read_streams
-from structlearn.tasks.task_entry import DEFAULTS, FOLDER
+from structlearn.tasks.project import defaults_file
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch.touch_calibration import (
     CalibrationParameters,
@@ -20,7 +20,7 @@ SIMULATED = Path("data/raw/scraping/unrolls")
 
 
 def main() -> None:
-    parameters = stage_parameters("calibrate", CalibrationParameters, FOLDER / DEFAULTS)
+    parameters = stage_parameters("calibrate", CalibrationParameters, defaults_file())
     files = TaskFiles("biotac")
     if files.absent:
         raise MissingInputError(files.absent)

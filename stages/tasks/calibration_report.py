@@ -4,13 +4,13 @@ from pathlib import Path
 
 from structlearn.core.artefacts import read_table
 from structlearn.core.stage import run, stage_parameters
-from structlearn.tasks.task_entry import DEFAULTS, FOLDER
+from structlearn.tasks.project import defaults_file
 from structlearn.tasks.touch.calibration_section import publish_calibration
 from structlearn.tasks.touch.touch_calibration import CalibrationParameters
 
 
 def main() -> None:
-    parameters = stage_parameters("calibrate", CalibrationParameters, FOLDER / DEFAULTS)
+    parameters = stage_parameters("calibrate", CalibrationParameters, defaults_file())
     stored = {path.stem: read_table(path) for path in sorted(Path("data/calibration").glob("*.parquet"))}
     publish_calibration(stored, parameters)
 

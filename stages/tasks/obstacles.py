@@ -1,6 +1,8 @@
 """Learn from the reaches of a task past obstacles, and try what was learned in scenes left out (IV.8)."""
 
-from structlearn.avoidance.avoidance_dataset import from_table
+import pandas as pd
+
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, from_table
 from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.core.artefacts import publish, write_table
 from structlearn.tasks.obstacles.coupling_representations import compare_representations, samples_of_reaches
@@ -9,13 +11,15 @@ from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 
 def main(files: TaskFiles) -> None:
-    parameters, results = files.entry(ObstacleEntry), {}
+    parameters, results = files.entry(ObstacleEntry), dict[str, pd.DataFrame]()
+    samples: AvoidanceDataset | None = None
     if (files.recorded / "samples.parquet").exists():
         samples = from_table(files.table("recorded/samples"))
     else:
         reaches = files.runs("reaches")
         results |= vars(learn_past_obstacles(reaches, parameters))
-        samples = samples_of_reaches(reaches, parameters) if parameters.representations else None
+        if parameters.representations is not None:
+            samples = samples_of_reaches(reaches, parameters)
     if samples is not None and parameters.representations is not None:
         results |= vars(compare_representations(samples, parameters.representations))
     with publish(files.folder / "obstacles") as folder:

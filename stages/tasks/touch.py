@@ -10,7 +10,7 @@ from structlearn.core.stage import stage_parameters
 from structlearn.readers.runs import read_streams
 from structlearn.readers.touch_log import read_touch_logs
 from structlearn.tasks.task_files import TaskFiles, run_for_task
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch.touch_parameters import SurfaceParameters, TouchParameters
 
 
 def main(files: TaskFiles) -> None:
@@ -18,7 +18,7 @@ def main(files: TaskFiles) -> None:
     with publish(files.folder / "touch") as folder:
         folder.mkdir()
         if parameters.surfaces is not None:
-            surfaces(files, parameters, folder)
+            surfaces(files, parameters.surfaces, folder)
         elif parameters.transfer is not None:
             transfer(files, parameters, folder)
         else:
@@ -27,10 +27,10 @@ def main(files: TaskFiles) -> None:
             learn_touch(read_touch_logs(files.recorded / "touches.parquet"), parameters, folder)
 
 
-def surfaces(files: TaskFiles, parameters: TouchParameters, folder: Path) -> None:
+def surfaces(files: TaskFiles, parameters: SurfaceParameters, folder: Path) -> None:
     from structlearn.tasks.touch.surface_traces import learn_surfaces
 
-    learn_surfaces(read_streams(files.recorded / "streams.parquet"), parameters.surfaces, folder)
+    learn_surfaces(read_streams(files.recorded / "streams.parquet"), parameters, folder)
 
 
 def transfer(files: TaskFiles, parameters: TouchParameters, folder: Path) -> None:

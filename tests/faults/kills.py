@@ -187,12 +187,7 @@ def started(project: Path, command: str, errors: int = subprocess.PIPE) -> subpr
     variables = environment() | {RUN_BY_DVC: "stage", PROCESSES: "2"}
     words = [sys.executable, *command.split()[1:]]
     return subprocess.Popen(
-        words,
-        cwd=project,
-        env=variables,
-        stdout=subprocess.DEVNULL,
-        stderr=errors,
-        start_new_session=True,
+        words, cwd=project, env=variables, stdout=subprocess.DEVNULL, stderr=errors, start_new_session=True
     )
 
 

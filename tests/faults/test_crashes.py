@@ -1,8 +1,5 @@
 """Crash points of everything that is published; `make kills` tries them with other losses."""
 
-import shutil
-from dataclasses import replace
-
 import pytest
 from faults.crashes import WORKS, outcomes
 
@@ -21,11 +18,3 @@ def test_what_is_not_brought_to_the_disk_is_missed(tmp_path, monkeypatch):
     work = WORKS["a file over another"]
     found = {fault for seed in range(5) for _, fault in outcomes(work, tmp_path / "root", seed)}
     assert "note.txt is neither as before nor as after" in found
-
-
-def test_what_is_deleted_step_by_step_is_found_out(tmp_path):
-    work = replace(
-        WORKS["a folder over another"], write=lambda root: shutil.rmtree(root / "logs", ignore_errors=True)
-    )
-    found = {fault for _, fault in outcomes(work, tmp_path / "root", seed=0)}
-    assert "logs is neither as before nor as after" in found

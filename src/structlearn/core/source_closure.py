@@ -7,7 +7,7 @@ layout and the annotations of functions, so wording does not make a stage run ag
 import ast
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -36,13 +36,21 @@ class SourceTree:
             SyntaxError: a file is no Python, or imports relatively.
         """
         found: dict[Path, str] = {}
-        waiting = set(self._file(script)[1])
+        waiting = self._file(script)[1] - _data_files(script.parent)  # entries of tasks lie beside scripts
         while waiting:
             path = waiting.pop()
             if path not in found:
                 found[path], used = self._file(path)
                 waiting |= used
         return {path.relative_to(self.root): found[path] for path in sorted(found)}
+
+    def write(self, scripts: Iterable[Path], folder: Path, root: Path | None = None) -> None:
+        """Write the closure of each script as `NAME.txt`, a line per file; ordered as below `root`."""
+        for script in scripts:
+            path = (folder / (script.relative_to(root) if root else script.name)).with_suffix(".txt")
+            lines = [f"{digest[:16]} {file.as_posix()}\n" for file, digest in self.closure(script).items()]
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("".join(lines), encoding="utf-8")
 
     def _file(self, path: Path) -> tuple[str, set[Path]]:
         """Digest of one file, and the files that it uses."""

@@ -62,7 +62,8 @@ def run(main: Callable[[], None]) -> None:
 def _alone() -> Iterator[None]:
     """Lock the stage, for its task if it has one, against other processes in this folder."""
     script, *words = sys.argv
-    if Path(script).resolve().is_relative_to(Path(__file__).parents[1]):  # a command of the package
+    package, path = Path(__file__).parents[1], Path(script).resolve()
+    if path.is_relative_to(package) and path.parent.name != "stages":  # a command of the package
         yield
         return
     words = words or [os.environ.get(RUN_BY_DVC, "").partition("@")[2]]

@@ -4,6 +4,7 @@ A page's claims are data, `claims.yaml` beside its template: statement, source, 
 found for them is `Evidence` by name. Here is the one evaluator and its one vocabulary:
 
     yes, no         the 95 % interval lies wholly on that side of the bound
+    no difference   it lies on both sides, but wholly within the claim's `margin` of the bound
     undecided       it lies on both sides; `would_decide` estimates how many more people or seeds it takes
     not tested      nothing was found that could decide
     holds by construction   its evidence cannot say "no": the claim is true of whatever is measured
@@ -22,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 from jinja2 import Environment
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, PositiveFloat, model_validator
 from scipy.special import ndtri, stdtrit
 
 from structlearn.core.artefacts import read_csv
@@ -31,8 +32,8 @@ from structlearn.core.params import read_values
 from structlearn.reporting.prose import capitalised, interval, percent, rounded
 
 YES, NO, UNDECIDED, NOT_TESTED = "yes", "no", "undecided", "not tested"
-BY_CONSTRUCTION = "holds by construction"
-VERDICTS = (YES, NO, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION)
+NO_DIFFERENCE, BY_CONSTRUCTION = "no difference", "holds by construction"
+VERDICTS = (YES, NO, NO_DIFFERENCE, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION)
 
 
 @dataclass(frozen=True)
@@ -216,6 +217,17 @@ class Counterpart(BaseModel):
     by: Literal["text", "ours"] | None = None
 
 
+class Margin(BaseModel):
+    """Smallest effect of interest, written down before the result: an interval within it is no difference."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    size: (
+        PositiveFloat | dict[str, PositiveFloat]
+    )  # distance from the bound in the row's unit, or one by case
+    reason: str  # why a smaller effect does not matter
+
+
 class Claim(BaseModel):
     """One entry of a `claims.yaml`."""
 
@@ -229,6 +241,7 @@ class Claim(BaseModel):
     evidence: str  # name of what was found
     test: str | dict[str, str]  # one of `TESTS`, or one by case
     bound: Any = 0.0  # of the test, or one by case; 0 where it is left out
+    margin: Margin | None = None  # of an equivalence test; None: only yes, no and undecided
     published: str = ""  # what the dissertation prints
     format: str = ".2f"  # of the numbers, `percent` of ratios, `share` of rates, `count` for `3 of 63`
     unit: str = ""  # written behind them
@@ -244,6 +257,8 @@ class Claim(BaseModel):
             raise ValueError(f"unknown test {sorted(names - set(TESTS))}; there are {sorted(TESTS)}")
         if names & NEEDS_BOUND and "bound" not in self.model_fields_set:
             raise ValueError(f"test {sorted(names & NEEDS_BOUND)} needs a bound")
+        if self.margin and names & {"between", "zero"}:
+            raise ValueError("a margin is for tests with one bound")
         return self
 
     def verdict(self, found: Evidence, case: str = "") -> str:
@@ -253,6 +268,11 @@ class Claim(BaseModel):
         test = self.test[case] if isinstance(self.test, dict) else self.test
         bound = self.bound[case] if isinstance(self.bound, dict) else self.bound
         verdict = TESTS[test](found, bound)
+        if verdict == UNDECIDED and self.margin:
+            size = self.margin.size
+            size = size[case] if isinstance(size, dict) else size
+            if bound - size <= found.low and found.high <= bound + size:
+                return NO_DIFFERENCE
         return BY_CONSTRUCTION if self.by_construction and verdict == YES else verdict
 
     def would_decide(self, found: Evidence, case: str = "") -> str:
@@ -305,7 +325,7 @@ def read_claims(path: Path) -> list[Claim]:
 def combined(verdicts: Sequence[str]) -> str:
     """The verdict on a claim by those on its cases: as bad as the worst."""
     return next(
-        (word for word in (NO, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION) if word in verdicts),
+        (word for word in (NO, UNDECIDED, NOT_TESTED, NO_DIFFERENCE, BY_CONSTRUCTION) if word in verdicts),
         YES if verdicts else NOT_TESTED,
     )
 

@@ -14,7 +14,8 @@ from structlearn.reporting.claims import NOT_TESTED, Evidence, Judged, combined,
 from structlearn.reporting.document import Document, environment
 from structlearn.reporting.findings import Findings, read_findings
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.task_entry import FOLDER, OF_PUBLIC, PIPELINE, read_entries
+from structlearn.tasks.project import CLONE, OF_PUBLIC, pipeline
+from structlearn.tasks.task_entry import read_entries
 from structlearn.tasks.task_files import TaskFiles
 
 PACKAGE = "structlearn.tasks"
@@ -82,7 +83,7 @@ def publish_index() -> None:
     page = Document(
         template="recorded_index.html.jinja",
         package=PACKAGE,
-        stage=f"{PIPELINE}:recorded_report",
+        stage=f"{pipeline()}:recorded_report",
         facts={"sets": sets, "in_both": len(both), "alike": alike},
         judged=judged,
         command="make recorded DATA=FOLDER",
@@ -119,7 +120,7 @@ def simulated(one: Judged) -> str:
 
 def judged_again(name: str) -> list[Judged]:
     """Claims about a set with the verdicts that its page has."""
-    path = FOLDER / "claims" / f"{name}.yaml"
+    path = CLONE / "claims" / f"{name}.yaml"
     if not path.exists():
         return []
     table = read_csv(TaskFiles(name).report / "tables/claims.csv", keep_default_na=False)

@@ -1,4 +1,4 @@
-"""Entries of tasks in `stages/tasks/own.yaml` and `public.yaml`, merged over the defaults of their kind.
+"""Entries of tasks in the files of `project.entry_files`, merged over the defaults of their kind.
 
     defaults:            in params.yaml, every constant once
       movement:
@@ -25,15 +25,12 @@ from structlearn.core.params import checked, merged, read_values, value_at
 from structlearn.core.stage import run
 from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.topics import SceneTopicMap
+from structlearn.tasks import project
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
-
-FOLDER = Path("stages/tasks")
-DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
-PIPELINE = FOLDER / "dvc.yaml"
 
 PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representations")
 """Keys that a task has only if its entry names them."""
@@ -70,14 +67,14 @@ class Entry(NamedTuple):
     values: Any
 
 
-def read_entries(folder: Path = FOLDER) -> dict[str, Entry]:
-    """All entries by name.
+def read_entries(clone: Path | None = None) -> dict[str, Entry]:
+    """All entries by name, of the project here or of a clone's folder.
 
     Raises:
         InputError: a file is not readable, has an unknown kind, or a name stands twice or is none.
     """
     found: dict[str, Entry] = {}
-    for file in (folder / OF_PUBLIC, folder / OWN):
+    for file in project.entry_files(clone):
         values = read_values(file) or {}
         if not isinstance(values, dict):
             raise InputError(f"{file}: is no mapping of kinds of data to tasks")
@@ -97,21 +94,22 @@ def read_entries(folder: Path = FOLDER) -> dict[str, Entry]:
     return found
 
 
-def read_task(name: str, folder: Path = FOLDER) -> Any:
+def read_task(name: str, clone: Path | None = None) -> Any:
     """The parameters of one task, as of its kind.
 
     Raises:
         InputError: as `read_entries`; there is no such task, or a value is missing, unknown or out of range;
             the message names file and key.
     """
-    entries = read_entries(folder)
+    entries = read_entries(clone)
     if name not in entries:
-        there = [one for one, entry in entries.items() if entry.file.name == OWN]
-        raise InputError(f"{folder / OWN}: {name}: there is no such task among {', '.join(there) or 'none'}")
+        own = project.entry_files(clone)[-1]
+        there = [one for one, entry in entries.items() if entry.file == own]
+        raise InputError(f"{own}: {name}: there is no such task among {', '.join(there) or 'none'}")
     file, kind, entry = entries[name]
     if not isinstance(entry, dict):
         raise InputError(f"{file}: {kind}.{name}: is no mapping of parameters")
-    values = merged(value_at(folder / DEFAULTS, f"defaults.{kind}") or {}, entry)
+    values = merged(value_at(project.defaults_file(clone), f"defaults.{kind}") or {}, entry)
     values |= {part: None for part in PARTS if part in values and entry.get(part) is None}
     return checked(values, KINDS[kind], file, f"{kind}.{name}")
 
@@ -189,14 +187,14 @@ def targets(which: str, name: str = "") -> list[str]:
         InputError: an entry is not valid, or there is no public set.
     """
     entries = {key: one for key, one in read_entries().items() if one.file.name == which}
-    if which == OF_PUBLIC and not any(
+    if which == project.OF_PUBLIC and not any(
         local_path(str(one.values.get("source"))).exists() for one in entries.values()
     ):
         raise InputError(
             f"{local_path('$DATA')}: holds no public set; name their folder: make recorded DATA=FOLDER"
         )
     names = [name] if name else list(entries)
-    return [f"{PIPELINE}:{stage}@{one}" for one in names for stage in STAGES[read_task(one).kind]]
+    return [f"{project.pipeline()}:{stage}@{one}" for one in names for stage in STAGES[read_task(one).kind]]
 
 
 def _print_targets() -> None:

@@ -180,5 +180,5 @@ def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "
 
 
 def _run_for(stage: str) -> str:
-    """The task in the name of a stage as DVC tells it, e.g. `stages/tasks/dvc.yaml:segment@pick`."""
-    return stage.partition("dvc.yaml:")[2].partition("@")[2]
+    """The task in the name of a stage as DVC tells it: `stages/tasks/dvc.yaml:segment@pick`."""
+    return stage.rpartition("dvc.yaml:")[2].partition("@")[2]

@@ -17,8 +17,9 @@ from structlearn.tasks.movement import (
     primitives_section,
 )
 from structlearn.tasks.obstacles import representations_section, scene_section
+from structlearn.tasks.project import CLONE, entry_files, is_lab, pipeline
 from structlearn.tasks.section import Section
-from structlearn.tasks.task_entry import FOLDER, OF_PUBLIC, OWN, PIPELINE, read_checked
+from structlearn.tasks.task_entry import read_checked
 from structlearn.tasks.task_files import TaskFiles, is_public
 from structlearn.tasks.touch import touch_section
 
@@ -76,8 +77,11 @@ def publish_page(files: TaskFiles) -> None:
         "task": files.name,
         "title": task.title or files.name,
         "stage": STAGES[kind][1] if kind in STAGES else "segment",
-        "file": (FOLDER / (OF_PUBLIC if public else OWN)).as_posix(),
+        "file": entry_files()[0 if public else -1].as_posix(),
         "public": public,
+        "lab": is_lab(),
+        "pipeline": pipeline(),
+        "again": command(files.name, public),
         "absent": absent,
         "left_out": files.left_out().to_dict("records"),
         "sections": sections,
@@ -86,24 +90,31 @@ def publish_page(files: TaskFiles) -> None:
     page = Document(
         template="task.html.jinja",
         package=PACKAGE,
-        stage=f"{PIPELINE}:report_{kind}@{files.name}",
+        stage=f"{pipeline()}:report_{kind}@{files.name}",
         facts=facts,
         tables=tables,
         judged=judged(files.name, find, facts),
         sources={
-            name: Source(f"{files.folder}/{folder}", f"{PIPELINE}:{stage}@{files.name}")
+            name: Source(f"{files.folder}/{folder}", f"{pipeline()}:{stage}@{files.name}")
             for name, (folder, stage) in STAGES.items()
         }
         | {name: source for section in sections for name, source in section.sources.items()},
         parameters={f"{kind}.{files.name}": task},
         recordings="rerun",
         root="../..",
-        command="make recorded DATA=FOLDER" if public else f"make own TASK={files.name}",
+        command=command(files.name, public),
         simulated=kind == "movement"
         and not absent
         and any(one.simulated for one in files.runs("demonstrations")),
     )
     publish_report(files.report, {"index": page}, pictures, tables, find)
+
+
+def command(name: str, public: bool) -> str:
+    """What makes a task's results again."""
+    if public:
+        return "make recorded DATA=FOLDER"
+    return f"structlearn run {name}" if is_lab() else f"make own TASK={name}"
 
 
 def _in_package(section: Section, module: str) -> Section:
@@ -115,7 +126,7 @@ def _in_package(section: Section, module: str) -> Section:
 
 def judged(name: str, find: Findings, facts: Mapping[str, object]) -> list[Judged]:
     """Claims about a task, in `claims/NAME.yaml` beside its entry; not tested where there are no data."""
-    path = FOLDER / "claims" / f"{name}.yaml"
+    path = CLONE / "claims" / f"{name}.yaml"
     if not path.exists():
         return []
     claims = read_claims(path)

@@ -12,6 +12,7 @@ import pandas as pd
 
 from structlearn.core.artefacts import Metrics, publish, read_table, write_table
 from structlearn.core.errors import InputError
+from structlearn.tasks.project import entry_files
 from structlearn.tasks.task_files import TaskFiles
 
 NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")
@@ -133,7 +134,7 @@ def main(files: TaskFiles) -> bool:
         InputError: the task has no robot, or was not checked.
     """
     if files.kind != "movement" or not files.has("robot"):
-        raise InputError(f"stages/tasks/own.yaml: {files.kind}.{files.name} has no robot to be checked on")
+        raise InputError(f"{entry_files()[-1]}: {files.kind}.{files.name} has no robot to be checked on")
     check = read_check(files.folder / "check")
     print("\n".join(lines(check)))
     return check.verdict != NO

@@ -1,0 +1,241 @@
+"""The command `structlearn`: a project of your own from recordings to a checked skill.
+
+    structlearn new pour --from ~/bags      a folder pour/ with an entry that was proposed from the recordings
+    cd pour && structlearn run              cuts, primitives, feedback, skill, page
+    structlearn check pour                  can the robot do what the skill may ask?
+    structlearn view pour                   the recordings in 3-D
+
+A project has its entries in `structlearn.yaml`, its pipeline in `dvc.yaml`, and a git and DVC of its own. In
+a clone of structlearn the same commands work on `stages/tasks/own.yaml`.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import yaml
+
+from structlearn.core.artefacts import publish
+from structlearn.core.errors import InputError
+from structlearn.core.stage import run
+from structlearn.tasks import project
+from structlearn.tasks.task_files import NAME_RULE, TaskFiles, is_name
+
+KINDS = ("movement", "motion", "touch", "obstacles")
+
+HEADER = """\
+# Tasks of this project by kind of data. An entry says what differs from the defaults of the package, which
+# `structlearn defaults` prints. `structlearn run` makes all tasks, `structlearn run NAME` one.
+"""
+
+PIPELINE_HEADER = """\
+# Made by `structlearn new`: the stages of the installed package over the tasks in structlearn.yaml.
+# One stage of one task: dvc repro segment@NAME
+"""
+
+IGNORED = (
+    "/data/code",
+    "/data/tasks",
+    "/reports/tasks/*/rerun",
+    "/reports/times.json",
+    ".running-*",
+    "__pycache__",
+)
+
+
+def main(words: list[str] | None = None) -> None:
+    """Run one of the commands; bad input ends in one line and exit code 1."""
+    given = _arguments(words)
+    run(lambda: given.do(given))
+
+
+def new(given: argparse.Namespace) -> None:
+    """Make a folder with an entry for recordings, a pipeline, and what git ignores."""
+    folder, name = Path(given.name), Path(given.name).name
+    if not is_name(name):
+        raise InputError(f"{name!r}: {NAME_RULE}")
+    if folder.exists() and any(folder.iterdir()):
+        raise InputError(f"{folder}: is there already, and not empty")
+    source = Path(given.source).expanduser()
+    if not source.exists():
+        raise InputError(f"{given.source}: no such file or folder")
+    entry = _entry(given, name, source.resolve())
+    with publish(folder) as target:
+        target.mkdir()
+        others = "".join(f"{kind}: {{}}\n" for kind in KINDS if kind != given.kind)
+        text = "\n".join(["", f"{given.kind}:", *entry, "", others])
+        (target / project.LAB).write_text(HEADER + text)
+        pipeline = yaml.safe_dump(project.lab_pipeline(), sort_keys=False, width=110)
+        (target / "dvc.yaml").write_text(PIPELINE_HEADER + pipeline)
+        (target / ".gitignore").write_text("".join(f"{line}\n" for line in IGNORED))
+    _begin(folder)
+    print(f"{folder}: look at {folder / project.LAB}, then: cd {folder} && structlearn run")
+
+
+def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
+    """Lines below the kind; of movements with what the recordings suggest."""
+    if given.kind != "movement":
+        values = {"source": str(source)} | ({"urdf": given.urdf} if given.urdf else {})
+        return [f"  {line}" for line in yaml.safe_dump({name: values}, sort_keys=False).splitlines()]
+    from structlearn.inspect import as_yaml, find_out
+
+    found = find_out(str(source), given.urdf)
+    if found.proposal is None:
+        reasons = "; ".join(f"{file}: {why}" for file, why in found.seen.damaged.items())
+        raise InputError(f"{source}: nothing here could be the pose of a hand{reasons and ': '}{reasons}")
+    for answer in found.answers:
+        print(f"{answer.verdict:12} {answer.question} {answer.number}")
+    return as_yaml(replace(found.proposal, name=name))
+
+
+def _begin(folder: Path) -> None:
+    """Put a project under git and DVC, below a repository that is there already."""
+    inside = _quietly(["git", "-C", str(folder), "rev-parse", "--is-inside-work-tree"])
+    if not inside and not _quietly(["git", "-C", str(folder), "init"]):
+        _dvc(folder, "init", "--quiet", "--no-scm")
+    else:
+        top = (folder / ".git").exists()
+        _dvc(folder, "init", "--quiet", *([] if top else ["--subdir"]))
+    _dvc(folder, "config", "core.analytics", "false")
+
+
+def make(given: argparse.Namespace) -> None:
+    """Bring tasks up to date, all of the project's or one."""
+    from structlearn.tasks.task_entry import targets
+
+    stages = targets(project.entry_files()[-1].name, given.task or "")
+    if not stages:
+        raise InputError(f"{project.entry_files()[-1]}: has no task")
+    _dvc(Path(), "repro", "--keep-going", *stages)
+    print(f"reports/tasks/{given.task or '*'}/index.html is up to date")
+
+
+def check(given: argparse.Namespace) -> None:
+    """Say whether the robot of a task can do what its skill may ask; exit code 1 if it cannot."""
+    from structlearn.tasks.movement import check_results
+    from structlearn.tasks.task_entry import read_task
+
+    read_task(given.task)
+    _dvc(Path(), "repro", "--quiet", f"{project.pipeline()}:check@{given.task}")
+    if not check_results.main(TaskFiles(given.task)):
+        sys.exit(1)
+
+
+def view(given: argparse.Namespace) -> None:
+    """Open the recordings of a task."""
+    folder = TaskFiles(given.task).report / "rerun"
+    files = sorted(map(str, folder.glob("*.rrd")))
+    if not files:
+        raise InputError(f"{folder}: no recordings; make them first: structlearn run {given.task}")
+    if not given.web and sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+        raise InputError(
+            f"there is no display to show {folder} on; in a browser: structlearn view {given.task} --web"
+        )
+    web = ("--serve-web", "--bind", "127.0.0.1") if given.web else ()
+    if given.web:
+        print("http://localhost:9090/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9876%2Fproxy")
+    subprocess.run([_beside_python("rerun"), *web, *files], check=False)
+
+
+def export(given: argparse.Namespace) -> None:
+    """Write a task's demonstrations as a LeRobotDataset, its primitives as subtasks."""
+    from structlearn.tasks.movement.lerobot_export import write_lerobot
+    from structlearn.tasks.movement.movement_parameters import MovementEntry
+
+    files = TaskFiles(given.task)
+    if not files.segments.exists():
+        raise InputError(f"{files.segments}: is not there; make it first: structlearn run {given.task}")
+    target, entry = given.to or Path(given.task), files.entry(MovementEntry)
+    if target.exists():
+        raise InputError(f"{target}: is there already")
+    words = given.words or entry.title or files.name
+    runs, cuts = files.runs("demonstrations"), files.segmentation()
+    count = write_lerobot(runs, cuts, target, words, entry.fit.smoothing_hz, given.fps, given.robot)
+    print(f"{target}: LeRobotDataset of {count} episodes")
+
+
+def defaults(given: argparse.Namespace) -> None:
+    """Print the defaults of all kinds of data with their units."""
+    print(project.defaults_file().read_text(encoding="utf-8"), end="")
+
+
+def inspect(given: argparse.Namespace) -> None:
+    """Say what recordings hold, and propose an entry."""
+    from structlearn.inspect import inspect as look
+
+    look(given.source, given.urdf, given.output)
+
+
+def _dvc(folder: Path, *words: str) -> None:
+    """Run DVC with this Python's programs first; its exit code is ours."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    done = subprocess.run(
+        [_beside_python("dvc"), *words], cwd=folder, env=os.environ | {"PATH": path}, check=False
+    )
+    if done.returncode:
+        sys.exit(done.returncode)
+
+
+def _beside_python(program: str) -> str:
+    """Path of a program of this environment."""
+    beside = Path(sys.executable).with_name(program)
+    found = str(beside) if beside.exists() else shutil.which(program)
+    if found is None:
+        raise InputError(f"{program}: is not installed beside {sys.executable}")
+    return found
+
+
+def _quietly(words: Iterable[str]) -> bool:
+    try:
+        return subprocess.run(list(words), capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False
+
+
+def _arguments(words: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="structlearn", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, do: object, words: str) -> argparse.ArgumentParser:
+        its = commands.add_parser(name, help=words, description=words)
+        its.set_defaults(do=do)
+        return its
+
+    one = command("new", new, "make a project folder from recordings")
+    one.add_argument("name", help="folder to make; its last part is the task's name")
+    one.add_argument("--from", dest="source", required=True, help="a recording, or a folder of them")
+    one.add_argument("--kind", choices=KINDS, default="movement", help="of data (default: movement)")
+    one.add_argument(
+        "--urdf", help="the robot, where poses are computed from joints, or whose arm is identified"
+    )
+    one = command("run", make, "bring all tasks up to date, or one: from recordings to a page")
+    one.add_argument("task", nargs="?", help="default: all")
+    one = command("check", check, "can the robot of a task do what its skill may ask?")
+    one.add_argument("task")
+    one = command("view", view, "open the recordings of a task in 3-D")
+    one.add_argument("task")
+    one.add_argument("--web", action="store_true", help="serve them to a browser")
+    one = command("export", export, "write the demonstrations of a task as a LeRobotDataset (v3.0)")
+    one.add_argument("task")
+    one.add_argument("--format", choices=["lerobot"], default="lerobot")
+    one.add_argument("--to", type=Path, help="folder to make (default: the task's name)")
+    one.add_argument("--fps", type=int, help="frames per second (default: those of the task's clock)")
+    one.add_argument("--words", help="what is done, in words (default: the task's title or name)")
+    one.add_argument("--robot", help="name of the robot")
+    command("defaults", defaults, "print what an entry may set, with units and defaults")
+    one = command("inspect", inspect, "say what recordings hold, whether they are fit, and propose an entry")
+    one.add_argument("source", help="a file, a bag, or a folder of them")
+    one.add_argument("--urdf", help="the robot, where poses are computed from joints")
+    one.add_argument("--output", type=Path, help="file for the proposed entry")
+    return parser.parse_args(words)
+
+
+if __name__ == "__main__":
+    main()

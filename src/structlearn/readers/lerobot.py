@@ -1,0 +1,120 @@
+"""The reader `lerobot`: episodes of a LeRobotDataset, v3.0, as demonstrations of movements.
+
+The pose is a feature whose columns are named x, y, z and, where orientations were recorded, qw, qx, qy, qz
+(`topics: {pose: observation.pose}`), or is computed from joints by a URDF
+(`topics: {pose: {urdf: .., tip: .., topic: observation.state}}`), whose columns have the joints' names, with
+or without `.pos` behind them. Other signals are taken by the names of their features likewise. Videos are not
+read.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow
+import pyarrow.parquet
+
+from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.checks import check_recording
+from structlearn.readers.forward_kinematics import joint_pose
+from structlearn.readers.joint_series import JointSeries
+from structlearn.readers.recording import Kind, Recording, Stream
+from structlearn.readers.topics import JointPose
+
+VERSION = "v3."
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+GROUPED_BY = "episode_index"
+
+KINDS: Mapping[str, Kind] = {"joint_states": "joint_positions", "wrench": "wrench", "tactile": "tactile"}
+"""Streams that features become, by the role of their topic; the pose apart."""
+
+
+def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
+    """Every episode with the signals of the entry's topics, named by its number.
+
+    Raises:
+        MissingInputError: the folder holds no dataset.
+        InputError: it is of another version, a file is damaged, or a feature is missing or has other columns.
+    """
+    info = read_info(folder)
+    features = info["features"]
+    topics = entry.topics
+    for name in topics.topics:
+        if name not in features:
+            raise InputError(f"{folder}: has no feature {name}; it has {', '.join(features)}")
+    signals = [(KINDS[role], name) for name, role in topics.roles() if role in KINDS]
+    frames = read_frames(folder, topics.topics)
+    digits = len(str(info["total_episodes"] - 1))
+    found = []
+    for number, its in frames.groupby(GROUPED_BY, sort=True):
+        name = f"episode {number:0{digits}d}"
+        stamps = np.round(1e9 * its["frame_index"].to_numpy() / info["fps"]).astype(np.int64)
+        columns = {feature: np.stack(its[feature].to_numpy()).astype(float) for feature in topics.topics}
+        provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
+        pose = _pose(f"{folder}: {name}", topics.pose, columns, features, stamps)
+        if pose.shape[1] == 3:
+            pose = np.hstack([pose, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
+            provenance["orientation"] = "not recorded"
+        streams = [Stream("pose", "pose", stamps, pose)]
+        for kind, feature in signals:
+            joints = _joints(features[feature]) if kind == "joint_positions" else ()
+            streams.append(Stream(feature, kind, stamps, columns[feature], joints))
+        one = Recording(name, tuple(streams), provenance=provenance)
+        check_recording(one)
+        found.append(one)
+    return found
+
+
+def read_info(folder: Path) -> Mapping[str, Any]:
+    """`meta/info.json`."""
+    path = folder / "meta/info.json"
+    if not path.exists():
+        raise MissingInputError(f"{path}: no such file, so this is no LeRobotDataset")
+    try:
+        info = json.loads(path.read_text(encoding="utf-8"))
+        version, _ = str(info["codebase_version"]), info["features"]
+        if not (float(info["fps"]) > 0 and int(info["total_episodes"]) > 0):
+            raise ValueError("fps and total_episodes must be positive")
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: not the description of a LeRobotDataset: {error!r}") from error
+    if not version.startswith(VERSION):
+        raise InputError(f"{path}: is of version {version}, not {VERSION}0; lerobot converts it")
+    return info
+
+
+def read_frames(folder: Path, features: list[str]) -> pd.DataFrame:
+    """Some features of all frames in order."""
+    files = sorted((folder / "data").glob("chunk-*/file-*.parquet"))
+    if not files:
+        raise InputError(f"{folder}/data: holds no file of frames")
+    names, parts = [GROUPED_BY, "frame_index", *features], []
+    for file in files:
+        try:
+            parts.append(pyarrow.parquet.read_table(file, columns=names).to_pandas())
+        except (pyarrow.ArrowException, OSError) as error:
+            raise InputError(f"{file}: not a Parquet file of these frames: {error}") from error
+        if missing := [name for name in names if name not in parts[-1]]:
+            raise InputError(f"{file}: has no column {', '.join(missing)}")
+    return pd.concat(parts, ignore_index=True).sort_values([GROUPED_BY, "frame_index"])
+
+
+def _pose(
+    where: str, pose: Any, columns: Mapping[str, np.ndarray], features: Mapping[str, Any], stamps: np.ndarray
+) -> np.ndarray:
+    """(T, 7), or (T, 3) where no orientation was recorded."""
+    if isinstance(pose, JointPose):
+        series = JointSeries(
+            pose.topic, _joints(features[pose.topic]), 0, stamps, {"joint_positions": columns[pose.topic]}
+        )
+        return joint_pose(where, [series], pose).values  # noqa: PD011 - of a stream
+    names = tuple(features[pose]["names"] or ())
+    if names not in (POSE, POSE[:3]):
+        raise InputError(f"{where}: {pose} has the columns {', '.join(names)}, not {', '.join(POSE)}")
+    return columns[pose]
+
+
+def _joints(feature: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(str(name).removesuffix(".pos") for name in feature["names"] or ())

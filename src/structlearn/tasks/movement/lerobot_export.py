@@ -1,0 +1,228 @@
+"""Demonstrations of a task as a LeRobotDataset (v3.0): states, actions, and the primitives as subtasks.
+
+    meta/info.json, stats.json, tasks.parquet, subtasks.parquet, episodes/chunk-000/file-000.parquet
+    data/chunk-000/file-000.parquet
+
+An episode is a demonstration from the start of its first primitive to the end of its last. Its state is the
+joint positions where they were recorded, else the pose; its action is the state of the next frame, as of
+demonstrations by hand. No images are written. `meta/episodes` has the quality of each demonstration beside
+what the format asks for.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow
+
+from structlearn.core import quaternion
+from structlearn.core.artefacts import publish, write_arrow
+from structlearn.core.errors import InputError
+from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.runs import PARTS
+from structlearn.segmentation.quality import MEASURES, quality
+from structlearn.segmentation.segments import Segmentation
+
+VERSION = "v3.0"
+CHUNK, FILE_MB = 1000, 100
+PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+COUNTERS = ("frame_index", "episode_index", "index", "task_index", "subtask_index")
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+
+Frames = dict[str, np.ndarray]
+"""Of an episode: (T, D) or (T,) by the name of the feature."""
+
+
+def write_lerobot(
+    runs: Sequence[Demonstration],
+    segmentation: Segmentation,
+    target: Path,
+    task: str,
+    smoothing_hz: float,
+    fps: int | None = None,
+    robot: str | None = None,
+) -> int:
+    """Publish a dataset; how many episodes it has.
+
+    Args:
+        runs: demonstrations on one clock; those that were not cut are left out.
+        segmentation: their cuts.
+        target: folder to make.
+        task: what is done, in words.
+        smoothing_hz: low-pass of positions for the measures of quality.
+        fps: frames per second; None: those of the clock, if whole.
+        robot: name of the robot.
+
+    Raises:
+        InputError: no demonstration was cut, signals differ between demonstrations, or the clock's rate is
+            not whole and no other was given.
+    """
+    cuts = segmentation.results
+    runs = [run for run in runs if all(run.name in table.index for table in cuts.values())]
+    if not runs:
+        raise InputError(f"{target}: no demonstration was cut, so there is no episode")
+    rate = 1.0 / runs[0].dt
+    if fps is None and abs(rate - round(rate)) > 1e-6 * rate:
+        raise InputError(
+            f"{target}: the clock has {rate:g} Hz; a LeRobotDataset needs a whole number, give one"
+        )
+    fps = fps or round(rate)
+    names = state_names(runs[0])
+    if any(state_names(run) != names for run in runs):
+        raise InputError(f"{target}: demonstrations differ in their signals or joints")
+    episodes = [frames(run, cuts, fps) for run in runs]
+    measured = quality(runs, cuts, smoothing_hz).set_index("demonstration")
+    with publish(target) as folder:
+        rows = _write_data(episodes, names, folder)
+        for row, run in zip(rows, runs, strict=True):
+            row |= {"tasks": [task], "demonstration": run.name}
+            row |= {f"quality/{name}": measured.loc[run.name, name] for name in (*MEASURES, "outlier")}
+        _write_meta(rows, episodes, names, tuple(cuts), task, fps, robot, folder)
+    return len(episodes)
+
+
+def state_names(run: Demonstration) -> dict[str, tuple[str, ...]]:
+    """Names of the columns of each signal's feature."""
+    pose = POSE[: 3 if run.orientation is None else 7]
+    names = {"observation.pose": pose}
+    if run.joint_positions is not None:
+        numbered = tuple(f"joint_{place + 1}" for place in range(run.joint_positions.shape[1]))
+        names["observation.state"] = run.joint_names or numbered
+    else:
+        names["observation.state"] = pose
+    if run.wrench is not None:
+        names["observation.wrench"] = tuple(PARTS["wrench"])
+    if run.tactile is not None:
+        names["observation.tactile"] = tuple(f"electrode_{n + 1}" for n in range(run.tactile.shape[1]))
+    return names | {"action": names["observation.state"]}
+
+
+def frames(run: Demonstration, cuts: Mapping[str, pd.DataFrame], fps: int) -> Frames:
+    """Frames of an episode; between two primitives the one before goes on."""
+    starts = np.array([table.loc[run.name, "start_s"] for table in cuts.values()])
+    end = max(table.loc[run.name, "end_s"] for table in cuts.values())
+    count = int(np.floor((end - starts[0]) * fps + 1e-6)) + 1
+    time = np.arange(count) / fps
+    at = np.clip(starts[0] + time, run.time[0], run.time[-1])
+
+    def sampled(values: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(at, run.time, column) for column in values.T], axis=1)
+
+    pose = sampled(run.position)
+    if run.orientation is not None:
+        turned = quaternion.interpolate(at, run.time, run.orientation)
+        pose = np.hstack([pose, quaternion.sign_continuous(turned)])
+    state = pose if run.joint_positions is None else sampled(run.joint_positions)
+    found = {"observation.pose": pose, "observation.state": state}
+    found |= {
+        f"observation.{name}": sampled(values)
+        for name in ("wrench", "tactile")
+        if (values := getattr(run, name)) is not None
+    }
+    found["action"] = np.vstack([state[1:], state[-1:]])
+    found = {name: values.astype(np.float32) for name, values in found.items()}
+    return found | {
+        "timestamp": time.astype(np.float32),
+        "frame_index": np.arange(count),
+        "subtask_index": np.searchsorted(starts, at + 1e-9, side="right") - 1,
+    }
+
+
+def _write_data(episodes: Sequence[Frames], names: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
+    """Write all frames, in files of at most `FILE_MB`; where each episode is, and its statistics."""
+    rows: list[dict[str, Any]] = []
+    files: list[list[Frames]] = [[]]
+    bytes_in_file, first = 0, 0
+    for number, episode in enumerate(episodes):
+        count = len(episode["timestamp"])
+        episode |= {
+            "episode_index": np.full(count, number),
+            "index": first + np.arange(count),
+            "task_index": np.zeros(count, dtype=np.int64),
+        }
+        size = sum(values.nbytes for values in episode.values())
+        if files[-1] and bytes_in_file + size > FILE_MB * 2**20:
+            files.append([])
+            bytes_in_file = 0
+        files[-1].append(episode)
+        bytes_in_file += size
+        chunk, file = divmod(len(files) - 1, CHUNK)
+        rows.append(
+            {"episode_index": number, "length": count, "dataset_from_index": first}
+            | {"dataset_to_index": first + count, "data/chunk_index": chunk, "data/file_index": file}
+            | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
+            | {
+                f"stats/{name}/{kind}": its
+                for name, by in statistics([episode]).items()
+                for kind, its in by.items()
+            }
+        )
+        first += count
+    for number, its in enumerate(files):
+        columns = {name: np.concatenate([one[name] for one in its]) for name in its[0]}
+        chunk, file = divmod(number, CHUNK)
+        path = folder / "data" / PLACE.format(chunk_index=chunk, file_index=file)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_arrow(pyarrow.table({name: _column(values) for name, values in columns.items()}), path)
+    return rows
+
+
+def _column(values: np.ndarray) -> pyarrow.Array:
+    flat = pyarrow.array(values.reshape(-1))
+    return flat if values.ndim == 1 else pyarrow.FixedSizeListArray.from_arrays(flat, values.shape[1])
+
+
+def statistics(episodes: Sequence[Frames]) -> dict[str, dict[str, list[float]]]:
+    """`min`, `max`, `mean`, `std` and `count` of each feature, per column."""
+    found = {}
+    for name in episodes[0]:
+        values = np.concatenate([one[name] for one in episodes]).astype(float)
+        values = values.reshape(len(values), -1)
+        kinds = {kind: getattr(values, kind)(axis=0).tolist() for kind in ("min", "max", "mean", "std")}
+        found[name] = kinds | {"count": [len(values)]}
+    return found
+
+
+def _write_meta(
+    rows: Sequence[dict[str, Any]],
+    episodes: Sequence[Frames],
+    names: Mapping[str, tuple[str, ...]],
+    subtasks: Sequence[str],
+    task: str,
+    fps: int,
+    robot: str | None,
+    folder: Path,
+) -> None:
+    one_number: dict[str, Any] = {"shape": [1], "names": None}
+    features = {
+        name: {"dtype": "float32", "shape": [len(its)], "names": list(its)} for name, its in names.items()
+    }
+    features |= {"timestamp": {"dtype": "float32"} | one_number}
+    features |= {name: {"dtype": "int64"} | one_number for name in COUNTERS}
+    info = {
+        "codebase_version": VERSION,
+        "robot_type": robot,
+        "total_episodes": len(episodes),
+        "total_frames": rows[-1]["dataset_to_index"],
+        "total_tasks": 1,
+        "chunks_size": CHUNK,
+        "data_files_size_in_mb": FILE_MB,
+        "video_files_size_in_mb": 2 * FILE_MB,
+        "fps": fps,
+        "splits": {"train": f"0:{len(episodes)}"},
+        "data_path": f"data/{PLACE}",
+        "video_path": None,
+        "features": features,
+    }
+    meta = folder / "meta"
+    path = meta / "episodes" / PLACE.format(chunk_index=0, file_index=0)
+    path.parent.mkdir(parents=True)
+    write_arrow(pyarrow.Table.from_pylist(list(rows)), path)
+    for name, value in (("info", info), ("stats", statistics(episodes))):
+        (meta / f"{name}.json").write_text(json.dumps(value, indent=4) + "\n", encoding="utf-8")
+    for kind, words in (("task", (task,)), ("subtask", subtasks)):
+        numbers = pd.DataFrame({f"{kind}_index": range(len(words))}, index=pd.Index(words, name=kind))
+        numbers.to_parquet(meta / f"{kind}s.parquet")

@@ -1,0 +1,97 @@
+"""Files of the project in the working directory: a clone of structlearn, or a lab's folder of its own.
+
+A lab's folder, as `structlearn new` makes it, has the entries of its tasks in `structlearn.yaml` and a
+`dvc.yaml` that runs the stages of the installed package; defaults come from the package. In a clone they lie
+in `stages/tasks`, which is the folder `stages` of this package.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from structlearn.core.artefacts import publish
+from structlearn.core.errors import InputError
+from structlearn.core.params import read_values
+from structlearn.core.source_closure import SourceTree
+from structlearn.core.stage import run
+
+LAB = Path("structlearn.yaml")
+CLONE = Path("stages/tasks")
+PACKAGED = Path(__file__).parent / "stages"
+DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
+CODE = "data/code/tasks"
+
+FOR_CLONES = ("code", "calibrate", "calibration_report", "recorded_report")
+"""Stages that need the simulated testbeds, or a clone's sources."""
+
+
+def is_lab() -> bool:
+    """Whether the working directory is a lab's folder."""
+    return LAB.exists()
+
+
+def folder() -> Path:
+    """Folder of the pipeline of tasks.
+
+    Raises:
+        InputError: the working directory is no project.
+    """
+    if not is_lab() and not CLONE.is_dir():
+        raise InputError(f"{LAB}: no such file here; `structlearn new` makes a project")
+    return Path() if is_lab() else CLONE
+
+
+def entry_files(clone: Path | None = None) -> tuple[Path, ...]:
+    """Files with the entries of tasks, of the project here or of a clone's folder; the last is the user's."""
+    if clone is None and is_lab():
+        return (LAB,)
+    clone = clone or folder()
+    return clone / OF_PUBLIC, clone / OWN
+
+
+def defaults_file(clone: Path | None = None) -> Path:
+    """File with the defaults of all kinds of data, likewise."""
+    return (PACKAGED if clone is None and is_lab() else clone or folder()) / DEFAULTS
+
+
+def pipeline() -> str:
+    """Path of the pipeline, as stages are called for DVC."""
+    return (folder() / "dvc.yaml").as_posix()
+
+
+def lab_pipeline() -> dict[str, Any]:
+    """Contents of a lab's `dvc.yaml`: the stages of a clone, run from the package.
+
+    A stage depends on the code that it uses by the list that `code` writes, as in a clone.
+    """
+    code = {"cmd": f"python -m {__name__}", "always_changed": True, "outs": [CODE]}
+    stages = read_values(PACKAGED / "dvc.yaml")["stages"]
+    return {
+        "vars": [LAB.as_posix()],
+        "stages": {"code": code}
+        | {name: _from_package(stage) for name, stage in stages.items() if name not in FOR_CLONES},
+    }
+
+
+def _from_package(stage: dict[str, Any]) -> dict[str, Any]:
+    """A stage of all tasks of a kind, without what only a clone has."""
+    body = dict(stage["do"])
+    del body["wdir"]
+    body["cmd"] = re.sub(
+        r"^python stages/tasks/(\w+)\.py", r"python -m structlearn.tasks.stages.\1", body["cmd"]
+    )
+    body["deps"] = [path for path in body["deps"] if not path.startswith(CLONE.as_posix())]
+    if "params" in body:
+        body["params"] = [one for one in body["params"] if isinstance(one, dict)]
+    return {"foreach": stage["foreach"], "do": body}
+
+
+def list_code() -> None:
+    """List the code that each stage of a lab uses, with digests: another version reruns what it changes."""
+    sources = SourceTree(Path(__file__).parents[2])
+    with publish(CODE) as target:
+        sources.write(sorted(PACKAGED.glob("*.py")), target)
+
+
+if __name__ == "__main__":
+    run(list_code)
