@@ -177,7 +177,7 @@ def closed_loop_figure(results: FeedbackResults, primitive: str) -> list[Figure]
     traces = board.traces[board.traces["primitive"] == primitive]
     columns = {"coupling": dataset.target, f"channel_{channel:02d}": dataset.deviation[:, channel]}
     labels = ("coupling term (rad)", f"channel {channel + 1} (counts)")
-    figures = []
+    figures: list[Figure] = []
     for setting in [one for one in board.tilted_deg if one in results.settings_deg]:
         seen = "" if setting in results.seen_deg else ", never learned from"
         figure, rows = stacked_panels(labels, 3.6, f"Board at {setting:g}°{seen}")

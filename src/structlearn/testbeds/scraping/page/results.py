@@ -19,15 +19,8 @@ from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.studies import Study, read_study
+from structlearn.segmentation import cut_errors
 from structlearn.segmentation.alignment import RESULT
-from structlearn.segmentation.cut_errors import (
-    alignment_comparison,
-    cut_errors,
-    errors_by_level,
-    errors_by_seed,
-    mean_cut_errors_ms,
-    paired_comparison,
-)
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import Segmentation, commanded_cuts, read_segmentation
 from structlearn.tactile.electrodes import ELECTRODES_MM
@@ -101,14 +94,15 @@ class SegmentationResults:
         known = [one.true_segments is not None and len(one.true_segments) == count for one in self.guesses]
         if not known or not all(known):
             return None
-        return mean_cut_errors_ms(cut_errors(self.demonstrations, self.segmentation)).reset_index()
+        errors = cut_errors.cut_errors(self.demonstrations, self.segmentation)
+        return cut_errors.mean_cut_errors_ms(errors).reset_index()
 
     @cached_property
     def alignment(self) -> pd.DataFrame | None:
         """See `cut_errors.alignment_comparison`; None where only the reference was cut."""
         if not self.guesses:
             return None
-        return alignment_comparison(self.was_cut, self.segmentation, self.found_primitives)
+        return cut_errors.alignment_comparison(self.was_cut, self.segmentation, self.found_primitives)
 
     @cached_property
     def downsampling_worst(self) -> pd.DataFrame:
@@ -126,12 +120,12 @@ class SegmentationResults:
     @cached_property
     def sweep(self) -> pd.DataFrame:
         """See `cut_errors.errors_by_level`."""
-        return errors_by_level(errors_by_seed(self.noise))
+        return cut_errors.errors_by_level(cut_errors.errors_by_seed(self.noise))
 
     @cached_property
     def sweep_comparison(self) -> pd.DataFrame:
         """See `cut_errors.paired_comparison`."""
-        return paired_comparison(errors_by_seed(self.noise))
+        return cut_errors.paired_comparison(cut_errors.errors_by_seed(self.noise))
 
     @cached_property
     def fit(self) -> pd.DataFrame:

@@ -132,7 +132,7 @@ def nmse_beside_published(results: ScrapingResults, published: Mapping) -> pd.Da
         title = primitive_title(fed.primitives, name)
         printed = published["nmse"].get(name, {})
         if printed:
-            cells = {part: with_spread(*printed[part], ".2f") for part in PARTS}
+            cells = {part: with_spread(mean, std, ".2f") for part in PARTS for mean, std in [printed[part]]}
             rows.append({"primitive": title, "which": "published"} | cells)
         for stopping, rule in (("generalization", ", as published"), ("validation", "")):
             error = fed.model_errors.loc[(name, "pmnn_100", stopping)]
