@@ -1,4 +1,5 @@
 # `make` alone lists the targets. Each creates the environment first, if it is not there.
+SHELL := bash
 PYTHON ?= python3
 BIN := .venv/bin
 IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
@@ -19,11 +20,22 @@ help:
 # The table of findings stands in the README too.
 TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
 
+# The testbeds share no stage but the list of code, so a first run makes two at a time, the longest first: one fills the
+# cores while the other waits. `dvc repro` does what is left.
+TESTBEDS := dynamics scraping servoing obstacles
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
+ifeq ($(wildcard data/code/main),)
+	$(IN_ENVIRONMENT) dvc repro --quiet code
+	@$(MAKE) --no-print-directory --jobs=2 $(TESTBEDS:%=stages-of-%)
+endif
 	$(IN_ENVIRONMENT) dvc repro
 	@$(BIN)/python -m structlearn.core.wall_clock
 	@$(TABLE_OF_README)
 	@echo "reports/index.html is up to date"
+
+stages-of-%:
+	@set -o pipefail; $(IN_ENVIRONMENT) dvc --wait-for-lock repro --single-item \
+	  $$(sed -n 's/^  \($*_[a-z_]*\):$$/\1/p' dvc.yaml) 2>&1 | sed -u '/^$$/d; s/^/$*: /'
 
 test: lint  ## lint, run all tests
 	OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder

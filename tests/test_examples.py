@@ -2,8 +2,10 @@
 
 import importlib.util
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,11 +13,11 @@ from own_skills import pick_skill, slower
 
 from structlearn.core.artefacts import write_table
 from structlearn.feedback.skill_file import read_skill, write_skill
-from structlearn.primitives.sequence import sequence_table, unroll
+from structlearn.primitives.sequence import default_start, sequence_table, unroll
 from structlearn.tasks.pick_and_place_world import takes, write_takes
 
 ROOT = Path(__file__).parents[1]
-LONGEST = 60
+LONGEST = 75
 """Lines of an example."""
 
 
@@ -71,6 +73,67 @@ def test_the_follower_counts_its_deadlines(short_skill):
     assert found["ticks"] == pytest.approx(1e3 * read_skill(short_skill).primitives[0].duration, abs=2)
     assert 0.0 < found["median (ms)"] <= found["99 % (ms)"]
     assert 0 <= found["missed"] <= found["ticks"]
+
+
+class FakeNode:
+    """What the example uses of `rclpy.node.Node`; its clock is `time_s`, and `published` what it sent."""
+
+    def __init__(self, name):
+        self.time_s, self.published, self.callbacks = 100.0, [], {}
+
+    def create_subscription(self, kind, topic, callback, depth):
+        self.callbacks[topic] = callback
+
+    def create_publisher(self, kind, topic, depth):
+        assert topic == "target_pose"
+        return SimpleNamespace(publish=self.published.append)
+
+    def create_timer(self, period_s, callback):
+        self.period_s = period_s
+
+    def get_clock(self):
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=1e9 * self.time_s))
+
+
+class FakePose:
+    """A `PoseStamped`."""
+
+    def __init__(self, position=(0.0, 0.0, 0.0), orientation=(1.0, 0.0, 0.0, 0.0)):
+        point = SimpleNamespace(**dict(zip("xyz", position, strict=True)))
+        turn = SimpleNamespace(**dict(zip("wxyz", orientation, strict=True)))
+        self.header, self.pose = "base", SimpleNamespace(position=point, orientation=turn)
+
+
+@pytest.fixture
+def ros(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rclpy", SimpleNamespace(node=None))
+    monkeypatch.setitem(sys.modules, "rclpy.node", SimpleNamespace(Node=FakeNode))
+    messages = SimpleNamespace(PoseStamped=FakePose, WrenchStamped=object)
+    monkeypatch.setitem(sys.modules, "geometry_msgs", SimpleNamespace(msg=messages))
+    monkeypatch.setitem(sys.modules, "geometry_msgs.msg", messages)
+
+
+@pytest.mark.parametrize("silent_from", [None, 30])
+def test_a_ros_node_publishes_targets_until_the_end_or_until_poses_are_stale(ros, short_skill, silent_from):
+    node = example("ros2_node").SkillNode(short_skill)
+    start = default_start(read_skill(short_skill).primitives)
+    for tick in range(2000):
+        if silent_from is None or tick < silent_from:
+            node.callbacks["current_pose"](FakePose(start.position, start.orientation))
+        node.tick()
+        node.time_s += node.period_s
+        if node.done:
+            break
+    first, last = node.published[0].pose, node.published[-1].pose
+    assert [first.position.x, first.position.y, first.position.z] == pytest.approx(list(start.position))
+    assert first.orientation.w == pytest.approx(start.orientation[0])
+    if silent_from is None:
+        assert node.done == "finished"
+        goal = read_skill(short_skill).primitives[-1].position.goal
+        assert [last.position.x, last.position.y, last.position.z] == pytest.approx(list(goal), abs=2e-3)
+    else:
+        assert node.done == "stopped, stale: pose"
+        assert len(node.published) == pytest.approx(silent_from + 0.1 / node.period_s, abs=2)
 
 
 def test_reading_results(tmp_path, monkeypatch, capsys):
