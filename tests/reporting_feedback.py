@@ -16,7 +16,7 @@ from structlearn.primitives import canonical
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.studies import Study
 from structlearn.segmentation.segments import commanded_cuts
-from structlearn.testbeds.scraping.page.executions import BoardResults
+from structlearn.testbeds.scraping.page.board_results import BoardResults
 from structlearn.testbeds.scraping.page.findings import OURS
 from structlearn.testbeds.scraping.page.results import FeedbackResults
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION

@@ -17,7 +17,6 @@ from structlearn.core import quaternion
 from structlearn.feedback.runtime import Controller
 from structlearn.primitives.sequence import default_start
 from structlearn.simulation.fingers import FingerPair, TouchParameters
-from structlearn.testbeds.scraping.protocol.executions import guided_motion, pressure
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters, corrector, hold
 from structlearn.testbeds.scraping.world.demonstrator import (
     DemonstratorParameters,
@@ -26,7 +25,7 @@ from structlearn.testbeds.scraping.world.demonstrator import (
 )
 from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, ControlParameters, execute, roll_of
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
-from structlearn.testbeds.scraping.world.testbed import GuidanceParameters
+from structlearn.testbeds.scraping.world.testbed import GuidanceParameters, guided_motion, pressure
 
 DT = 1 / 300
 SILENT = committed(ControlParameters, "testbed.control", force_noise_n=0.0, torque_noise_n_m=0.0)

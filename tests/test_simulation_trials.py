@@ -14,11 +14,14 @@ from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
     evaluation_runs,
     executions,
-    guided_demonstrations,
     nominal_runs,
 )
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.testbed import RecorderParameters, TestbedParameters
+from structlearn.testbeds.scraping.world.testbed import (
+    RecorderParameters,
+    TestbedParameters,
+    guided_demonstrations,
+)
 
 KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]
 KINDS += ["tactile", "tactile", "tool_to_board"]

@@ -17,12 +17,12 @@ from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import headroom, shade_primitives
 from structlearn.reporting.prose import capitalised
 from structlearn.testbeds.scraping.names import CORRECTED, REPRESENTATIONS, RUNS, primitive_title
+from structlearn.testbeds.scraping.page.board_results import BoardResults, ExecutionResults
 from structlearn.testbeds.scraping.page.demonstration_figures import (
     busiest_electrodes,
     draw_electrodes,
     stacked_panels,
 )
-from structlearn.testbeds.scraping.page.executions import BoardResults, ExecutionResults
 from structlearn.testbeds.scraping.page.findings import ScrapingPeople
 from structlearn.testbeds.scraping.page.results import SAMPLES, FeedbackResults
 from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL

@@ -20,7 +20,7 @@ from structlearn.reporting.studies import People
 from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import errors_by_seed, wins_at_every_noise_level
 from structlearn.testbeds.scraping.names import CUT_METHODS
-from structlearn.testbeds.scraping.page.executions import RefinementResults
+from structlearn.testbeds.scraping.page.board_results import RefinementResults
 from structlearn.testbeds.scraping.page.results import (
     PEOPLE,
     FeedbackResults,

@@ -15,7 +15,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.prose import capitalised, rounded
 from structlearn.testbeds.scraping.names import ROLLOUTS, RUNS, SEARCHES, primitive_title
-from structlearn.testbeds.scraping.page.executions import PUBLISHED_ITERATIONS, RefinementResults, moments
+from structlearn.testbeds.scraping.page.board_results import PUBLISHED_ITERATIONS, RefinementResults, moments
 from structlearn.testbeds.scraping.page.feedback_figures import panel
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 from structlearn.testbeds.scraping.world.layout import (

@@ -25,7 +25,7 @@ from structlearn.segmentation.parameters import PrimitiveParameters, SegmentPara
 from structlearn.segmentation.segments import Segmentation, commanded_cuts, read_segmentation
 from structlearn.tactile.electrodes import ELECTRODES_MM
 from structlearn.testbeds.scraping import files
-from structlearn.testbeds.scraping.page.executions import BoardResults, RefinementResults
+from structlearn.testbeds.scraping.page.board_results import BoardResults, RefinementResults
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     AFTER,
     BEFORE,

@@ -20,7 +20,7 @@ from structlearn.testbeds.scraping.names import (
     SEARCHES,
     primitive_title,
 )
-from structlearn.testbeds.scraping.page.executions import BoardResults, ExecutionResults
+from structlearn.testbeds.scraping.page.board_results import BoardResults, ExecutionResults
 from structlearn.testbeds.scraping.page.results import ADDED, EXPLORATION, ScrapingResults
 from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL
 

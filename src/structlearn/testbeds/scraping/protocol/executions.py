@@ -1,13 +1,7 @@
-"""Runs on the testbed as recordings: guided by a person, nominal, corrected by a person, or with feedback.
+"""Executions by the robot as recordings: nominal, corrected by a person, or with feedback.
 
 Every run draws what differs between runs of a real set-up from a seed of its own, so any run can be repeated
 alone, bit for bit, and the number of processes does not matter.
-
-A person who guides the arm (kinesthetic teaching, IV.9.1.3, i) makes the nominal demonstrations. The arm is
-in gravity compensation; what the person's own arm does to it is again a pose reference with a natural
-frequency, softer than the robot's. People who have practised compensate the inertia of what they hold
-(Shadmehr & Mussa-Ivaldi 1994), so the intended velocity and acceleration are fed forward and only the noise
-is filtered by the arm's inertia. Pressure on the board is regulated by feel, slowly.
 """
 
 import time
@@ -33,18 +27,12 @@ from structlearn.segmentation.segments import commanded_cuts
 from structlearn.simulation.fingers import FingerPair
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters, ExecutedSet
 from structlearn.testbeds.scraping.world.corrector import corrector
-from structlearn.testbeds.scraping.world.demonstrator import (
-    DemonstratorParameters,
-    Intention,
-    intended_movements,
-    orientation_of,
-)
-from structlearn.testbeds.scraping.world.execution import Engine, Reference, execute
+from structlearn.testbeds.scraping.world.execution import Engine, execute
 from structlearn.testbeds.scraping.world.testbed import (
-    GuidanceParameters,
     TestbedParameters,
     recorded,
     run_conditions,
+    setting_name,
 )
 
 HOLD_S = 0.3  # s that the robot waits at the end of an execution, so that all streams cover its last sample
@@ -175,70 +163,6 @@ def executed_set(
         cuts[setting] = commanded_cuts(by_setting[setting], names)
     networks = {name: one for name, by_axis in skill.networks.items() for one in by_axis.values()}
     return ExecutedSet(model, networks, by_setting, cuts)
-
-
-def guided_motion(movement: Intention) -> Reference:
-    """The intended movement as a pose reference."""
-    step = movement.time[1]
-    velocity = np.gradient(movement.edge, step, axis=0)
-    turning = np.gradient(movement.tilt, step, axis=0)  # small angles: the vector's rate
-    return Reference(
-        position=movement.edge + movement.edge_noise,
-        velocity=velocity,
-        acceleration=np.gradient(velocity, step, axis=0),
-        orientation=orientation_of(movement.tilt + movement.tilt_noise),
-        angular_velocity=turning,
-        angular_acceleration=np.gradient(turning, step, axis=0),
-        primitive=np.searchsorted(movement.segments[1:, 0], movement.time, side="right"),
-    )
-
-
-def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:
-    """Force that the person means to press with, over the ticks of one trial: (ticks,) N."""
-    from scipy.signal import lfilter
-
-    level = parameters.force_n * np.exp(parameters.force_spread * rng.standard_normal())
-    keep = np.exp(-dt / parameters.force_fluctuation_s)
-    fluctuation = lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(ticks))
-    return level * (1.0 + parameters.force_cv * fluctuation)
-
-
-def guided_demonstrations(
-    demonstrator: DemonstratorParameters, testbed: TestbedParameters
-) -> list[Recording]:
-    """Nominal demonstrations by a person who guides the arm on the flat board.
-
-    Returns recordings "01", "02", ... with `true_segments` (3, 2) of the intended movement.
-    """
-    movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
-    guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)
-    first, *others = movements
-    # the first in this process, which compiles the robot once; each worker would do so again
-    return [guide(first), *parallel_map(guide, others, "guided demonstrations")]
-
-
-def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Recording:
-    conditions_rng, fingers_rng, wrist_rng, clocks_rng = map(np.random.default_rng, movement.run.spawn(4))
-    own, ticks, number = testbed.guidance, len(movement.time), int(movement.name)
-    conditions = run_conditions(
-        testbed,
-        0.0,
-        conditions_rng,
-        stiffness=(2.0 * np.pi * own.frequency_hz) ** 2,
-        force=pressure(own, ticks, testbed.world.dt, conditions_rng),
-        gains=(0.0, own.force_i_m_n_s),
-    )
-    motion = guided_motion(movement)
-    start = motion.position[0], quaternion.matrix(motion.orientation[0])
-    fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, testbed.finger_rate_hz)
-    log = execute(testbed.world, motion, start, ticks, conditions, testbed.control, fingers, wrist_rng)
-    what = {"seed": str(seed), "setting": setting_name(0.0), "what": "a person guides the arm"}
-    return recorded(testbed, movement.name, number - 1, log, movement.segments, clocks_rng, what)
-
-
-def setting_name(setting_deg: float) -> str:
-    """What a setting is called in the provenance of a recording."""
-    return f"board roll {setting_deg:g} degrees"
 
 
 WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled

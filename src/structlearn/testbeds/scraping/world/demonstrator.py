@@ -2,7 +2,7 @@
 
 Go down 8.7 cm until the tool touches the board, turn the tool until its edge lies flat, scrape 6.4 cm along
 y. Movements come from published facts of human movement (the constants below). In the physical world the
-person guides the robot's arm along them (`protocol.executions`); `as_meant` takes them as they are meant,
+person guides the robot's arm along them (`testbed`); `as_meant` takes them as they are meant,
 without arm and board, for sweeps over thousands of demonstrations.
 
 Three independent random streams per demonstration (movement, noise, run) and a fixed number of draws from the

@@ -5,7 +5,7 @@ or the primitives with feedback (`feedback.runtime.Controller`). All of them giv
 force control along z and, for corrections, compliance about roll are added to it (table IV.4).
 
 The whole run is one compiled loop. Its ticks can also be run one by one with somebody else integrating the
-robot's motion between them: `scraping_world.in_pybullet`, to compare.
+robot's motion between them: in PyBullet, to compare.
 """
 
 from collections.abc import Callable
@@ -27,12 +27,10 @@ from structlearn.testbeds.scraping.world.corrector import Corrector, hold, nobod
 from structlearn.testbeds.scraping.world.layout import FLAT_ORIENTATION, ROLL_AXIS
 from structlearn.testbeds.scraping.world.operational_space import Arm, Target
 from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS
-from structlearn.testbeds.scraping.world.scraping_world import (
-    Advance,
-    World,
-    WorldParameters,
-    tool_wrench,
-)
+from structlearn.testbeds.scraping.world.scraping_world import World, WorldParameters, tool_wrench
+
+Advance = Callable[[np.ndarray], None]
+"""Moves a world by one control tick with torques (7,) in N m on the arm, as `scraping_world.advance`."""
 
 Engine = Callable[[World], AbstractContextManager[Advance]]
 """Integrates the robot's motion in a world instead of the compiled loop."""

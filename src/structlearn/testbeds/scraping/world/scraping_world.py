@@ -1,8 +1,8 @@
 """The scraping testbed as a physical world: torques in, motion and contact out.
 
 The springs of the grasp and the contact of edge and board are computed here and enter as joint torques; the
-robot's own motion is integrated by `rigid_body.compiled_chain`, or by PyBullet (`in_pybullet`), which takes
-ten times as long and agrees with it. Everything is deterministic: the same torques give the same bits.
+robot's own motion is integrated by `rigid_body.compiled_chain`, or by PyBullet (`stages/engines.py`), which
+takes ten times as long and agrees with it. Everything is deterministic: the same torques give the same bits.
 
 The board is a plane; the 11 mm edge is a row of points on a Winkler foundation: each pushes back in
 proportion to how deep it is, with damping, and sticks to the board by a tangential spring until that pulls
@@ -12,8 +12,6 @@ A physics engine's own box contact was tried: it hits with 1-2 N and hides the r
 force enters as joint torques through the transposed Jacobian, which is what the force does and saves calls.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import NamedTuple
 
 import numba
@@ -22,7 +20,7 @@ from pydantic import Field
 
 from structlearn.core.compiled_vectors import compiled_inside, cross
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, kinematics, step, workspace
+from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, step, workspace
 from structlearn.testbeds.scraping.world import scraping_robot
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 from structlearn.testbeds.scraping.world.scraping_robot import (
@@ -283,25 +281,3 @@ def _push_back(velocity: tuple, depth: float, board: Board, dt: float, stuck: np
         for d in range(3):
             stuck[d] = drag[d] / stiffness
     return push * normal[0] - drag[0], push * normal[1] - drag[1], push * normal[2] - drag[2]
-
-
-Advance = Callable[[np.ndarray], None]
-"""Moves a world by one control tick with torques (7,) in N m on the arm, as `advance`."""
-
-
-@contextmanager
-def in_pybullet(world: World) -> Iterator[Advance]:
-    """What `advance` does, with PyBullet integrating the motion; for `execution.execute`."""
-    from structlearn.simulation.bullet_arm import BulletArm
-
-    robot = scraping_robot.whole()
-    with BulletArm(robot.tree, robot.inertias, np.zeros(len(world.q)), world.dt) as arm:
-        arm.place(world.q, world.v)
-
-        def step_in_pybullet(torques: np.ndarray) -> None:
-            for _ in range(world.substeps):
-                load(world, torques)
-                world.q[:], world.v[:] = arm.step(world.torques)
-                kinematics(world.body, world.q, world.work)
-
-        yield step_in_pybullet
