@@ -76,7 +76,7 @@ own-example: $(INSTALLED)  ## write six bags of a simulated task to try it with
 # What recordings hold, whether they are fit to be learned from, and an entry for stages/tasks/own.yaml, e.g.
 # `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
 inspect: $(INSTALLED)  ## say what recordings hold, and propose an entry: make inspect SOURCE=~/bags
-	$(BIN)/python -m structlearn.inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
+	$(BIN)/python -m structlearn.command inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks
@@ -131,9 +131,7 @@ upsets: $(INSTALLED)  ## run N ticks of the controller under faults
 # Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
 check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make check TASK=pour
 	$(if $(TASK),,$(error which task? make check TASK=pick))
-	$(BIN)/python -m structlearn.tasks.task_entry own.yaml "$$TASK" > /dev/null
-	$(IN_ENVIRONMENT) dvc repro "stages/tasks/dvc.yaml:check@$$TASK"
-	$(BIN)/python -m structlearn.tasks.movement.check_results "$$TASK"
+	$(BIN)/python -m structlearn.command check "$$TASK"
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=obstacles`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping

@@ -17,8 +17,11 @@ from structlearn.rigid_body.compiled_chain import kinematics
 from structlearn.simulation.arm import ArmParameters
 from structlearn.simulation.bullet_arm import BulletArm, differences
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, payload_log
-from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters
+from structlearn.testbeds.dynamics.world.joint_logs import (
+    RecordMotionParameters,
+    StandInParameters,
+    stand_in_log,
+)
 from structlearn.testbeds.scraping.protocol.executions import (
     CorrectedRunsParameters,
     corrected_runs,
@@ -71,7 +74,8 @@ def stand_in_on_sines() -> pd.DataFrame:
     seed = min(stage_parameters("dynamics_robots", Population).test)
     robot = stage_parameters("arm", ArmParameters).read()
     logs = [
-        payload_log(robot, stand_in, seed, parameters.payload, motion, pybullet) for pybullet in (False, True)
+        stand_in_log(robot, stand_in, seed, motion, parameters.payload, pybullet)
+        for pybullet in (False, True)
     ]
     return differences(f"dynamics, robot {seed} with a payload on sines", *map(_moved, logs))
 

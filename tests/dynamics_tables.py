@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pybullet_data
 from committed import committed
-from dynamics_motion import committed_motion
 
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.learner import KINDS, LOSSES
@@ -17,10 +16,10 @@ from structlearn.rigid_body.online_learning import OnlineParameters
 from structlearn.rigid_body.training_grid import OURS, TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
-from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
+from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
-from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
-from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters
+from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
+from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, StandInParameters
 
 SEEDS, JOINTS = (11, 12, 13), 7
 """Of models in simulation, and of robots."""
@@ -173,10 +172,12 @@ def dynamics_results() -> DynamicsResults:
         known=known_table(),
         friction=friction_rows(),
         residuals=residual_table(),
-        stand_in=committed(StandInParameters, "stand_in"),
-        motion=committed_motion(),
-        training=committed(DynamicsTrainingParameters, "train_dynamics", seeds=SEEDS),
-        learning_online=committed(OnlineParameters, "online", seeds=SEEDS),
-        tracking=committed(TrackingParameters, "track"),
-        carried=committed(PayloadParameters, "record_motion.payload"),
+        chosen={
+            "stand_in": committed(StandInParameters, "stand_in"),
+            "arm_motion": committed(ArmMotionParameters, "arm_motion"),
+            "train_dynamics": committed(DynamicsTrainingParameters, "train_dynamics", seeds=SEEDS),
+            "online": committed(OnlineParameters, "online", seeds=SEEDS),
+            "track": committed(TrackingParameters, "track"),
+            "record_motion": committed(RecordMotionParameters, "record_motion"),
+        },
     )

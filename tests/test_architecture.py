@@ -70,8 +70,7 @@ STARTS = {
     "dynamics": (("torch", "pinocchio"), "dynamics/train.py dynamics/online.py dynamics/track.py"),
     "recordings": (
         ("rerun",),
-        "scraping/view.py obstacles/view.py servoing/view.py tasks/view_motion.py "
-        "tasks/view_movement.py tasks/view_obstacles.py tasks/view_touch.py",
+        "scraping/view.py obstacles/view.py servoing/view.py tasks/view.py",
     ),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (("matplotlib",), "tasks/report.py tasks/recorded_report.py tasks/calibration_report.py"),

@@ -50,7 +50,7 @@ from structlearn.testbeds.obstacles.page.page import read_published as obstacles
 from structlearn.testbeds.scraping.page import findings as scraping
 from structlearn.testbeds.scraping.page.findings import ScrapingPeople
 from structlearn.testbeds.servoing.page import findings as servoing_findings
-from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
+from structlearn.testbeds.servoing.page.findings import AS_IT_STANDS, STUDIES
 
 KNOWN = re.compile(
     r"time_s|since_s|start_s|end_s|phase|fraction|noise_mm|setting_deg|tilt|factor|quoted|truth|true_.*|.*frequency.*"

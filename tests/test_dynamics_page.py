@@ -17,15 +17,15 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.findings import findings, published
-from structlearn.testbeds.dynamics.page.page import dynamics_page
-from structlearn.testbeds.dynamics.page.tables import tables
-from structlearn.testbeds.dynamics.protocol.scored_results import (
+from structlearn.testbeds.dynamics.page.findings import (
+    findings,
     friction_table,
     known_errors,
+    published,
     residual_torques,
 )
-from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.page.page import dynamics_page, tables
+from structlearn.testbeds.dynamics.world.joint_logs import StandInParameters, stand_in
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +35,7 @@ def results():
 
 def rendered(results):
     """The page without its figures being drawn."""
-    document = dynamics_page(results, findings(results), tables(results), {"arm_motion": results.motion})
-    return render(document, reporting_verdicts.AnyFigure())
+    return render(dynamics_page(results, findings(results)), reporting_verdicts.AnyFigure())
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +139,10 @@ def test_tables_stand_beside_the_published_ones(results):
     table = found["simulation"].frame.set_index(["model", "source"])
     assert table.loc[("Cov", "dissertation"), "epochs"] == "2 ± 1"
     assert table.loc[("Cov", "as published"), "epochs"] == "2.0 ± 0.0"
-    assert table.loc[("MLP", "as published"), "epochs"] == f"> {results.training.epochs.simulation}"
+    assert (
+        table.loc[("MLP", "as published"), "epochs"]
+        == f"> {results.chosen['train_dynamics'].epochs.simulation}"
+    )
     assert table.loc[("MLP", "our training"), "reach_velocity"] == "5.500 ± 0.500"
     for name in ("simulation", "robot"):
         assert (found[name].frame["source"] == "dissertation").sum() == len(published()[name])
@@ -158,9 +160,10 @@ def test_tables_stand_beside_the_published_ones(results):
 def test_epochs_say_how_many_seeds_got_there(results):
     chosen = {"model": "cov", "arm": IDEAL, "seed": SEEDS[0], "form": OURS}
     partly = changed(results, "outcomes", chosen, epochs=np.nan)
-    assert tables(partly)["epochs"].frame.set_index("model").loc["Cov", "ours"] == "2.0 ± 0.0 (2 of 3)"
+    table = tables(partly)["simulation"].frame.set_index(["model", "source"])
+    assert table.loc[("Cov", "our training"), "epochs"] == "2.0 ± 0.0 (2 of 3)"
     assert findings(partly).numbers()["epochs_cov"] == pytest.approx(
-        (2 + 2 + results.training.epochs.simulation) / 3
+        (2 + 2 + results.chosen["train_dynamics"].epochs.simulation) / 3
     )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from committed import committed
 from dynamics_tables import IIWA, iiwa, payload_table, tracking_tables
-from viewer_files import contents, note, values, view_names
+from viewer_files import note, values, view_names
 
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.dynamics_models import DynamicsModels
@@ -15,14 +15,12 @@ from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.rigid_body.training_grid import OURS
 from structlearn.testbeds.dynamics.names import ROBOT
 from structlearn.testbeds.dynamics.protocol.tracking import tracked_reaches
-from structlearn.testbeds.dynamics.views.log_recordings import (
+from structlearn.testbeds.dynamics.views.arm_recordings import (
     DynamicsViewParameters,
-    shown_payload,
-    shown_torques,
     write_payload,
+    write_reaches,
     write_torques,
 )
-from structlearn.testbeds.dynamics.views.reaches_recording import write_reaches
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.viewer.arm_meshes import send_arm
 from structlearn.viewer.rrd import recording, time_column
@@ -88,19 +86,16 @@ def test_torques_are_shown_per_joint_beside_the_measured_ones(tmp_path):
         "friction": np.full((1, 7, 2), 0.5),
     }
     models = {"cov_coulomb": DynamicsModels("cov", TREE.names, ("viscous", "coulomb"), (), state)}
-    torques = shown_torques(arm, motion, 0.1, models, TOOL_M, chosen(torques_s=1.5, rate_hz=5.0))
-    kept = motion.part(slice(0, 15, 2))
-    assert torques.time == pytest.approx(0.2 * np.arange(8))
-    # the same links, and friction on top
-    extra = torques.predicted["cov_coulomb"] - torques.predicted[DEFAULT]
-    assert extra == pytest.approx(0.25 * (kept.qd + np.tanh(kept.qd / 0.02)), abs=1e-4)
-    assert torques.tool == pytest.approx(tool_motion(TREE, TOOL_M, kept.q, kept.qd)[0])
-    path = tmp_path / "torques.rrd"
-    write_torques(path, IIWA, torques, TITLE, "Simulated.")
-    joint = TREE.names[4]
-    measured = np.ravel(values(path, f"/torque/{joint}/_measured", "Scalars:scalars"))
+    path, kept = tmp_path / "torques.rrd", motion.part(slice(0, 15, 2))
+    write_torques(path, IIWA, arm, motion, 0.1, models, TOOL_M, chosen(torques_s=1.5, rate_hz=5.0), TITLE)
+    joint = f"/torque/{TREE.names[4]}"
+    measured, learned, default = (
+        np.ravel(values(path, f"{joint}/{name}", "Scalars:scalars"))
+        for name in ("_measured", "cov_coulomb", DEFAULT)
+    )
     assert measured == pytest.approx(kept.torque[:, 4])
-    assert f"/torque/{joint}/{DEFAULT}" in contents(path)[0]
+    speed = kept.qd[:, 4]  # the same links, and friction on top
+    assert learned - default == pytest.approx(0.25 * (speed + np.tanh(speed / 0.02)), abs=1e-4)
     assert "Simulated." in note(path)
 
 
@@ -110,16 +105,16 @@ def test_a_payload_appears_when_it_is_picked_up(tmp_path):
     log = JointLog("payload", TREE.names, stamps, still, still, still, provenance={})
     carried = committed(PayloadParameters, "record_motion.payload")
     learned = payload_table().query("seed == 11")
-    one = shown_payload(TREE, log, learned, carried, chosen(payload_s=10.1))
-    assert [one.time[0], one.pick_up_s, one.time[-1]] == pytest.approx([20.0, 30.0, 40.0])
     path = tmp_path / "payload.rrd"
-    write_payload(path, IIWA, one, TITLE)
+    write_payload(path, IIWA, TREE, log, learned, carried, chosen(payload_s=10.1), TITLE)
+    time = np.arange(20.0, 40.5, 0.5)
     points = np.array(values(path, "/payload", "Points3D:positions")).reshape(-1, 3)
-    assert points == pytest.approx(one.body[one.time >= 30.0], abs=1e-6)
+    body, _ = tool_motion(TREE, carried.point_m, still[:1], still[:1])
+    assert points == pytest.approx(np.tile(body, ((time >= 30.0).sum(), 1)), abs=1e-6)
     mass = np.ravel(values(path, "/mass/carried", "Scalars:scalars"))
-    assert (mass == np.where(one.time >= 30.0, carried.mass_kg, 0.0)).all()
-    learned = np.ravel(values(path, "/mass/learned", "Scalars:scalars"))
-    assert learned == pytest.approx(one.learned["mass_kg"].to_numpy())
+    assert (mass == np.where(time >= 30.0, carried.mass_kg, 0.0)).all()
+    shown = learned[learned["time_s"].between(20.0, 40.0)]["mass_kg"].to_numpy()
+    assert np.ravel(values(path, "/mass/learned", "Scalars:scalars")) == pytest.approx(shown)
     assert "Simulated" in note(path)
 
 

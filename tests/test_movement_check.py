@@ -77,9 +77,9 @@ def test_margins_of_a_swinging_joint_are_those_of_a_sine(tmp_path):
     jacobian = np.zeros((len(time), 3, 1))
     jacobian[:, 1, 0] = 0.5
     path = JointPath(joints, np.full(len(time), 4e-4), np.zeros(len(time)), jacobian)
-    one = np.ones(1)
-    bounds = skill_check.Bounds(4.0 * one, 10.0 * one, 40.0 * one, 0.25, 0.01)
-    rows = {row["quantity"]: row for row in skill_check.margins(arm, path, bounds, None)}
+    bounds = {"max_acceleration": 10.0, "max_jerk": 40.0, "least_singular_value": 0.25}
+    rows = skill_check.margins(arm, path, PANDA.model_copy(update=bounds), None)
+    rows = {row["quantity"]: row for row in rows}
     expected = {
         "position": 1 - 0.4,
         "joint range": 1 - size / 2.0,

@@ -47,14 +47,6 @@ def test_features_are_their_definition(rng):
     assert len(NAMES) == len(set(NAMES)) == values.shape[-1]
 
 
-@given(rngs)
-@quick
-def test_the_same_movement_at_another_speed_has_the_same_features(rng):
-    position, velocity, cloud, centre = random_states(rng)
-    slow = features(position, velocity, 4.0, cloud, centre)
-    np.testing.assert_allclose(features(position, 2 * velocity, 2.0, cloud, centre), slow, atol=1e-12)
-
-
 def test_many_states_share_a_cloud():
     position, velocity, cloud, centre = random_states(np.random.default_rng(1), batch=6)
     shared = features(position, velocity, 1.0, cloud[0], centre[0])

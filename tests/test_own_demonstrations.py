@@ -80,7 +80,7 @@ def readme(root: Path, language: str, place: int = 0) -> str:
 
 
 def test_a_task_goes_through_to_its_page(root, folder):
-    run_stages(root, "reach", *STAGES, "view_movement", "report")
+    run_stages(root, "reach", *STAGES, "view", "report")
     report = Path("reports/tasks/reach")
     values = json.loads((report / "metrics.json").read_text())
     assert values["cuts_demonstrations"] == 3
@@ -158,7 +158,7 @@ def test_parameters_that_no_import_wrote_are_refused(tmp_path, monkeypatch):
     files = TaskFiles("pour")
     files.folder.mkdir()
     files.parameters.write_text("source: of an older version\n")
-    for read in (lambda: files.has("robot"), files.values, lambda: files.clock):
+    for read in (lambda: files.has("robot"), lambda: files.kind):
         with pytest.raises(InputError, match=r"pour/parameters\.yaml: key '[\w.]+' is missing"):
             read()
     files.parameters.write_text("5\n")

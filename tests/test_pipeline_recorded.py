@@ -10,6 +10,9 @@ import pytest
 import yaml
 from reduced_pipeline import by_hand, clone, repro
 
+from structlearn.reporting.document import words_in_view
+from structlearn.reporting.findings import read_findings, values_by_key
+
 FILE = "stages/tasks/dvc.yaml"
 
 ARRIVED = "servo_length_ratio"
@@ -25,10 +28,11 @@ def sets(root) -> list[str]:
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory) -> Path:
-    """Four reaches that are made up."""
+    """Four reaches that are made up, and a file that is none."""
     source = tmp_path_factory.mktemp("source")
     reaches = source / "clmc/cart_coord_dmp/dataset1"
     reaches.mkdir(parents=True)
+    (reaches / "3.txt").write_text("0 1 2\n")
     for number, duration in zip((2, 31, 32, 120), (0.6, 0.7, 0.8, 0.65), strict=True):
         time = np.arange(0.0, duration, 1e-3)
         s = (time / time[-1])[:, None]
@@ -60,6 +64,9 @@ def test_everything_that_is_here_is_shown(root, recorded_data, reduced_project, 
     untested = claims.loc[claims["verdict_of_all"] == "not tested", "evidence"]
     assert set(untested) <= {ARRIVED}
     assert json.loads((project / "reports/calibration/metrics.json").read_text())["compared"]
+    assert "There is no skill file" in (project / "reports/tasks/unscrewing/index.html").read_text()
+    found = values_by_key(read_findings(project / "reports/tasks/reaches/findings.csv"))
+    assert found["coupling_path_mean_mm"] < 0.5 * found["nominal_path_mean_mm"]
     for name in ("reaches", "slides", "eflesh", "ur10e", "boxes"):
         assert list((project / f"reports/tasks/{name}/rerun").glob("*.rrd")), name
 
@@ -70,6 +77,9 @@ def test_the_pipeline_goes_on_with_what_there_is(few, sets):
     claims = pd.read_csv(few / "reports/recorded/tables/claims.csv", keep_default_na=False)
     tested = set(claims.loc[claims["verdict"] != "not tested", "set"])
     assert tested == {"Reaches and corrections"}
+    page = (few / "reports/tasks/reaches/index.html").read_text()
+    assert "line 1 has 3 columns" in page
+    assert words_in_view(page) <= 1100
     assert len(list((few / "reports/tasks").glob("*/rerun/*.rrd"))) >= 1
     assert "No scraping execution" in (few / "reports/calibration/index.html").read_text()
 

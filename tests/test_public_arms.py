@@ -134,7 +134,7 @@ def test_a_public_set_of_which_too_little_is_there_says_so(root, tmp_path, monke
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RECORDED_DATA", str(public.parent))
     monkeypatch.setattr(sys, "argv", ["stage", "ur10e"])
-    for stage in ("import_task", "motion", "report", "view_motion"):
+    for stage in ("import_task", "motion", "report", "view"):
         runpy.run_path(f"stages/tasks/{stage}.py", run_name="__main__")
     text = (tmp_path / "reports/tasks/ur10e/index.html").read_text()
     assert "of 1 logs 1 are motions of all joints without a load" in text

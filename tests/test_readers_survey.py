@@ -1,7 +1,5 @@
 """What raw messages say of their clocks, against numbers that were put into them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -23,19 +21,17 @@ def test_a_regular_clock():
     stamps = survey.stamps_of(5 * 10**9 + 10 * MS * np.arange(101))
     assert (stamps.count, stamps.repeated, stamps.backward) == (101, 0, 0)
     assert stamps.rate_hz == pytest.approx(100.0)
-    assert (stamps.first_s, stamps.duration_s) == (5.0, pytest.approx(1.0))
+    assert (stamps.first_s, stamps.last_s) == (5.0, pytest.approx(6.0))
     assert stamps.largest_gap_s == pytest.approx(0.01)
-    assert stamps.jitter_s == pytest.approx(0.0, abs=1e-12)
 
 
-def test_gaps_jitter_and_disorder_are_numbers():
+def test_gaps_and_disorder_are_numbers():
     steps = np.tile([8, 12], 100) * MS
     steps[150] = 500 * MS
     stamps = np.append(0, np.cumsum(steps))
     found = survey.stamps_of(stamps)
     assert found.largest_gap_s == pytest.approx(0.5)
     assert found.gap_at_s == pytest.approx(1e-9 * stamps[150])
-    assert found.jitter_s == pytest.approx(0.002)  # 8 to 12 ms
     stamps[[20, 21]] = stamps[[21, 20]]
     stamps[40] = stamps[39]
     found = survey.stamps_of(stamps)
@@ -51,7 +47,7 @@ def test_one_message_has_no_rate():
 def test_counts_do_not_depend_on_where_the_clock_starts(stamps, shift):
     before = survey.stamps_of(np.array(stamps))
     after = survey.stamps_of(np.array(stamps) + shift)
-    for name in ("count", "repeated", "backward", "rate_hz", "largest_gap_s", "jitter_s"):
+    for name in ("count", "repeated", "backward", "rate_hz", "largest_gap_s"):
         np.testing.assert_equal(getattr(before, name), getattr(after, name))
 
 
@@ -64,13 +60,10 @@ def test_delays_of_the_log_behind_the_header(tmp_path):
             pose_messages(taken.tolist(), pose_rows(1000)), late, strict=True
         )
     ]
-    clocks = survey.topic_clocks(messages_of(tmp_path / "bag.mcap", rows, "/tool"))
-    assert clocks.delay.median_s == pytest.approx(0.080, abs=1e-4)
-    assert clocks.delay.spread_s == pytest.approx(0.045, abs=1e-4)
-    assert clocks.delay.drift_s == pytest.approx(0.090, abs=1e-3)
+    clocks = survey.topic_clocks("", messages_of(tmp_path / "bag.mcap", rows, "/tool"))
+    assert clocks.delay_s == pytest.approx(0.080, abs=1e-4)
     assert clocks.own is clocks.header
     assert clocks.header.rate_hz == pytest.approx(100.0)
-    assert clocks.frames == ("base_link",)
 
 
 @pytest.mark.parametrize(
@@ -82,16 +75,6 @@ def test_delays_of_the_log_behind_the_header(tmp_path):
 )
 def test_the_log_time_stands_in_where_no_header_is_set(tmp_path, kind, content):
     rows = [("/tool", kind, content, 10**9 + 20 * MS * row) for row in range(50)]
-    clocks = survey.topic_clocks(messages_of(tmp_path / "bag.mcap", rows, "/tool"))
+    clocks = survey.topic_clocks("", messages_of(tmp_path / "bag.mcap", rows, "/tool"))
     assert clocks.header is None
-    assert clocks.delay is None
     assert clocks.own.rate_hz == pytest.approx(50.0)
-
-
-@pytest.mark.parametrize("change", [lambda schema: None, lambda schema: replace(schema, encoding="ros1msg")])
-def test_headers_are_looked_for_in_ros2_messages_alone(tmp_path, change):
-    write_bag(tmp_path / "bag.mcap", pose_messages([10**9, 2 * 10**9], pose_rows(2), "/hand"))
-    messages = read_bag(tmp_path / "bag.mcap", ["/hand"]).messages["/hand"]
-    other = replace(messages, schemas=[change(one) for one in messages.schemas])
-    assert survey.topic_clocks(messages).header is not None
-    assert (survey.topic_clocks(other).header, survey.topic_clocks(other).frames) == (None, ())

@@ -12,7 +12,7 @@ from test_own_demonstrations import QUICK, REACH, run_stages, write_reach
 from structlearn.core.errors import InputError
 from structlearn.reporting.claims import claims_table
 from structlearn.reporting.document import words_in_view
-from structlearn.tasks.recorded_index import publish_index, reported
+from structlearn.tasks.recorded_index import judged_again, publish_index
 from structlearn.tasks.task_entry import targets
 
 LIKE = {"testbed": "scraping", "statement": "Cuts are found", "page": "index"}
@@ -35,6 +35,8 @@ def project(root, tmp_path_factory) -> Path:
         patch.setenv("RECORDED_DATA", "sets")
         own_tasks(folder, QUICK)
         Path("stages/tasks/public.yaml").write_text(yaml.safe_dump(SETS, sort_keys=False))
+        quoted = {"says": "Of {{ cuts_demonstrations }} all.", "figure": ["space-1.svg"]}
+        Path("stages/tasks/recorded.yaml").write_text(yaml.safe_dump({"moves": quoted}))
         Path("stages/tasks/claims").mkdir()
         for name, claims in {
             "moves": [CLAIM | {"simulated": LIKE}, CLAIM | {"statement": "All are", "bound": 4}],
@@ -67,6 +69,7 @@ def test_the_index_says_what_the_pages_of_the_sets_say(inside):
     for link in re.findall(r'(?:src|href)="(\.\./tasks/[^"#]*)"', page):
         assert (Path("reports/recorded") / link).exists()
     assert 'src="../tasks/moves/figures/' in page
+    assert "Of 3 all." in page
     assert page.count("Not recorded here.") == 1
     assert "Of 1 statements that were also tested in simulation, 1 have the same verdict" in page
     assert words_in_view(page) < 1000
@@ -78,9 +81,9 @@ def test_verdicts_are_those_of_the_sets_beside_those_of_simulation(inside):
     assert table["verdict_of_all"].tolist() == ["yes", "no", "not tested"]
     assert table["simulated"].tolist() == ["yes", "", ""]
     own = pd.read_csv("reports/tasks/moves/tables/claims.csv", keep_default_na=False)
-    again = claims_table(reported("moves").judged)
+    again = claims_table(judged_again("moves", ""))
     pd.testing.assert_frame_equal(again[own.columns], own)
-    assert reported("moves").judged[0].claim.note == "of all"
+    assert judged_again("moves", "")[0].claim.note == "of all"
 
 
 def test_make_asks_for_the_stages_of_sets_whose_folder_is_there(inside, monkeypatch):

@@ -3,7 +3,7 @@ import pinocchio
 import pytest
 from rigid_body_robots import robot as known_robot
 
-from structlearn.rigid_body import compiled_chain, compiled_dynamics
+from structlearn.rigid_body import compiled_chain
 from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference, tool_motion
 
 TOOL = np.array([0.02, -0.03, 0.1])
@@ -70,16 +70,3 @@ def test_posture_does_not_move_the_tool(robot, state):
     assert np.abs(there - here).max() > 0.1
     moved = pinocchio_tool(robot, q, there - here, np.zeros(7))[1]
     assert np.abs(moved).max() < 1e-4  # the damping of the pseudo-inverse
-
-
-def test_model_and_law_reach_a_goal_in_exact_dynamics(robot):
-    posture = np.array([0.0, 0.5, 0.0, -1.2, 0.0, 1.0, 0.0])
-    torques = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    data, q, qd, dt = robot.model.createData(), posture.copy(), np.zeros(7), 4e-3
-    goal = tool_motion(robot.tree, TOOL, q[None], qd[None])[0][0] + [0.05, -0.1, 0.05]
-    for _ in range(1000):
-        velocity, qdd = reference(robot, posture, q, qd, (goal, np.zeros(3), np.zeros(3)))
-        tau = torques(q, qd, qdd + 10.0 * (velocity - qd))
-        qd = qd + dt * pinocchio.aba(robot.model, data, q, qd, tau)
-        q = q + dt * qd
-    np.testing.assert_allclose(tool_motion(robot.tree, TOOL, q[None], qd[None])[0][0], goal, atol=1e-4)

@@ -8,7 +8,6 @@ from reporting_scraping import PARAMETERS
 from structlearn.core.errors import InputError
 from structlearn.primitives.fitting import (
     FitParameters,
-    cross_validation,
     learn_primitive,
     reproduction_errors,
     segment_paths,
@@ -37,17 +36,6 @@ def test_learned_primitives_reproduce_the_demonstrations(two_move_demonstrations
         errors = reproduction_errors(learn_primitive(name, segments, FIT), segments)
         assert errors["mean_mm"].max() < 1.0
         assert errors["mean_deg"].max() < 1.0
-
-
-def test_left_out_demonstration_was_not_learned_from(two_move_demonstrations, segmentation):
-    """Its own fold is the primitive learned from the others alone."""
-    errors = cross_validation(two_move_demonstrations, segmentation.results, FIT)
-    fold = errors.query("primitive == 'down' and regression == 'joint' and left_out").iloc[1]
-    segments = segment_paths(two_move_demonstrations, segmentation.result("down"), 8.0)
-    others = learn_primitive("down", [segments[0], *segments[2:]], FIT)
-    expected = reproduction_errors(others, segments[1:2]).iloc[0]
-    assert fold["demonstration"] == "02"
-    assert fold["mean_mm"] == expected["mean_mm"]
 
 
 def test_mixed_and_empty_segments_are_told(two_move_demonstrations, segmentation):

@@ -16,14 +16,21 @@ from structlearn.reporting.studies import Study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import TRAINED_WITH, GeodesicParameters, LatentParameters
-from structlearn.tactile.touch_dataset import SPLITS
-from structlearn.tactile.touch_preparation import TouchDataParameters
-from structlearn.testbeds.servoing.files import OtherSkinTables
+from structlearn.tactile.touch_dataset import SPLITS, TouchDataParameters
 from structlearn.testbeds.servoing.names import DYNAMICS, OURS, TEXT
-from structlearn.testbeds.servoing.page import page, tables
-from structlearn.testbeds.servoing.page.findings import TEXT_LL, findings, forward_case, rate_case, rated
-from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES, ServoingResults
-from structlearn.testbeds.servoing.protocol.model_scores import ModelScores, contact_bias, skin_table
+from structlearn.testbeds.servoing.page import page
+from structlearn.testbeds.servoing.page.findings import (
+    AS_IT_STANDS,
+    STUDIES,
+    TEXT_LL,
+    ModelScores,
+    ServoingResults,
+    contact_bias,
+    findings,
+    forward_case,
+    rate_case,
+    rated,
+)
 from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     Comparison,
@@ -156,8 +163,7 @@ def skin_tables(text=0, ours=10):
             "trials": comparison({TEXT: text, OURS: ours}).trials,
         }
         parts.append({key: table.assign(skin=name) for key, table in found.items()})
-    both = {key: pd.concat([part[key] for part in parts], ignore_index=True) for key in parts[0]}
-    return OtherSkinTables(**both)
+    return {key: pd.concat([part[key] for part in parts], ignore_index=True) for key in parts[0]}
 
 
 @pytest.fixture(scope="module")
@@ -218,14 +224,12 @@ CONTROLLERS = [f"people_servo_success_rate{ending}" for ending in ("", "_publish
 
 
 def verdicts(results):
-    return reporting_verdicts.verdicts(page.PACKAGE, findings(results))
+    return reporting_verdicts.verdicts("structlearn.testbeds.servoing.page", findings(results))
 
 
 def rendered(results):
     """The page without its figures being drawn."""
-    return render(
-        page.document(results, findings(results), tables.tables(results)), reporting_verdicts.AnyFigure()
-    )
+    return render(page.document(results, findings(results)), reporting_verdicts.AnyFigure())
 
 
 def test_claims_on_predictions_hold_where_numbers_say_so(results):
@@ -268,7 +272,7 @@ def test_rows_say_that_they_are_quoted_and_none_repeats_the_numbers_of_another(r
     rng = np.random.default_rng(0)
     found = with_people(results, {key: rng.uniform(0.6, 0.9, 4) for key in everything()})
     rows = findings(found)
-    judged = page.document(found, rows, tables.tables(found)).judged
+    judged = page.document(found, rows).judged
     assert set(claims_table(judged)["study"]) == {"servoing/people"}
     its = [rows[one.claim.evidence] for one in judged]
     values = [case.value for one in its for case in ([one] if isinstance(one, Evidence) else one.values())]
@@ -291,19 +295,23 @@ def test_map_is_laid_onto_the_skin(results):
 
 
 def test_tables_are_means_over_seeds(results):
-    latent = results.models.latent_table().set_index(["space", "split"])
+    latent = page.latent_table(results.models).set_index(["space", "split"])
     assert latent.loc[("structure", "test"), "reconstruction"] == pytest.approx(0.05)
     assert latent.loc[("structure", "test"), "distances_worst"] == pytest.approx(0.005 * 1.02)
-    forward = results.models.forward_table().set_index(["model", "space", "steps"])
+    forward = page.forward_table(results.models).set_index(["model", "space", "steps"])
     assert forward.loc[("NL with NJ's loss", "structure", 3), "nmse"] == pytest.approx(0.2)
     assert forward.loc[("NL", "no structure", 3), "relative"] == pytest.approx(0.1 / 0.15)
-    directions = results.models.direction_table().set_index(["inverse", "loss", "space"])
+    directions = page.direction_table(results.models).set_index(["inverse", "loss", "space"])
     assert directions.loc[("NJ", True, "structure"), "encoder"] == pytest.approx(0.1)
     assert directions.loc[("NJ", True, "structure"), "encoder_linear"] == pytest.approx(0.15)
-    skins = skin_table(results.skin_tables.latent, results.skin_tables.directions).set_index("skin")
+    skins = page.skin_table(results).set_index("skin")
     assert skins.loc["sphere", "NJ_linear"] == pytest.approx(0.15)
-    chains = tables.test_chains(results)
-    assert chains["chains"].tolist() == [0, 3 * (400 - 3 * 31)]  # of 30 contacts, those with 7 as last digit
+
+
+def test_chains_are_counted_by_motion(results):
+    """Of 30 contacts, those with 7 as last digit."""
+    count = 3 * (400 - 3 * 31)
+    assert f"(0 in 0 contacts of rotation, {count} in 3 contacts of translation)" in rendered(results)
 
 
 def test_steps_until_a_bound_holds(results):
@@ -313,7 +321,7 @@ def test_steps_until_a_bound_holds(results):
 
 
 def test_controllers_are_counted_with_their_intervals(results):
-    ours = tables.loop_table(results.trials).set_index(list(vars(OURS))).loc[tuple(vars(OURS).values())]
+    ours = page.loop_table(results.trials).set_index(list(vars(OURS))).loc[tuple(vars(OURS).values())]
     assert ours["rate"] == ours["rate_mixed"] == 1.0
     assert ours["low"] == pytest.approx(0.05 ** (1 / 2))  # 12 of 12, but of two models
     assert ours["path_ratio"] == pytest.approx(1.1)

@@ -16,24 +16,18 @@ from structlearn.simulation.touch_demonstrator import (
     true_contacts,
 )
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.touch_dataset import read_dataset, write_dataset
-from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
+from structlearn.tactile.touch_dataset import TouchDataParameters, prepare, read_dataset, write_dataset
 from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, OURS, TEXT
 from structlearn.testbeds.servoing.protocol.servo_trials import make_scene
 from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
 from structlearn.testbeds.servoing.views.demonstrated_touches import (
     handle_place,
+    shown_touches,
     write_latent_maps,
     write_touch_demonstrations,
 )
 from structlearn.testbeds.servoing.views.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.views.servoing_scene import (
-    GRID_LINES,
-    flat,
-    flat_skin,
-    shown_touches,
-    skin_lines,
-)
+from structlearn.testbeds.servoing.views.servoing_scene import GRID_LINES, FlatSkin, flat, skin_lines
 from structlearn.viewer.rrd import entity
 
 SKIN = SKINS["biotac"]
@@ -68,7 +62,7 @@ def shown(world):
 @pytest.fixture(scope="module")
 def laid(world):
     _, dataset, latent_map, _ = world
-    return flat_skin(SKIN, dataset.contact_point, latent_map[["x", "y"]].to_numpy(float), MAP_UNIT_M)
+    return FlatSkin.fitted(SKIN, dataset.contact_point, latent_map[["x", "y"]].to_numpy(float), MAP_UNIT_M)
 
 
 @pytest.fixture(scope="module")

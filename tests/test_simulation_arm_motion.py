@@ -14,13 +14,11 @@ from structlearn.rigid_body.compiled_models import bodies_model
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
     ArmMotionParameters,
-    Feedback,
-    JointPath,
     joint_feedback,
     sine_controller,
     sine_path,
 )
-from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, run
+from structlearn.testbeds.dynamics.world.controlled_arm import Feedback, ReferencePath, SimulatedArm, run
 
 SHORT = committed_motion(duration_s=4.0)
 
@@ -39,19 +37,21 @@ def test_sines_have_the_periods_and_amplitudes_of_the_text(robot):
     long = committed_motion(duration_s=115.0)  # whole periods of some joints, nearly
     path = sine_path(robot.tree, long)
     limit = robot.tree.upper
-    np.testing.assert_allclose(path.q.max(axis=0), np.array(SHORT.amplitudes) * limit, rtol=1e-2)
+    np.testing.assert_allclose(path.position.max(axis=0), np.array(SHORT.amplitudes) * limit, rtol=1e-2)
     quarter = round(23.0 / 4.0 * 250)
-    assert path.q[quarter, 0] == pytest.approx(0.7 * limit[0], rel=1e-5)
-    np.testing.assert_allclose(np.gradient(path.q, 4e-3, axis=0)[1:-1], path.qd[1:-1], atol=1e-4)
-    np.testing.assert_allclose(np.gradient(path.qd, 4e-3, axis=0)[1:-1], path.qdd[1:-1], atol=1e-4)
+    assert path.position[quarter, 0] == pytest.approx(0.7 * limit[0], rel=1e-5)
+    np.testing.assert_allclose(np.gradient(path.position, 4e-3, axis=0)[1:-1], path.velocity[1:-1], atol=1e-4)
+    np.testing.assert_allclose(
+        np.gradient(path.velocity, 4e-3, axis=0)[1:-1], path.acceleration[1:-1], atol=1e-4
+    )
 
 
 def test_an_arm_with_crooked_ranges_swings_about_their_middle():
     panda = rigid_body_robot("panda")
     path = sine_path(panda.tree, committed_motion())
-    assert (path.q > panda.tree.lower).all()
-    assert (path.q < panda.tree.upper).all()
-    np.testing.assert_allclose(path.q[0], 0.5 * (panda.tree.lower + panda.tree.upper))
+    assert (path.position > panda.tree.lower).all()
+    assert (path.position < panda.tree.upper).all()
+    np.testing.assert_allclose(path.position[0], 0.5 * (panda.tree.lower + panda.tree.upper))
 
 
 @pytest.fixture
@@ -66,16 +66,18 @@ def constant(robot, torque, ticks):
     massless = (0.0 * values for values in (bodies.mass, bodies.moment, bodies.inertia))
     wants = np.stack([np.zeros(7), np.zeros(7), np.full(7, torque)])
     model = bodies._replace(**dict(zip(("mass", "moment", "inertia"), massless, strict=True)), friction=wants)
-    return sine_controller(bodies_model(model), JointPath(zero, zero, zero), Feedback(zero[0], zero[0]))
+    return sine_controller(bodies_model(model), ReferencePath(zero, zero, zero), Feedback(zero[0], zero[0]))
 
 
 def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, arm):
     reference = sine_path(robot.tree, SHORT)
     model = bodies_model(compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias))
-    moved = run(arm, sine_controller(model, reference, feedback), reference.q[0], reference.qd[0])
+    moved = run(
+        arm, sine_controller(model, reference, feedback), reference.position[0], reference.velocity[0]
+    )
     assert moved.stopped is None
-    assert nmse(moved.q, reference.q).max() < 1e-6
-    correction = feedback.stiffness * (reference.q - moved.q)
+    assert nmse(moved.q, reference.position).max() < 1e-6
+    correction = feedback.stiffness * (reference.position - moved.q)
     assert np.abs(correction).max() < 1e-2 * np.abs(moved.torques).max()
 
 
@@ -102,13 +104,13 @@ def test_torques_are_cut_off_at_the_drives_limits(robot, arm):
 def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot, arm):
     zero, still, late = np.zeros(7), np.zeros((6, 7)), 2
     mechanics = Mechanics(robot.inertias, zero, zero, np.full(7, 0.5), 3.0, latency_steps=late)
-    reference = JointPath(still + 0.1, still, still)
+    reference = ReferencePath(still + 0.1, still, still)
     model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     soft = Feedback(np.full(7, 2.0), np.full(7, 0.1))
     moved = run(
         replace(arm, mechanics=mechanics), sine_controller(bodies_model(model), reference, soft), zero, zero
     )
-    commands = model(*(path[0] for path in (reference.q, reference.qd, reference.qdd)))
+    commands = model(*(path[0] for path in (reference.position, reference.velocity, reference.acceleration)))
     commands = commands + soft.stiffness * (0.1 - moved.q) - soft.damping * moved.qd
     given = commands[np.maximum(np.arange(6) - late, 0)]
     ripple = 0.5 * np.sin(2.0 * np.pi * 3.0 * moved.q)

@@ -6,14 +6,14 @@ from rigid_body_robots import carrying
 
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.simulation.arm import ArmParameters
+from structlearn.simulation.arm import ArmParameters, Payload
 from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
+    StandInParameters,
     ideal_log,
-    payload_log,
+    stand_in,
     stand_in_log,
 )
-from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters, stand_in
 
 MOTION = committed_motion(duration_s=4.0)
 SEED = 3
@@ -82,7 +82,7 @@ def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(rob
     half = 500
     empty, loaded, other = (
         stand_in_log(robot, parameters, SEED, MOTION),
-        payload_log(robot, parameters, SEED, payload, MOTION),
+        stand_in_log(robot, parameters, SEED, MOTION, payload),
         stand_in_log(robot, parameters, SEED + 1, MOTION),
     )
     np.testing.assert_array_equal(loaded.positions[: half + 1], empty.positions[: half + 1])
@@ -105,8 +105,8 @@ def test_the_payload_appears_when_it_is_picked_up(robot):
     )
     ideal = committed(StandInParameters, "stand_in", **dict.fromkeys((*shares, "latency_ticks"), 0))
     parameters = committed(PayloadParameters, "record_motion.payload")
-    log = payload_log(robot, ideal, SEED, parameters, MOTION)
-    loaded = carrying(robot, parameters.body)
+    log = stand_in_log(robot, ideal, SEED, MOTION, parameters)
+    loaded = carrying(robot, Payload(parameters.mass_kg, parameters.point_m, parameters.radius_m))
     without, loaded_too = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
     half = 500
     np.testing.assert_allclose(without[:half], log.torques[:half], atol=1e-8)

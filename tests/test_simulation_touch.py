@@ -13,7 +13,7 @@ from structlearn.readers.checks import check_recording
 from structlearn.simulation.touch import Handle, make_finger, moved, rested, touch, touching
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, held_on_handle, recorded
 from structlearn.tactile.electrodes import SKINS, biotac
-from structlearn.tactile.touch_preparation import contact_points
+from structlearn.tactile.touch_dataset import contact_points
 
 RATE_HZ = 100.0
 BAR = Handle(np.array([0.3, 0.1, 0.5]), np.array([0.0, 1.0, 0.0]), 0.05, 0.005)

@@ -96,9 +96,11 @@ def test_reaches_start_at_rest_and_end_at_goals_in_the_box(robot):
     path = reaches(robot.tree, REACHING, 250.0, seed=3)
     posture = first_posture(robot.tree, REACHING)[None]
     start, _ = tool_motion(robot.tree, REACHING.tool_m, posture, 0 * posture)
-    np.testing.assert_allclose(path.x[0], start[0])
-    assert (np.abs(path.x[[999, 1999]] - start) <= REACHING.half_box_m).all()
-    np.testing.assert_allclose(path.xd[[0, 999, 1000, 1999]], 0.0, atol=1e-12)
-    np.testing.assert_allclose(np.gradient(path.x, 4e-3, axis=0)[1:-1], path.xd[1:-1], atol=2e-3)
-    np.testing.assert_allclose(np.gradient(path.xd, 4e-3, axis=0)[2:-2], path.xdd[2:-2], atol=2e-2)
-    assert not np.allclose(path.x, reaches(robot.tree, REACHING, 250.0, seed=4).x)
+    np.testing.assert_allclose(path.position[0], start[0])
+    assert (np.abs(path.position[[999, 1999]] - start) <= REACHING.half_box_m).all()
+    np.testing.assert_allclose(path.velocity[[0, 999, 1000, 1999]], 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.gradient(path.position, 4e-3, axis=0)[1:-1], path.velocity[1:-1], atol=2e-3)
+    np.testing.assert_allclose(
+        np.gradient(path.velocity, 4e-3, axis=0)[2:-2], path.acceleration[2:-2], atol=2e-2
+    )
+    assert not np.allclose(path.position, reaches(robot.tree, REACHING, 250.0, seed=4).position)

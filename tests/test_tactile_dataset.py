@@ -14,12 +14,14 @@ from structlearn.tactile.touch_dataset import (
     TEST,
     TRAIN,
     VALIDATION,
+    TouchDataParameters,
     TouchDataset,
     chains,
+    prepare,
     read_dataset,
+    splits,
     write_dataset,
 )
-from structlearn.tactile.touch_preparation import TouchDataParameters, prepare, splits
 
 RATE_HZ = 100.0
 

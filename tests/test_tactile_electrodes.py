@@ -18,7 +18,7 @@ from structlearn.tactile.geodesics import (
     write_geodesics,
 )
 from structlearn.tactile.latent_parameters import GeodesicParameters
-from structlearn.tactile.touch_preparation import contact_points
+from structlearn.tactile.touch_dataset import contact_points
 
 UNIT = st.floats(0.0, 1.0)
 

@@ -14,8 +14,14 @@ from structlearn.core.artefacts import write_tensors
 from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
-from structlearn.tactile.latent_comparison import learn, learn_spaces, own_units, seen_in
-from structlearn.tactile.latent_evaluation import ChainData, decoded_errors, direction_errors, latent_errors
+from structlearn.tactile.latent_comparison import (
+    ChainData,
+    decoded_errors,
+    direction_errors,
+    latent_errors,
+    learn,
+    seen_in,
+)
 from structlearn.tactile.latent_models import LatentModels, read_models, write_models
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
@@ -28,11 +34,13 @@ from structlearn.tactile.latent_parameters import (
 )
 from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
-    autoencoder_loss,
+    autoencoder_losses,
     best_start,
     direction_loss,
     draw_pairs,
     dynamics_loss,
+    learn_spaces,
+    own_units,
     training_data,
 )
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo
@@ -151,7 +159,7 @@ def test_without_structure_map_and_pressure_are_free(lesson):
 
     def gradient(**changes):
         weights = QUICK.weights.model_copy(update=changes)
-        loss = autoencoder_loss(stack, lesson, drawn, QUICK.model_copy(update={"weights": weights}))
+        loss = autoencoder_losses(stack, lesson, drawn, QUICK.model_copy(update={"weights": weights})).sum()
         return torch.autograd.grad(loss, encoder)[0]
 
     with_it, without_it = gradient() - gradient(distances=0.0, pressure=0.0)
@@ -170,18 +178,18 @@ def test_direction_loss_is_that_of_the_text():
 
 
 def test_structure_gives_a_map_of_the_skin(comparison):
-    test = comparison.latent.query("split == 'test'").groupby("structure").mean(numeric_only=True)
+    test = comparison.tables["latent"].query("split == 'test'").groupby("structure").mean(numeric_only=True)
     assert test.loc[True, "distances"] < 0.15 < test.loc[False, "distances"]
     assert test.loc[True, "pressure"] < 0.1
     assert test["reconstruction"].max() < 0.35
-    assert set(comparison.latent["seed"]) == {0, 1}
+    assert set(comparison.tables["latent"]["seed"]) == {0, 1}
 
 
 def test_dynamics_beat_standing_still_and_their_loss_turns_the_inverse_right(comparison):
-    forward = comparison.forward.query("structure and steps == 1")
+    forward = comparison.tables["forward"].query("structure and steps == 1")
     error = forward.groupby(["forward", "trained_with"])["nmse"].mean()
     assert error[NONLINEAR, NO_INVERSE] < error["unchanged", NO_INVERSE]
-    asked = comparison.directions.query("structure and comparison == 'encoder'")
+    asked = comparison.tables["directions"].query("structure and comparison == 'encoder'")
     distance = asked.groupby(["inverse", "trained_with"])["distance"].mean()
     assert distance[JACOBIAN, JACOBIAN] < distance[JACOBIAN, NO_INVERSE]
 
@@ -195,7 +203,9 @@ def test_errors_are_normalised_as_everywhere(comparison, touch):
     decoded = servo.decode(servo.encode(np.tile(signals, (2, 1, 1))))
     for seed in range(2):
         expected = metrics.nmse(decoded[seed], signals).mean()
-        found = comparison.latent.query("structure and split == 'test' and seed == @seed")["reconstruction"]
+        found = comparison.tables["latent"].query("structure and split == 'test' and seed == @seed")[
+            "reconstruction"
+        ]
         assert found.item() == pytest.approx(expected, rel=1e-3)
 
 
@@ -304,7 +314,7 @@ def test_predictions_are_held_against_the_touch_that_followed(comparison, lesson
 
 
 def test_parts_of_the_forward_error_make_its_mean(comparison):
-    table = comparison.forward
+    table = comparison.tables["forward"]
     np.testing.assert_allclose(table["nmse"], (2 * table["plane"] + table["third"]) / 3, rtol=1e-5)
 
 

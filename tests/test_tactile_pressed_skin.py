@@ -19,8 +19,7 @@ from structlearn.tactile.pressed_skin import (
     servo_on_table,
     walks,
 )
-from structlearn.tactile.resting_servo import Caution, RestingServo
-from structlearn.tactile.servo_controller import ServoParameters, TactileServo
+from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST, TRAIN, touch_units
 
 

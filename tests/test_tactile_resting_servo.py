@@ -12,8 +12,14 @@ from structlearn.tactile.latent_dynamics import LatentStep, LocallyLinearDynamic
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import NetworkParameters
 from structlearn.tactile.latent_training import CHAIN_STEPS
-from structlearn.tactile.resting_servo import Caution, RestingServo, action_slope, corrected, steepest_action
-from structlearn.tactile.servo_controller import ServoParameters
+from structlearn.tactile.servo_controller import (
+    Caution,
+    RestingServo,
+    ServoParameters,
+    action_slope,
+    corrected,
+    steepest_action,
+)
 from structlearn.tactile.touch_dataset import LINEAR, TRAIN, TouchUnits, chains, touch_units
 
 LIKELY = torch.tensor([1.5, 0.2, 0.3, 1.2, 0.05, 0.04], dtype=torch.float64)[:, None]

@@ -82,7 +82,7 @@ def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
     if given.kind != "movement":
         values = {"source": str(source)} | ({"urdf": given.urdf} if given.urdf else {})
         return [f"  {line}" for line in yaml.safe_dump({name: values}, sort_keys=False).splitlines()]
-    from structlearn.inspect import as_yaml, find_out
+    from structlearn.tasks.inspection.recordings_report import as_yaml, find_out
 
     found = find_out(str(source), given.urdf)
     if found.proposal is None:
@@ -166,7 +166,7 @@ def defaults(given: argparse.Namespace) -> None:
 
 def inspect(given: argparse.Namespace) -> None:
     """Say what recordings hold, and propose an entry."""
-    from structlearn.inspect import inspect as look
+    from structlearn.tasks.inspection.recordings_report import inspect as look
 
     look(given.source, given.urdf, given.output)
 

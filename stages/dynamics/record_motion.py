@@ -13,11 +13,10 @@ from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     RecordMotionParameters,
+    StandInParameters,
     ideal_log,
-    payload_log,
     stand_in_log,
 )
-from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters
 
 
 def main() -> None:
@@ -30,7 +29,7 @@ def main() -> None:
     made = {f"{IDEAL}/{IDEAL}": ideal_log(robot, motion)}
     logs = {}
     for seed in stage_parameters("dynamics_robots", Population).test:
-        logs[f"payload/{seed}"] = partial(payload_log, robot, stand_ins, seed, parameters.payload, motion)
+        logs[f"payload/{seed}"] = partial(stand_in_log, robot, stand_ins, seed, motion, parameters.payload)
         logs[f"{ROBOT}/{seed}"] = partial(stand_in_log, robot, stand_ins, seed, motion)
     made |= dict(zip(logs, parallel_map(call, logs.values(), "logs"), strict=True))
     with publish("data/raw/dynamics") as folder:

@@ -15,19 +15,21 @@ from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
 from structlearn.testbeds.dynamics.page.figures import arm_still, drawings
-from structlearn.testbeds.dynamics.page.findings import findings
-from structlearn.testbeds.dynamics.page.page import dynamics_page
-from structlearn.testbeds.dynamics.page.tables import tables
-from structlearn.testbeds.dynamics.protocol.scored_results import (
+from structlearn.testbeds.dynamics.page.findings import (
     DynamicsResults,
+    findings,
     friction_table,
     known_errors,
     residual_torques,
 )
+from structlearn.testbeds.dynamics.page.page import dynamics_page
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters
-from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.joint_logs import (
+    RecordMotionParameters,
+    StandInParameters,
+    stand_in,
+)
 
 PARAMETERS = {
     "arm": ArmParameters,
@@ -50,20 +52,18 @@ FRICTION_MODELS = ("cov", f"cov{COULOMB}")
 
 
 def main() -> None:
-    parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    arm, robot = parameters["arm"], parameters["arm"].read()
+    chosen = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
+    arm, robot = chosen["arm"], chosen["arm"].read()
     known, friction, residuals = [], [], []
-    cutoff_hz = parameters["train_dynamics"].smoothing_hz
     for name, log in files.read_logs(ROBOT).items():
-        seed, motion = int(name), files.as_motion(log, cutoff_hz)
-        true = stand_in(robot.tree, robot.inertias, parameters["stand_in"], seed)
+        seed, motion = int(name), files.as_motion(log, chosen["train_dynamics"].smoothing_hz)
+        true = stand_in(robot.tree, robot.inertias, chosen["stand_in"], seed)
         learned = files.read_robot_models(seed, FRICTION_MODELS, TEXT)
         known.append(known_errors(robot, true, motion).assign(seed=seed))
         friction.append(friction_table(learned, true).assign(seed=seed))
         if not residuals:
-            residuals.append(
-                residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, 1.0 / files.step_s(log))
-            )
+            rate_hz = 1.0 / files.step_s(log)
+            residuals.append(residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, rate_hz))
     study = read_study("dynamics/optimiser")
     agreement = [
         {"robot": name} | agreement_with_pinocchio(read_urdf(urdf_path(name), locked))
@@ -75,19 +75,14 @@ def main() -> None:
         known=pd.concat(known, ignore_index=True),
         friction=pd.concat(friction, ignore_index=True),
         residuals=residuals[0],
-        stand_in=parameters["stand_in"],
-        motion=parameters["arm_motion"].used,
-        training=parameters["train_dynamics"],
-        learning_online=parameters["online"],
-        tracking=parameters["track"],
-        carried=parameters["record_motion"].payload,
+        chosen=chosen,
         trials=None if study is None else study.table,
     )
-    still = arm_still(str(urdf_path(arm.urdf)), robot.tree, results.motion)
-    find, shown = findings(results), tables(results)
-    page = dynamics_page(results, find, shown, parameters)
+    still = arm_still(str(urdf_path(arm.urdf)), robot.tree, chosen["arm_motion"].used)
+    find = findings(results)
+    page = dynamics_page(results, find)
     drawn = {"still": still, **drawings(results)}
-    publish_report("reports/dynamics", {"index": page}, drawn, shown, find, recorded=quoted_claims())
+    publish_report("reports/dynamics", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from structlearn.testbeds.dynamics.protocol.tracking import (
 )
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
-from structlearn.testbeds.dynamics.world.perturbed_robot import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.joint_logs import StandInParameters, stand_in
 
 MODELS = "data/dynamics/models"
 

@@ -7,14 +7,12 @@ from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_FORM
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters, tracked_reaches
-from structlearn.testbeds.dynamics.views.log_recordings import (
+from structlearn.testbeds.dynamics.views.arm_recordings import (
     DynamicsViewParameters,
-    shown_payload,
-    shown_torques,
     write_payload,
+    write_reaches,
     write_torques,
 )
-from structlearn.testbeds.dynamics.views.reaches_recording import write_reaches
 from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters
 
 
@@ -34,18 +32,17 @@ def main() -> None:
     cutoff_hz = stage_parameters("train_dynamics", DynamicsTrainingParameters).smoothing_hz
     motion, dt = files.as_motion(log, cutoff_hz), files.step_s(log)
     models = files.read_robot_models(int(seed), chosen.torque_models, SHOWN_FORM)
-    torques = shown_torques(robot, motion, dt, models, tracking.reaching.tool_m, chosen)
     picking_up, *_ = files.read_logs("payload").values()
     learned = tables["payload"][tables["payload"]["seed"] == tables["payload"]["seed"].min()]
-    payload = shown_payload(robot.tree, picking_up, learned, carried, chosen)
     with publish("reports/rerun/dynamics") as folder:
         folder.mkdir()
         write_reaches(folder / "reaches.rrd", urdf, names, reaches[IDEAL], "Dynamics: reaches (simulated)")
         title = "Dynamics: reaches of the stand-in (simulated)"
         write_reaches(folder / "robot_reaches.rrd", urdf, names, reaches[ROBOT], title)
-        title = "Dynamics: torques of the stand-in (simulated)"
-        write_torques(folder / "torques.rrd", urdf, torques, title, "Simulated.")
-        write_payload(folder / "payload.rrd", urdf, payload, "Dynamics: a payload picked up (simulated)")
+        title, tool_m = "Dynamics: torques of the stand-in (simulated)", tracking.reaching.tool_m
+        write_torques(folder / "torques.rrd", urdf, robot, motion, dt, models, tool_m, chosen, title)
+        title, path = "Dynamics: a payload picked up (simulated)", folder / "payload.rrd"
+        write_payload(path, urdf, robot.tree, picking_up, learned, carried, chosen, title)
 
 
 if __name__ == "__main__":

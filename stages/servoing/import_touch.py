@@ -3,7 +3,7 @@
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import read_demonstrations
 from structlearn.readers.runs import write_runs
-from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.tactile.touch_dataset import TouchDataParameters
 
 
 def main() -> None:

@@ -12,8 +12,8 @@ from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_models import write_models
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
-from structlearn.tactile.touch_preparation import TouchDataParameters
-from structlearn.testbeds.servoing.protocol.other_skins import learn_other_skin
+from structlearn.tactile.touch_dataset import TouchDataParameters
+from structlearn.testbeds.servoing.protocol.servo_trials import learn_other_skin
 from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters
 
 SHARED = {
@@ -36,7 +36,7 @@ def main() -> None:
         for name, one in found.items():
             write_models(one.models, one.units, folder / f"{name}.safetensors")
         for table in ("latent", "directions"):
-            parts = [getattr(one, table).assign(skin=name) for name, one in found.items()]
+            parts = [one.tables[table].assign(skin=name) for name, one in found.items()]
             write_table(pd.concat(parts, ignore_index=True), folder / f"{table}.parquet")
 
 

@@ -4,8 +4,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.runs import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.touch_dataset import write_dataset
-from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
+from structlearn.tactile.touch_dataset import TouchDataParameters, prepare, write_dataset
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ def main() -> None:
     write_models(comparison.models, comparison.units, "data/servoing/models.safetensors")
     with publish("data/servoing/evaluation") as folder:
         folder.mkdir()
-        for name, table in comparison.tables().items():
+        for name, table in comparison.tables.items():
             write_table(table, folder / f"{name}.parquet")
 
 

@@ -6,18 +6,15 @@ from structlearn.readers.runs import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters
-from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.tactile.touch_dataset import TouchDataParameters
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.views.demonstrated_touches import (
+    shown_touches,
     write_latent_maps,
     write_touch_demonstrations,
 )
 from structlearn.testbeds.servoing.views.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.views.servoing_scene import (
-    ServoingViewParameters,
-    flat_skin,
-    shown_touches,
-)
+from structlearn.testbeds.servoing.views.servoing_scene import FlatSkin, ServoingViewParameters
 from structlearn.testbeds.servoing.world.servo_loop import handle_of
 
 
@@ -26,7 +23,7 @@ def main() -> None:
     prepared = stage_parameters("touch_dataset", TouchDataParameters)
     person = stage_parameters("toucher", ToucherParameters)
     map_unit = stage_parameters("train_latent", LatentParameters).map_unit_m
-    skin, dataset, latent_map = SKINS[person.skin], files.touch(), files.model_scores().latent_map
+    skin, dataset, latent_map = SKINS[person.skin], files.touch(), files.tables("models")["latent_map"]
     shown = shown_touches(
         read_runs(files.RUNS),
         dataset,
@@ -36,14 +33,14 @@ def main() -> None:
         prepared.air_s,
     )
     points = dataset.contact_point
-    laid = flat_skin(skin, points, latent_map[["x", "y"]].to_numpy(float), map_unit)
-    with publish(files.RECORDINGS) as folder:
+    laid = FlatSkin.fitted(skin, points, latent_map[["x", "y"]].to_numpy(float), map_unit)
+    with publish("reports/rerun/servoing") as folder:
         folder.mkdir()
         handle_m = 1e-3 * person.handle_radius_mm
         write_touch_demonstrations(folder / "demonstrations.rrd", shown, skin, handle_m)
         write_latent_maps(folder / "latent.rrd", shown, laid, latent_map, points, chosen.map_points)
-        loops = files.closed_loops()
-        runs = shown_runs(loops.trials, loops.paths, chosen.trials)
+        loops = files.tables("loops")
+        runs = shown_runs(loops["trials"], loops["paths"], chosen.trials)
         write_servo_runs(folder / "servo.rrd", runs, laid, handle_of(person))
 
 

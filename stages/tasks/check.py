@@ -9,13 +9,14 @@ from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
 
 
 def main(files: TaskFiles) -> None:
-    if not files.skill.exists():
+    missing = "robot" if not files.has("robot") else "" if files.skill.exists() else "skill"
+    if missing:
         with publish(files.folder / "check") as folder:
-            leave_out(folder, "The task has no skill.")
-        return
-    skill = read_skill(files.skill)
-    write_check(check_skill(skill, files.part("robot", RobotParameters)), files.folder / "check")
+            leave_out(folder, f"The task has no {missing}.")
+    else:
+        robot = files.entry(RobotParameters, "robot")
+        write_check(check_skill(read_skill(files.skill), robot), files.folder / "check")
 
 
 if __name__ == "__main__":
-    run_for_task(main, "robot", "check")
+    run_for_task(main, "check")

@@ -8,7 +8,7 @@ from structlearn.feedback.coupling_model import write_networks
 from structlearn.tasks.movement import phase_corrections
 from structlearn.tasks.movement.feedback_learning import feedback_metrics, learn_feedback, write_feedback
 from structlearn.tasks.movement.movement_parameters import MovementEntry
-from structlearn.tasks.task_files import ABSENT, TaskFiles, run_for_task
+from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
 
 
 def main(files: TaskFiles) -> None:
@@ -16,7 +16,8 @@ def main(files: TaskFiles) -> None:
     with publish(files.folder / "feedback") as folder:
         folder.mkdir()
         if own.feedback is not None and own.segment is not None:
-            corrections = {setting: files.runs("corrections", setting) for setting in files.settings()}
+            settings = sorted(path.stem for path in (files.recorded / "corrections").glob("*.parquet"))
+            corrections = {setting: files.runs(f"corrections/{setting}") for setting in settings}
             data = files.runs("executions"), corrections, files.primitives()
             learned = learn_feedback(*data, own.segment, own.feedback)
             write_feedback(learned, folder)
@@ -27,7 +28,7 @@ def main(files: TaskFiles) -> None:
             except MissingInputError as missing:
                 reason = str(missing)
         if not any(folder.iterdir()):
-            (folder / ABSENT).write_text(f"{reason}\n", encoding="utf-8")
+            leave_out(folder, reason)
 
 
 def learn_over_phase(

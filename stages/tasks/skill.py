@@ -2,6 +2,7 @@
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
+from structlearn.core.params import value_at
 from structlearn.feedback.coupling_targets import sensor_channels
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace
 from structlearn.feedback.skill_file import provenance, write_skill
@@ -32,8 +33,9 @@ def main(files: TaskFiles) -> None:
         )
     with publish(files.folder / "skill") as folder:
         folder.mkdir()
-        values, digests = files.values()
-        write_skill(skill, folder / SKILL, provenance([], values) | {"bags": digests})
+        values = value_at(files.parameters, "entry")
+        bags = value_at(files.parameters, "files")
+        write_skill(skill, folder / SKILL, provenance([], values) | {"bags": bags})
 
 
 if __name__ == "__main__":

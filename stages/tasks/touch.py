@@ -37,7 +37,7 @@ def transfer(files: TaskFiles, parameters: TouchParameters, folder: Path) -> Non
     from structlearn.simulation import fingers
     from structlearn.simulation.touch import TouchFingerParameters
     from structlearn.simulation.touch_demonstrator import ToucherParameters
-    from structlearn.tactile.touch_preparation import TouchDataParameters
+    from structlearn.tactile.touch_dataset import TouchDataParameters
     from structlearn.tasks.touch.touch_transfer import compare_sets
 
     electrodes = stage_parameters("testbed.touch", fingers.TouchParameters)

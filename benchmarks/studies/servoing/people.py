@@ -14,7 +14,7 @@ from structlearn.simulation.touch_demonstrator import ToucherParameters, demonst
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_parameters import GeodesicParameters
-from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
+from structlearn.tactile.touch_dataset import TouchDataParameters, prepare
 
 
 def main() -> None:

@@ -13,8 +13,8 @@ from .latent_models import (
     write_models as write_models,
 )
 from .latent_training import train as train
-from .resting_servo import RestingServo as RestingServo
 from .servo_controller import (
+    RestingServo as RestingServo,
     ServoParameters as ServoParameters,
     TactileServo as TactileServo,
 )

@@ -3,43 +3,45 @@
 The seeds are spread over a few stacks, one process each, always the same seeds together: what comes out does
 not depend on the number of cores.
 
-Latent spaces are also learned alone, without dynamics, from one set of touches after another. Every set is
-seen in its own units: signals and pressure standardised, distances over their root mean square. So a network
-that learned from one set can be asked about another one, whose counts have other scales.
+Every error is normalised, so that latent spaces of different scales compare. Tables are long, one row per
+model and quantity; `structure` and `seed` name the latent space.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
 import torch
+from torch import Tensor
 
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.tactile.geodesics import Geodesics
-from structlearn.tactile.latent_evaluation import (
-    ChainData,
-    SplitData,
-    decoded_errors,
-    direction_errors,
-    forward_errors,
-    latent_errors,
-    latent_map,
+from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action
+from structlearn.tactile.latent_models import LatentModels, map_distance
+from structlearn.tactile.latent_parameters import (
+    FORWARD_OF,
+    NO_INVERSE,
+    TRAINED_WITH,
+    UNCHANGED,
+    LatentParameters,
 )
-from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_parameters import LatentParameters, LatentSpaceParameters
 from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
     Pairs,
     TrainingData,
     best_start,
     draw_pairs,
+    encoded,
     train,
     training_data,
 )
 from structlearn.tactile.touch_dataset import (
+    LINEAR,
     SPLITS,
     STRIDES,
     TEST_STRIDE,
@@ -52,28 +54,45 @@ from structlearn.tactile.touch_dataset import (
     touch_units,
 )
 
-NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
-"""Dynamics are not trained."""
+PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
+"""Parts of an action whose directions are compared."""
+
+SHORTEST = 1e-9  # floor of a norm by which is divided
+
+
+@dataclass(frozen=True)
+class SplitData:
+    """Samples and pairs of one split, in the networks' units."""
+
+    signals: Tensor  # (N, E)
+    pressure: Tensor  # (N,)
+    first: Tensor  # (K, E) signals of the pairs' first samples
+    second: Tensor  # (K, E) signals of their second ones
+    geodesic: Tensor  # (K,)
+
+
+@dataclass(frozen=True)
+class ChainData:
+    """Chains to test the dynamics on, in the networks' units."""
+
+    signals: Tensor  # (N, E) of all samples
+    rows: Tensor  # (L, C + 1) of the samples
+    actions: Tensor  # (L, C, 6)
+    time_step: Tensor  # (L,) s
 
 
 @dataclass(frozen=True)
 class LatentComparison:
-    """What came out."""
+    """What came out.
+
+    Tables are `latent`, `forward`, `decoded` and `directions`, see the functions `..._errors`, all but the
+    first on the test split; `latent_map`, see the function; and `curve`, key figures of the three while they
+    trained, on the test split: `step`, `structure`, `seed`, `quantity`, `value`.
+    """
 
     models: LatentModels  # all of them, of all seeds
     units: TouchUnits  # that they see touch in
-    latent: pd.DataFrame  # `latent_evaluation.latent_errors`
-    forward: pd.DataFrame  # `latent_evaluation.forward_errors` on the test split
-    decoded: pd.DataFrame  # `latent_evaluation.decoded_errors` on the test split
-    directions: pd.DataFrame  # `latent_evaluation.direction_errors` on the test split
-    # key figures of the three while they trained, on the test split: `step`, `structure`, `seed`, `quantity`,
-    # `value`
-    curve: pd.DataFrame
-    latent_map: pd.DataFrame  # `latent_evaluation.latent_map` of the first seed
-
-    def tables(self) -> dict[str, pd.DataFrame]:
-        """The tables by name."""
-        return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
+    tables: Mapping[str, pd.DataFrame]  # by name
 
 
 def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
@@ -91,27 +110,30 @@ def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParamet
     for name, split in SPLITS.items():
         compared = draw_pairs(dataset, geodesics, split, parameters.evaluation_pairs, rng)
         splits[name] = asked_of(units, dataset, compared, split)
-    tested = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
+    found = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
+    actions, time_step = as_tensor(found.actions / units.action_scale), as_tensor(found.time_step)
+    tested = ChainData(data.signals, torch.from_numpy(found.rows), actions, time_step)
     groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
-    work = [
-        (tuple(group.tolist()), data, splits, _chain_data(data, tested, units), units, parameters)
-        for group in groups
-    ]
-    stacks, *tables = zip(*parallel_map(_learned, work, "latent spaces", local=True), strict=True)
-    latent, forward, decoded, directions, curve = (pd.concat(parts, ignore_index=True) for parts in tables)
+    seeds = [tuple(group.tolist()) for group in groups]
+    learned = partial(_learned, data=data, splits=splits, tested=tested, units=units, parameters=parameters)
+    stacks, parts = zip(*parallel_map(learned, seeds, "latent spaces", local=True), strict=True)
     models = LatentModels.joined(stacks)
+    tables = {name: pd.concat([part[name] for part in parts], ignore_index=True) for name in parts[0]}
     shown = latent_map(models, data.signals, dataset)
-    return LatentComparison(models, units, latent, forward, decoded, directions, curve, shown)
+    return LatentComparison(models, units, tables | {"latent_map": shown})
 
 
 def _learned(
-    work: tuple[tuple[int, ...], TrainingData, dict[str, SplitData], ChainData, TouchUnits, LatentParameters],
-) -> tuple[LatentModels | pd.DataFrame, ...]:
-    """A trained stack, and its tables in the order of `LatentComparison`."""
-    seeds, data, splits, tested, units, parameters = work
-    training = parameters.training
+    seeds: tuple[int, ...],
+    data: TrainingData,
+    splits: Mapping[str, SplitData],
+    tested: ChainData,
+    units: TouchUnits,
+    parameters: LatentParameters,
+) -> tuple[LatentModels, dict[str, pd.DataFrame]]:
+    """A trained stack, and its tables."""
+    training, electrodes = parameters.training, data.signals.shape[1]
     generator = seeded(training.seed * 1000 + seeds[0])
-    electrodes = data.signals.shape[1]
     draws = [
         LatentModels.initial(seeds, electrodes, parameters.networks, generator)
         for _ in range(parameters.starts)
@@ -121,35 +143,28 @@ def _learned(
         models = best_start(draws, data, training, parameters.start_steps)
         for step in train(models, data, training):
             curve.append(_point(models, splits["test"], tested, training.action_penalty).assign(step=step))
-        tables = (
-            latent_errors(models, splits),
-            forward_errors(models, tested),
-            decoded_errors(models, tested, units),
-            direction_errors(models, tested, training.action_penalty),
-        )
-    return models.detached(), *tables, pd.concat(curve, ignore_index=True)
+        tables = {
+            "latent": latent_errors(models, splits),
+            "forward": forward_errors(models, tested),
+            "decoded": decoded_errors(models, tested, units),
+            "directions": direction_errors(models, tested, training.action_penalty),
+            "curve": pd.concat(curve, ignore_index=True),
+        }
+    return models.detached(), tables
 
 
 def _point(models: LatentModels, split: SplitData, tested: ChainData, penalty: float) -> pd.DataFrame:
     """Key figures of a stack on the test split: `structure`, `seed`, `quantity`, `value`."""
-    keys = ["structure", "seed"]
-    latent = latent_errors(models, {"test": split}).melt(
-        keys, ["reconstruction", "distances", "pressure"], "quantity"
-    )
+    keys, names = ["structure", "seed"], ["reconstruction", "distances", "pressure"]
+    latent = latent_errors(models, {"test": split}).melt(keys, names, "quantity")
     forward = forward_errors(models, tested).query("steps == 3 and forward != 'unchanged'")
     forward = forward.assign(quantity="forward " + forward["forward"] + "-" + forward["trained_with"])
     asked = direction_errors(models, tested, penalty).query("comparison == 'encoder'")
     asked = asked.assign(quantity="direction " + asked["inverse"] + "-" + asked["trained_with"])
     asked = asked.groupby([*keys, "quantity"], as_index=False)["distance"].mean()
-    columns = [*keys, "quantity", "value"]
-    return pd.concat(
-        [
-            latent[columns],
-            forward.rename(columns={"nmse": "value"})[columns],
-            asked.rename(columns={"distance": "value"})[columns],
-        ],
-        ignore_index=True,
-    )
+    same = {"nmse": "value", "distance": "value"}
+    tables = [table.rename(columns=same)[[*keys, "quantity", "value"]] for table in (latent, forward, asked)]
+    return pd.concat(tables, ignore_index=True)
 
 
 def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: str) -> Chains:
@@ -164,61 +179,10 @@ def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: s
     return found
 
 
-def _chain_data(data: TrainingData, found: Chains, units: TouchUnits) -> ChainData:
-    rows, time_step = torch.from_numpy(found.rows), as_tensor(found.time_step)
-    return ChainData(data.signals, rows, as_tensor(found.actions / units.action_scale), time_step)
-
-
-def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:
-    """Units of a set by its training samples; that of length is the root mean square distance on the skin.
-
-    Raises:
-        InputError: there is no training sample, or an electrode, the pressure or the velocity never changes.
-    """
-    length = float(np.sqrt(np.mean(np.square(geodesics.distance, dtype=float))))
-    return touch_units(samples, chains(samples, CHAIN_STEPS, split=TRAIN), length)
-
-
-def learn_spaces(
-    samples: TouchDataset, geodesics: Geodesics, units: TouchUnits, parameters: LatentSpaceParameters
-) -> LatentModels:
-    """Train autoencoders of all seeds, with and without structure, on the training samples of a set.
-
-    Returns the stack; its dynamics are as they were drawn. Raises InputError: a bin has fewer than two
-    training samples.
-    """
-    rng = np.random.default_rng(parameters.training.seed)
-    pairs = draw_pairs(samples, geodesics, TRAIN, parameters.pair_pool, rng)
-    return learn_from(samples, pairs, NO_CHAINS, units, parameters)
-
-
-def learn_from(
-    samples: TouchSamples, pairs: Pairs, taught: Chains, units: TouchUnits, parameters: LatentSpaceParameters
-) -> LatentModels:
-    """Train models of all seeds, with and without structure, on pairs whose distances are known.
-
-    `pairs`: of training samples; `taught`: chains of training samples; without any, dynamics stay as they
-    were drawn.
-    """
-    training = parameters.training
-    data = training_data(samples, pairs, taught, units)
-    models = LatentModels.initial(
-        range(parameters.seeds),
-        samples.signals.shape[1],
-        parameters.networks,
-        seeded(training.seed),
-        actions=taught.actions.shape[-1],
-    )
-    with one_thread():
-        for _ in train(models, data, training):
-            pass  # only the end counts
-    return models.detached()
-
-
 def seen_in(
     units: TouchUnits, samples: TouchDataset, geodesics: Geodesics, split: int, pairs: int
 ) -> SplitData:
-    """Samples and random pairs of one split, to test latent spaces on (`latent_evaluation.latent_errors`).
+    """Samples and random pairs of one split, to test latent spaces on (`latent_errors`).
 
     `split`: which samples. Raises InputError: a bin has fewer than two samples of the split.
     """
@@ -237,3 +201,160 @@ def asked_of(units: TouchUnits, samples: TouchSamples, found: Pairs, split: int)
         second=as_tensor(signals[found.second]),
         geodesic=as_tensor(found.distance / units.length),
     )
+
+
+@torch.no_grad()
+def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.DataFrame:
+    """Normalised mean squared errors of the autoencoders.
+
+    Returns `structure`, `seed`, `split`, `reconstruction` (mean over electrodes), `worst_electrode` (their
+    largest), `distances` (map against geodesic), `pressure`.
+    """
+    spaces = models.autoencoders
+    tables = []
+    for split, data in splits.items():
+        signals, first, second = (
+            values.T.expand(len(models), -1, -1) for values in (data.signals, data.first, data.second)
+        )
+        latent = spaces.encoder.forward(signals)
+        electrodes = _nmse(spaces.decoder.forward(latent), signals)  # (M, E)
+        distance = map_distance(spaces.encoder.forward(first), spaces.encoder.forward(second))
+        errors = {
+            "reconstruction": electrodes.mean(dim=1),
+            "worst_electrode": electrodes.amax(dim=1),
+            "distances": _nmse(distance, data.geodesic),
+            "pressure": _nmse(latent[:, 2], data.pressure),
+        }
+        tables.append(_by_model(models, errors, split=split))
+    return pd.concat(tables, ignore_index=True)
+
+
+@torch.no_grad()
+def forward_errors(models: LatentModels, data: ChainData) -> pd.DataFrame:
+    """Normalised mean squared error of chained predictions, meant over latent dimensions (figure II.4).
+
+    Returns `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`, and its
+    parts: `plane`, of the first two dimensions, and `third`, of the third, which with structure are the map
+    and the pressure. Rows with the forward model `UNCHANGED` hold that of the prediction that nothing moves.
+    """
+    latents, predictions = _predictions(models, data)
+    tables = []
+    for (forward, way), predicted in predictions.items():
+        for steps, found in enumerate(predicted, start=1):
+            nmse = _nmse(found, latents[steps])
+            errors = {"nmse": nmse.mean(dim=1), "plane": nmse[:, :2].mean(dim=1), "third": nmse[:, 2]}
+            tables.append(_by_model(models, errors, forward=forward, trained_with=way, steps=steps))
+    return pd.concat(tables, ignore_index=True)
+
+
+@torch.no_grad()
+def decoded_errors(models: LatentModels, data: ChainData, units: TouchUnits) -> pd.DataFrame:
+    """Errors of the touch that predictions are decoded to: one yardstick for all latent spaces.
+
+    Without structure a latent state is any three numbers that the readings can be decoded from, and its NMSE
+    is of these; what is decoded can be held against what was measured. Returns `structure`, `seed`,
+    `forward`, `trained_with`, `steps`; NMSE of `electrodes` (mean over these) and of `pressure` p = -mean(s).
+    """
+    _, predictions = _predictions(models, data)
+    scale, mean = (torch.from_numpy(values).float() for values in (units.signal_scale, units.signal_mean))
+
+    def pressure(signals: Tensor) -> Tensor:
+        return -(signals * scale[:, None] + mean[:, None]).mean(dim=-2)
+
+    tables = []
+    for (forward, way), predicted in predictions.items():
+        for steps, found in enumerate(predicted, start=1):
+            measured = data.signals[data.rows[:, steps]].T
+            decoded = models.autoencoders.decoder.forward(found)
+            errors = {
+                "electrodes": _nmse(decoded, measured.expand_as(decoded)).mean(dim=1),
+                "pressure": _nmse(pressure(decoded), pressure(measured)),
+            }
+            tables.append(_by_model(models, errors, forward=forward, trained_with=way, steps=steps))
+    return pd.concat(tables, ignore_index=True)
+
+
+@torch.no_grad()
+def direction_errors(models: LatentModels, data: ChainData, penalty: float) -> pd.DataFrame:
+    """Cosine distances of the inverse models, weighted by the norm of the true action (figure II.5).
+
+    Asked for the action from the second to the third sample of each chain. An action has to lead to
+    `forward`, what the forward model predicts for the true action, or to `encoder`, the latent state that
+    followed; both are compared with the true action, and in `agreement` with each other. `data`: chains of at
+    least two actions; `penalty`: beta of the inverse models. Returns `structure`, `seed`, `inverse`,
+    `trained_with`, `comparison`, `part`, `distance` (0 to 2).
+    """
+    latents, actions, time_step = _along_chains(models, data, samples=3)
+    step = LatentStep(latents[1], latents[0], actions[0], time_step)
+    tables = []
+    for inverse, forward in FORWARD_OF.items():
+        for way in (NO_INVERSE, inverse):
+            dynamics = models.dynamics(forward, way)
+            predicted = chained(dynamics, step.latent, actions[1:], time_step)[0]
+            by_forward, by_encoder = (
+                inferred_action(inverse, dynamics, step, target, penalty)
+                for target in (predicted, latents[2])
+            )
+            comparisons = {
+                "forward": (by_forward, actions[1]),
+                "encoder": (by_encoder, actions[1]),
+                "agreement": (by_encoder, by_forward),
+            }
+            for (comparison, (found, wanted)), part in product(comparisons.items(), PARTS):
+                its = PARTS[part]
+                distance = _cosine_distance(found[:, its], wanted[:, its], actions[1][:, its].norm(dim=1))
+                keys = {"inverse": inverse, "trained_with": way, "comparison": comparison, "part": part}
+                tables.append(_by_model(models, {"distance": distance}, **keys))
+    return pd.concat(tables, ignore_index=True)
+
+
+@torch.no_grad()
+def latent_map(models: LatentModels, signals: Tensor, dataset: TouchDataset) -> pd.DataFrame:
+    """Where the samples lie in the latent space of the first seed that has structure (figure II.3).
+
+    `signals` (N, E) of all samples, in the networks' units; `dataset`: the samples. Returns `x`, `y`, `z` in
+    the networks' units; `electrode` (1 to E) with the largest negative change, `split`.
+    """
+    first = models.autoencoders.encoder.part(slice(0, 1))
+    latent = first.forward(signals.T[None])[0].numpy()
+    columns = dict(zip("xyz", latent, strict=True))
+    return pd.DataFrame(columns | {"electrode": dataset.signals.argmin(axis=1) + 1, "split": dataset.split})
+
+
+def _by_model(models: LatentModels, errors: Mapping[str, Tensor], **keys: str | int) -> pd.DataFrame:
+    """A row per autoencoder: `structure`, `seed`, the keys, and errors (M,) by name."""
+    columns = keys | {name: values.tolist() for name, values in errors.items()}
+    return pd.DataFrame(models.keys(), columns=["structure", "seed"]).assign(**columns)
+
+
+def _predictions(models: LatentModels, data: ChainData) -> tuple[Tensor, dict[tuple[str, str], Tensor]]:
+    """Latent states (C + 1, M, 3, B), and what forward models predict of those after the first, by kind."""
+    latents, actions, time_step = _along_chains(models, data)
+    predictions = {(UNCHANGED, NO_INVERSE): latents[:1].expand_as(latents[1:])}
+    for forward, ways in TRAINED_WITH.items():
+        for way in ways:
+            dynamics = models.dynamics(forward, way)
+            predictions[forward, way] = chained(dynamics, latents[0], actions, time_step)
+    return latents, predictions
+
+
+def _along_chains(
+    models: LatentModels, data: ChainData, samples: int | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Latent states (C + 1, M, 3, B), actions (C, M, 6, B) and time steps (B,) of the first samples."""
+    rows = data.rows[:, :samples]
+    latents = encoded(models, data.signals, rows.expand(len(models.seeds), -1, -1))
+    actions = data.actions[:, : rows.shape[1] - 1].permute(1, 2, 0)[:, None]
+    return latents, actions.expand(-1, len(models), -1, -1), data.time_step
+
+
+def _nmse(prediction: Tensor, target: Tensor) -> Tensor:
+    """Mean squared error over variance along the last axis, as `structlearn.core.metrics.nmse`."""
+    return (prediction - target).square().mean(dim=-1) / target.var(dim=-1, unbiased=False)
+
+
+def _cosine_distance(found: Tensor, wanted: Tensor, weight: Tensor) -> Tensor:
+    """1 - cosine between vectors (M, D, B), its weighted mean over samples (M,)."""
+    norms = found.norm(dim=1).clamp_min(SHORTEST) * wanted.norm(dim=1).clamp_min(SHORTEST)
+    cosine = (found * wanted).sum(dim=1) / norms
+    return (weight * (1.0 - cosine)).sum(dim=-1) / weight.sum(dim=-1)

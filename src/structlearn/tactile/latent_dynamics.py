@@ -43,10 +43,18 @@ class AffineDynamics:
 
 
 @dataclass(frozen=True)
-class LocallyLinearDynamics:
-    """M locally linear models."""
+class StackedDynamics:
+    """M forward models, each a network."""
 
-    network: StackedLayers  # gives the entries of A, B and c
+    network: StackedLayers
+
+    def part(self, models: slice) -> Self:
+        """Some of the models."""
+        return type(self)(self.network.part(models))
+
+
+class LocallyLinearDynamics(StackedDynamics):
+    """M locally linear models, whose networks give the entries of A, B and c."""
 
     @classmethod
     def initial(
@@ -55,10 +63,6 @@ class LocallyLinearDynamics:
         """Models to be trained, with a network of these hidden layers, for actions of K components."""
         sizes = (LATENT, *hidden, LATENT * (LATENT + actions + 1))
         return cls(StackedLayers.initial(models, sizes, generator))
-
-    def part(self, models: slice) -> Self:
-        """Some of the models."""
-        return type(self)(self.network.part(models))
 
     @property
     def actions(self) -> int:
@@ -77,21 +81,14 @@ class LocallyLinearDynamics:
         return self.affine(latent).rate(latent, action)
 
 
-@dataclass(frozen=True)
-class NonLinearDynamics:
-    """M non-linear models with one hidden layer of tanh, whose Jacobians are closed-form."""
-
-    network: StackedLayers  # of [z, a]
+class NonLinearDynamics(StackedDynamics):
+    """M non-linear models of [z, a] with one hidden layer of tanh, whose Jacobians are closed-form."""
 
     @classmethod
     def initial(cls, models: int, hidden: int, generator: torch.Generator, actions: int = ACTION) -> Self:
         """Models to be trained, with so many nodes in the hidden layer, for actions of K components."""
         sizes = (LATENT + actions, hidden, LATENT)
         return cls(StackedLayers.initial(models, sizes, generator))
-
-    def part(self, models: slice) -> Self:
-        """Some of the models."""
-        return type(self)(self.network.part(models))
 
     @property
     def actions(self) -> int:
@@ -216,18 +213,8 @@ def receding_horizon_action(
 
     Minimises sum_k |z_T - z_k|^2 / 2 + penalty sum_k |a_k|^2 / 2 over k = 1..H steps of the affine dynamics.
     The states are an affine function of all actions, z = free + G a, so the solution has the form of
-    appendix A: a = G^T (G G^T + penalty 1)^-1 (z_T - free).
-
-    Args:
-        dynamics: at the latent states; kept for all steps.
-        latent: (M, 3, B) z.
-        target: (M, 3, B) z_T.
-        time_step: s.
-        penalty: beta > 0.
-        horizon: steps H.
-
-    Returns:
-        (M, K, B) actions.
+    appendix A: a = G^T (G G^T + penalty 1)^-1 (z_T - free). `dynamics` at the latent states is kept for all
+    steps; `latent`, `target` (M, 3, B); `time_step` s; `horizon`: steps H. Returns (M, K, B) actions.
     """
     state = dynamics.state.permute(0, 3, 1, 2) * time_step + torch.eye(LATENT, dtype=latent.dtype)
     action = dynamics.action.permute(0, 3, 1, 2) * time_step  # (M, B, 3, K)
@@ -239,15 +226,11 @@ def receding_horizon_action(
         missing.append(goal - free)
         blocks.append(state @ blocks[-1])
     nothing = torch.zeros_like(action)
-    effect = torch.cat(
-        [
-            torch.cat(
-                [blocks[step - cause] if cause <= step else nothing for cause in range(horizon)], dim=-1
-            )
-            for step in range(horizon)
-        ],
-        dim=-2,
-    )  # (M, B, 3 H, K H)
+    effects = [
+        [blocks[step - cause] if cause <= step else nothing for cause in range(horizon)]
+        for step in range(horizon)
+    ]
+    effect = torch.cat([torch.cat(row, dim=-1) for row in effects], dim=-2)  # (M, B, 3 H, K H)
     gram = effect @ effect.mT + penalty * torch.eye(LATENT * horizon, dtype=latent.dtype)
     multipliers = torch.linalg.solve(gram, torch.cat(missing, dim=-2))
     return (effect.mT[..., : action.shape[-1], :] @ multipliers)[..., 0].transpose(1, 2)
@@ -256,10 +239,7 @@ def receding_horizon_action(
 def _solved(matrix: Tensor, vector: Tensor) -> Tensor:
     """S^-1 v by cofactors, for symmetric (M, 3, 3, B) and (M, 3, B): the library's solver is slow."""
     first, second, third = matrix.unbind(dim=1)
-    cofactors = [
-        torch.linalg.cross(second, third, dim=1),
-        torch.linalg.cross(third, first, dim=1),
-        torch.linalg.cross(first, second, dim=1),
-    ]
+    pairs = ((second, third), (third, first), (first, second))
+    cofactors = [torch.linalg.cross(*pair, dim=1) for pair in pairs]
     determinant = (first * cofactors[0]).sum(dim=1, keepdim=True)
     return applied(torch.stack(cofactors, dim=1), vector) / determinant

@@ -42,7 +42,7 @@ FORWARD_OF: dict[InverseModel, str] = {
 
 
 class NetworkParameters(Parameters):
-    """Sizes of the networks (II.4.1.3). Fields: `params.yaml`, `train_latent.networks`."""
+    """Sizes of the networks (II.4.1.3)."""
 
     encoder_hidden: tuple[PositiveInt, ...]
     locally_linear_hidden: tuple[PositiveInt, ...]
@@ -50,10 +50,7 @@ class NetworkParameters(Parameters):
 
 
 class LossWeights(Parameters):
-    """Weights of the losses (eq. II.23, II.24), for quantities in the units of `TouchUnits`.
-
-    Fields: `params.yaml`, `train_latent.training.weights`.
-    """
+    """Weights of the losses (eq. II.23, II.24), for quantities in the units of `TouchUnits`."""
 
     reconstruction: float = Field(ge=0)
     distances: float = Field(ge=0)
@@ -63,7 +60,7 @@ class LossWeights(Parameters):
 
 
 class LatentTrainingParameters(Parameters):
-    """How latent spaces and dynamics are trained. Fields: `params.yaml`, `train_latent.training`."""
+    """How latent spaces and dynamics are trained."""
 
     steps: PositiveInt
     batch_size: PositiveInt
@@ -91,7 +88,7 @@ class LatentParameters(Parameters):
 
 
 class LatentSpaceParameters(Parameters):
-    """How latent spaces are learned from a small set. Fields: `params.yaml`, `train_latent`."""
+    """How latent spaces are learned from a small set."""
 
     seeds: PositiveInt
     networks: NetworkParameters
@@ -125,23 +122,16 @@ class SensorDescription(Parameters):
     def seen(self, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signals that a latent space learns from, and the contact pressure.
 
-        Args:
-            counts: (N, E) readings less the resting ones.
-
-        Returns:
-            signals: (N, E), or (N, E + 1) by norm: unit vectors and the logarithm of the norm.
-            pressure: (N,) p = -mean(s) where readings fall (eq. II.1), mean(s) where they rise, else the
-                norm; by norm its logarithm.
-
-        Raises:
-            InputError: the number of channels is another one, or a row that is divided by its norm is zero.
+        `counts` (N, E): readings less the resting ones. Returns signals (N, E), or (N, E + 1) by norm: unit
+        vectors and the logarithm of the norm; and pressure (N,), p = -mean(s) where readings fall (eq. II.1),
+        mean(s) where they rise, else the norm; by norm its logarithm. Raises InputError: the number of
+        channels is another one, or a row that is divided by its norm is zero.
         """
         if counts.shape[1] != len(self.channels):
             raise InputError(f"sensor: {counts.shape[1]} channels, its description has {len(self.channels)}")
         strength = np.linalg.norm(counts, axis=1)
-        pressure = {"falls": -counts.mean(axis=1), "rises": counts.mean(axis=1), "either": strength}[
-            self.change
-        ]
+        pressures = {"falls": -counts.mean(axis=1), "rises": counts.mean(axis=1), "either": strength}
+        pressure = pressures[self.change]
         if not self.by_norm:
             return counts, pressure
         if not strength.all():

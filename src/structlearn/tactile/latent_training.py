@@ -17,17 +17,33 @@ from torch import Tensor
 from tqdm import tqdm
 
 from structlearn.core.errors import InputError
-from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
+from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread, seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action
 from structlearn.tactile.latent_models import LatentModels, latent_losses
-from structlearn.tactile.latent_parameters import FORWARD_OF, TRAINED_WITH, LatentTrainingParameters
-from structlearn.tactile.touch_dataset import Chains, TouchSamples, TouchUnits
+from structlearn.tactile.latent_parameters import (
+    FORWARD_OF,
+    TRAINED_WITH,
+    LatentSpaceParameters,
+    LatentTrainingParameters,
+)
+from structlearn.tactile.touch_dataset import (
+    TRAIN,
+    Chains,
+    TouchDataset,
+    TouchSamples,
+    TouchUnits,
+    chains,
+    touch_units,
+)
 
 CHAIN_STEPS = 3  # actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)
 DRAWN_AT_ONCE = 100  # steps whose batches are drawn in one call
 COMPARED_PAIRS = 4096  # pairs by which starts are compared
 SHORTEST_ACTION = 1e-6  # floor of the length by which an action is divided, in the networks' units
+
+NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
+"""Dynamics are not trained."""
 
 
 @dataclass(frozen=True)
@@ -89,13 +105,8 @@ def training_data(dataset: TouchSamples, pairs: Pairs, chains: Chains, units: To
 def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingParameters) -> Iterator[int]:
     """Train a stack in place; in the pauses the caller may evaluate it.
 
-    Args:
-        models: the stack.
-        data: what it trains on; without chains the dynamics stay as they are.
-        parameters: of the training.
-
-    Yields:
-        Steps done, every `evaluate_every` of them and at the end.
+    Without chains among the data the dynamics stay as they are. Yields steps done, every `evaluate_every` of
+    them and at the end.
     """
     rngs = [np.random.default_rng([parameters.seed, seed]) for seed in models.seeds]
     descents = [
@@ -105,7 +116,7 @@ def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingPa
             _batches(len(drawn_from), parameters, rngs),
         )
         for trained, loss, drawn_from in (
-            (models.autoencoders.parameters(), autoencoder_loss, data.pairs),
+            (models.autoencoders.parameters(), autoencoder_losses, data.pairs),
             (models.dynamics_parameters(), dynamics_loss, data.chains),
         )
         if len(drawn_from)
@@ -114,7 +125,8 @@ def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingPa
         rate = parameters.learning_rate * 0.5 * (1.0 + np.cos(np.pi * step / parameters.steps))
         for optimiser, loss, batches in descents:
             optimiser.rate = rate
-            optimiser.step(loss(models, data, next(batches), parameters))
+            # a sum over models mixes no gradients
+            optimiser.step(loss(models, data, next(batches), parameters).sum())
         done = step + 1
         if done % parameters.evaluate_every == 0 or done == parameters.steps:
             yield done
@@ -137,7 +149,7 @@ def best_start(
         for _ in train(models, alone, short):
             pass  # only the end counts
         with torch.no_grad():
-            losses.append(_autoencoder_losses(models, data, drawn, parameters))
+            losses.append(autoencoder_losses(models, data, drawn, parameters))
     best = torch.stack(losses).argmin(dim=0)
     arrays = [models.to_arrays() for models in draws]  # they share memory with the stacks
     for name in (name for name in arrays[0] if name.startswith(("encoder.", "decoder."))):
@@ -146,17 +158,55 @@ def best_start(
     return draws[0]
 
 
-def autoencoder_loss(
-    models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
-) -> Tensor:
-    """Loss of the autoencoders (eq. II.23) on pairs (S, B), summed over models: gradients do not mix."""
-    return _autoencoder_losses(models, data, drawn, parameters).sum()
+def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:
+    """Units of a set by its training samples; that of length is the root mean square distance on the skin.
+
+    Raises InputError: as `touch_units`.
+    """
+    length = float(np.sqrt(np.mean(np.square(geodesics.distance, dtype=float))))
+    return touch_units(samples, chains(samples, CHAIN_STEPS, split=TRAIN), length)
 
 
-def _autoencoder_losses(
+def learn_spaces(
+    samples: TouchDataset, geodesics: Geodesics, units: TouchUnits, parameters: LatentSpaceParameters
+) -> LatentModels:
+    """Train autoencoders of all seeds, with and without structure, on the training samples of a set.
+
+    Returns the stack; its dynamics are as they were drawn. Raises InputError: a bin has fewer than two
+    training samples.
+    """
+    rng = np.random.default_rng(parameters.training.seed)
+    pairs = draw_pairs(samples, geodesics, TRAIN, parameters.pair_pool, rng)
+    return learn_from(samples, pairs, NO_CHAINS, units, parameters)
+
+
+def learn_from(
+    samples: TouchSamples, pairs: Pairs, taught: Chains, units: TouchUnits, parameters: LatentSpaceParameters
+) -> LatentModels:
+    """Train models of all seeds, with and without structure, on pairs whose distances are known.
+
+    `pairs`: of training samples; `taught`: chains of training samples; without any, dynamics stay as they
+    were drawn.
+    """
+    training = parameters.training
+    data = training_data(samples, pairs, taught, units)
+    models = LatentModels.initial(
+        range(parameters.seeds),
+        samples.signals.shape[1],
+        parameters.networks,
+        seeded(training.seed),
+        actions=taught.actions.shape[-1],
+    )
+    with one_thread():
+        for _ in train(models, data, training):
+            pass  # only the end counts
+    return models.detached()
+
+
+def autoencoder_losses(
     models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
-    """Loss of each autoencoder (M,)."""
+    """Loss of each autoencoder (M,) on pairs (S, B) (eq. II.23)."""
     rows = data.pairs[drawn].transpose(1, 2).flatten(1)  # (S, 2 B): all first ones, then all second ones
     losses = latent_losses(
         models.autoencoders,
@@ -172,7 +222,7 @@ def _autoencoder_losses(
 def dynamics_loss(
     models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
-    """Loss of the dynamics (eq. II.11, II.24), summed over models: their gradients do not mix.
+    """Loss of the dynamics (eq. II.11, II.24), summed over models.
 
     `models`: the stack; nothing flows back into its encoders; `drawn` (S, B) numbers of chains, per seed.
     """

@@ -8,6 +8,21 @@
 
 All seeds of a stack act at once, each on trials of its own: arrays are (S, T, ...), seeds and trials. Numbers
 go in and out as numpy arrays in SI units and counts; inside, everything is in double precision.
+
+`TactileServo` is as published: the inverse models ask the forward model for its value and its derivative at
+one action. It was trained on demonstrated actions, so both are good on average over these and may be anything
+in between: a person who sweeps steadily shows no slow moves, and hardly shows how pitch and yaw act. Hence
+`RestingServo` acts on what the forward model knows well, and on what is seen of the rest:
+
+    rest:           a finger at rest keeps its touch, zd(z, 0) = 0, whatever the model says of it
+    likely actions: beta |a|^2 becomes beta |u|^2, u = a / s, s the root mean squares of demonstrated actions
+    spread:         S = d zd / d u is the slope of the model between the actions -h s and h s, one at a time
+    correction:     S + E acts, where E is what the finger's own steps say that S is wrong by,
+                    E <- E + kappa ((z_t - z_t-1) / dt - (S + E) u_t-1) u_t-1^T / (1 + |u_t-1|^2)
+
+The last is the normalised least-mean-squares rule, or Broyden's update of a Jacobian, damped. It says nothing
+at rest, u = 0, and never takes E further from the true error for kappa <= 2 and slopes that stay the same.
+The inverse models stay what they are: LL and NJ solve appendix A's problem, NG goes down the gradient.
 """
 
 from dataclasses import dataclass
@@ -20,14 +35,19 @@ from torch import Tensor
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.tactile.latent_dynamics import (
+    AffineDynamics,
+    ForwardDynamics,
     LatentStep,
+    LocallyLinearDynamics,
     affine_dynamics,
+    applied,
     inferred_action,
     receding_horizon_action,
 )
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
+    LATENT,
     NEGATIVE_GRADIENT,
     NO_INVERSE,
     STRUCTURES,
@@ -65,16 +85,8 @@ class ServoMemory:
 class TactileServo:
     """Controllers of all seeds of a stack, for latent spaces with or without structure.
 
-    Args:
-        models: trained models.
-        units: that they see touch in.
-        structure: whether the latent space has structure.
-        parameters: of the controller.
-        rate_hz: steps of prediction per second; the models were trained for about 3.
-        actions_per_step: W.
-
-    Raises:
-        InputError: NG has no longer horizon.
+    `units`: that the models see touch in; `rate_hz`: steps of prediction per second, the models were trained
+    for about 3; `actions_per_step`: W. Raises InputError: NG has no longer horizon.
     """
 
     def __init__(
@@ -108,10 +120,8 @@ class TactileServo:
 
     def decode(self, latent: np.ndarray) -> np.ndarray:
         """Signals (S, T, E) counts of latent states (S, T, 3)."""
-        return (
-            _array(self._decoder.forward(as_states(latent))) * self.units.signal_scale
-            + self.units.signal_mean
-        )
+        decoded = _array(self._decoder.forward(as_states(latent)))
+        return decoded * self.units.signal_scale + self.units.signal_mean
 
     def start(self, latent: np.ndarray) -> ServoMemory:
         """Memory at the start, after a rest: the latent states (S, T, 3) were the same, the action was 0."""
@@ -124,10 +134,16 @@ class TactileServo:
     ) -> tuple[np.ndarray, ServoMemory]:
         """The next action.
 
-        `latent` (S, T, 3) z_t; `target` (S, T, 3) z_T; `memory`: of the step before, W actions long. Returns:
-        Actions (S, T, K), m/s and rad/s in the frame of the finger, and the memory for the next step.
+        `latent` (S, T, 3) z_t; `target` (S, T, 3) z_T; `memory`: of the step before, W actions long. Returns
+        actions (S, T, K), m/s and rad/s in the frame of the finger, and the memory for the next step.
         """
-        return self._done(self._unbounded(self._step(latent, memory), as_states(target)), latent, memory)
+        chosen, step, goal = self.parameters, self._step(latent, memory), as_states(target)
+        if chosen.horizon > 1:
+            found = self._ahead(affine_dynamics(self._dynamics, step), step, goal)
+        else:
+            found = inferred_action(chosen.inverse, self._dynamics, step, goal, chosen.action_penalty)
+            found = chosen.gradient_gain * found if chosen.inverse == NEGATIVE_GRADIENT else found
+        return self._done(found, latent, memory)
 
     def _step(self, latent: np.ndarray, memory: ServoMemory) -> LatentStep:
         before, since = memory.latent[0], memory.action.mean(axis=0)
@@ -144,15 +160,123 @@ class TactileServo:
         )
         return bounded * self.units.action_scale, after
 
-    def _unbounded(self, step: LatentStep, target: Tensor) -> Tensor:
+    def _ahead(self, dynamics: AffineDynamics, step: LatentStep, target: Tensor) -> Tensor:
         chosen = self.parameters
-        if chosen.horizon > 1:
-            dynamics = affine_dynamics(self._dynamics, step)
-            return receding_horizon_action(
-                dynamics, step.latent, target, self._time_step, chosen.action_penalty, chosen.horizon
-            )
-        found = inferred_action(chosen.inverse, self._dynamics, step, target, chosen.action_penalty)
-        return chosen.gradient_gain * found if chosen.inverse == NEGATIVE_GRADIENT else found
+        return receding_horizon_action(
+            dynamics, step.latent, target, self._time_step, chosen.action_penalty, chosen.horizon
+        )
+
+
+@dataclass(frozen=True)
+class Caution:
+    """How far the forward model is trusted."""
+
+    by_likelihood: bool  # whether actions are measured by how likely they are; else all alike, as in the text
+    spread: float  # h, half the distance over which slopes are taken, in s; 0: derivatives at rest
+    correction: float  # kappa; 0: the model is never corrected
+
+
+@dataclass(frozen=True)
+class RestingMemory:
+    """What a finger remembers of its own steps."""
+
+    before: ServoMemory  # the last step
+    error: Tensor  # E, (S, 3, K, T), by which the model's slopes are wrong
+
+
+class RestingServo(TactileServo):
+    """Controllers as `TactileServo`, with a memory of their own.
+
+    NG takes the step along its gradient that is best for the slope. `caution`: how far the forward model is
+    trusted.
+    """
+
+    def __init__(
+        self,
+        models: LatentModels,
+        units: TouchUnits,
+        structure: bool,
+        parameters: ServoParameters,
+        rate_hz: float,
+        actions_per_step: int,
+        caution: Caution,
+    ) -> None:
+        """See the class."""
+        super().__init__(models, units, structure, parameters, rate_hz, actions_per_step)
+        self.caution = caution
+        likely = units.likely_action / units.action_scale
+        likely = likely if caution.by_likelihood else np.ones_like(likely)
+        self._likely = torch.from_numpy(likely)[:, None]  # (K, 1)
+
+    def start(self, latent: np.ndarray) -> RestingMemory:  # type: ignore[override]  # it takes its own memory
+        """As `TactileServo.start`; nothing is known yet of the model's errors."""
+        seeds, trials = latent.shape[:2]
+        unknown = torch.zeros(seeds, LATENT, len(self._likely), trials, dtype=torch.float64)
+        return RestingMemory(super().start(latent), unknown)
+
+    @torch.no_grad()
+    def act(  # type: ignore[override]  # likewise
+        self, latent: np.ndarray, target: np.ndarray, memory: RestingMemory
+    ) -> tuple[np.ndarray, RestingMemory]:
+        """As `TactileServo.act`."""
+        step = self._step(latent, memory.before)
+        slope = action_slope(self._dynamics, step.latent, self._likely, self.caution.spread)
+        slope = slope * self._likely.T[..., None]
+        error = corrected(memory.error, slope, step, self._likely, self.caution.correction)
+        found = self._towards(as_states(target), step, slope + error)
+        action, before = self._done(found * self._likely, latent, memory.before)
+        return action, RestingMemory(before, error)
+
+    def _towards(self, target: Tensor, step: LatentStep, slope: Tensor) -> Tensor:
+        """Likely actions (M, K, B) that lead to a target."""
+        if self.parameters.inverse == NEGATIVE_GRADIENT:
+            missing = (target - step.latent) / step.time_step
+            return steepest_action(slope, missing, self.parameters.action_penalty / step.time_step**2)
+        unmoved = slope.new_zeros(*slope.shape[:2], LATENT, slope.shape[-1])
+        return self._ahead(AffineDynamics(unmoved, slope, torch.zeros_like(target)), step, target)
+
+
+def corrected(error: Tensor, slope: Tensor, step: LatentStep, likely: Tensor, rate: float) -> Tensor:
+    """What the last step says that slopes are wrong by.
+
+    `error` (M, 3, K, B) E before; `slope` (M, 3, K, B) S of the model, per likely action; `likely` (K, 1)
+    scales of likely actions; `rate`: kappa. Returns (M, 3, K, B) E.
+    """
+    action = step.previous_action / likely
+    seen = (step.latent - step.previous_latent) / step.time_step
+    missed = (seen - applied(slope + error, action)) / (1.0 + action.square().sum(dim=1, keepdim=True))
+    return error + rate * missed[:, :, None] * action[:, None]
+
+
+def action_slope(dynamics: ForwardDynamics, latent: Tensor, likely: Tensor, spread: float) -> Tensor:
+    """By how much an action changes the rate of the latent state.
+
+    `latent` (M, 3, B); `likely` (K, 1) scales of likely actions; `spread`: half the distance over which
+    slopes are taken, in these scales; 0: derivatives at rest. Returns (M, 3, K, B).
+    """
+    rest = latent.new_zeros(latent.shape[0], dynamics.actions, latent.shape[-1])
+    if isinstance(dynamics, LocallyLinearDynamics):
+        return dynamics.affine(latent).action  # the same for all actions
+    if spread == 0:
+        return dynamics.jacobians(latent, rest)[1]
+    slopes = []
+    for component in range(dynamics.actions):
+        reach = spread * float(likely[component])
+        action = rest.clone()
+        action[:, component] = reach
+        slopes.append((dynamics.rate(latent, action) - dynamics.rate(latent, -action)) / (2 * reach))
+    return torch.stack(slopes, dim=2)
+
+
+def steepest_action(slope: Tensor, missing: Tensor, ridge: Tensor) -> Tensor:
+    """Along the gradient at rest, as far as |missing - slope a|^2 + ridge |a|^2 falls.
+
+    `slope` (M, 3, K, B); `missing` (M, 3, B) wanted rate; `ridge` (1,) or (M, 1, B) >= 0. Returns (M, K, B).
+    """
+    downhill = applied(slope.transpose(1, 2), missing)
+    squared = downhill.square().sum(dim=1, keepdim=True)
+    curvature = applied(slope, downhill).square().sum(dim=1, keepdim=True) + ridge * squared
+    return downhill * squared / curvature.clamp(min=torch.finfo(slope.dtype).tiny)
 
 
 def as_states(values: np.ndarray) -> Tensor:

@@ -20,7 +20,7 @@ from structlearn.core.frames import UP
 from structlearn.readers.bag import RawMessages, write_bag
 from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.messages import joint_messages, to_messages
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.recording import Kind, Recording, Stream
 from structlearn.simulation.arm import urdf_path
 from structlearn.simulation.hand_noise import hand_noise
 
@@ -74,34 +74,20 @@ ELBOW_RAD = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.8, 0.0, 0.0])  # where t
 
 @dataclass(frozen=True)
 class Take:
-    """One demonstration before anything records it.
+    """One demonstration before anything records it, on T points of a grid at `GRID_HZ`."""
 
-    Attributes:
-        name: "01", "02", ...
-        moves: names of those that are made.
-        time: (T,) s, at `GRID_HZ`.
-        position: (T, 3) m of the fingertips.
-        orientation: (T, 4) w, x, y, z.
-        opening: (T,) m of each finger.
-        load: (T,) kg that is carried.
-        segments: (P, 2) s, between which each move is seen (`ONSET_SPEED`).
-        planned: (P, 2) s, between which it is made; it begins and ends slower than anybody sees.
-        seed: of the set.
-        capture, arm: sources of the noise of motion capture, and of the other devices.
-    """
-
-    name: str
-    moves: tuple[str, ...]
-    time: np.ndarray
-    position: np.ndarray
-    orientation: np.ndarray
-    opening: np.ndarray
-    load: np.ndarray
-    segments: np.ndarray
-    planned: np.ndarray
-    seed: int
-    capture: np.random.SeedSequence
-    arm: np.random.SeedSequence
+    name: str  # "01", "02", ...
+    moves: tuple[str, ...]  # names of those that are made
+    time: np.ndarray  # (T,) s
+    position: np.ndarray  # (T, 3) m of the fingertips
+    orientation: np.ndarray  # (T, 4) w, x, y, z
+    opening: np.ndarray  # (T,) m of each finger
+    load: np.ndarray  # (T,) kg that is carried
+    segments: np.ndarray  # (P, 2) s, between which each move is seen (`ONSET_SPEED`)
+    planned: np.ndarray  # (P, 2) s, between which it is made; it begins and ends slower than anybody sees
+    seed: int  # of the set
+    capture: np.random.SeedSequence  # of the noise of motion capture
+    arm: np.random.SeedSequence  # of that of the other devices
 
 
 def takes(
@@ -124,29 +110,30 @@ def takes(
         without: moves that are not made, by demonstration, e.g. `{"04": "carry"}`.
     """
     seeds = np.random.SeedSequence([seed, moves]).spawn(count)
-    names = [f"{number + 1:02d}" for number in range(count)]
-    goals = [
-        {move: goal for move, goal in MOVES[moves].items() if move != (without or {}).get(name)}
-        for name in names
-    ]
-    return [
-        _take(name, seed, goals[place], GRASP[moves], twitch, hesitation, seeds[place])
-        for place, name in enumerate(names)
-    ]
+    found = []
+    for number, source in enumerate(seeds, 1):
+        left_out = (without or {}).get(f"{number:02d}")
+        goals = {move: goal for move, goal in MOVES[moves].items() if move != left_out}
+        found.append(_take(f"{number:02d}", seed, goals, GRASP[moves], twitch, hesitation, source))
+    return found
 
 
 def as_recording(take: Take) -> Recording:
-    """A take as motion capture alone saw it."""
-    return Recording(take.name, (_captured(take),), _since_first_stamp(take), _provenance(take))
+    """A take as motion capture alone saw it; its true segments count from the first pose."""
+    captured = _captured(take)
+    late_s = 1e-9 * float(captured.stamps[0] - _start_ns(take))
+    provenance = {
+        "origin": "simulated",
+        "generator": __name__,
+        "version": structlearn.__version__,
+        "seed": str(take.seed),
+        "what": f"an arm is led: {', '.join(take.moves)}",
+    }
+    return Recording(take.name, (captured,), take.segments - late_s, provenance)
 
 
 def write_takes(made: Sequence[Take], folder: Path) -> None:
-    """Write a bag per take: `/gripper/pose`, `/joint_states`, `/gripper/joint_states`, `/wrist/wrench`.
-
-    Args:
-        made: of `takes`.
-        folder: there it is.
-    """
+    """Write a bag per take: `/gripper/pose`, `/joint_states`, `/gripper/joint_states`, `/wrist/wrench`."""
     for take in made:
         write_bag(folder / f"{take.name}.mcap", to_metadata(as_recording(take)), _topics(take).items())
 
@@ -282,27 +269,15 @@ def _topics(take: Take) -> dict[str, RawMessages]:
     velocities = np.gradient(angles, JOINTS_EVERY / GRID_HZ, axis=0)
     opening = np.repeat(take.opening[::GRIPPER_EVERY, None], 2, axis=1)
     force = np.outer(-9.81 * take.load[::JOINTS_EVERY], [0.0, 0.0, 1.0])
-    wrench = np.hstack([force, np.zeros_like(force)]) + FORCE_N * rng.standard_normal((len(force), 6)) * (
-        [1, 1, 1, 0.1, 0.1, 0.1]
-    )
-    where = take.name
+    noise = FORCE_N * rng.standard_normal((len(force), 6)) * [1, 1, 1, 0.1, 0.1, 0.1]
+    wrench = Stream("/wrist/wrench", "wrench", stamps, np.hstack([force, np.zeros_like(force)]) + noise)
+    arm: dict[Kind, np.ndarray] = {"joint_positions": angles, "joint_velocities": velocities}
+    hand = ["panda_finger_joint1", "panda_finger_joint2"]
     return {
-        capture.topic: to_messages(f"{where}: {capture.topic}", capture),
-        "/joint_states": joint_messages(
-            f"{where}: /joint_states",
-            names,
-            stamps,
-            {"joint_positions": angles, "joint_velocities": velocities},
-        ),
-        "/gripper/joint_states": joint_messages(
-            f"{where}: /gripper/joint_states",
-            ["panda_finger_joint1", "panda_finger_joint2"],
-            fingers,
-            {"joint_positions": opening},
-        ),
-        "/wrist/wrench": to_messages(
-            f"{where}: /wrist/wrench", Stream("/wrist/wrench", "wrench", stamps, wrench)
-        ),
+        capture.topic: to_messages(take.name, capture),
+        "/joint_states": joint_messages(take.name, names, stamps, arm),
+        "/gripper/joint_states": joint_messages(take.name, hand, fingers, {"joint_positions": opening}),
+        wrench.topic: to_messages(take.name, wrench),
     }
 
 
@@ -312,30 +287,17 @@ def _stamps(take: Take, every: int, rng: np.random.Generator) -> np.ndarray:
     bound = 0.4 * every / GRID_HZ  # no stamp overtakes the next
     jitter = np.clip(JITTER_S * rng.standard_normal(len(time)), -bound, bound)
     jitter[0] = abs(jitter[0])
-    start = EPOCH_NS + (int(take.name) - 1) * BETWEEN_NS
-    return start + np.round(1e9 * (time + jitter)).astype(np.int64)
+    return _start_ns(take) + np.round(1e9 * (time + jitter)).astype(np.int64)
 
 
-def _since_first_stamp(take: Take) -> np.ndarray:
-    """True segments count from the first pose."""
-    start = EPOCH_NS + (int(take.name) - 1) * BETWEEN_NS
-    return take.segments - 1e-9 * float(_captured(take).stamps[0] - start)
-
-
-def _provenance(take: Take) -> dict[str, str]:
-    return {
-        "origin": "simulated",
-        "generator": "structlearn.tasks.pick_and_place_world",
-        "version": structlearn.__version__,
-        "seed": str(take.seed),
-        "what": f"an arm is led: {', '.join(take.moves)}",
-    }
+def _start_ns(take: Take) -> int:
+    return EPOCH_NS + (int(take.name) - 1) * BETWEEN_NS
 
 
 def _joint_angles(position: np.ndarray, orientation: np.ndarray) -> tuple[list[str], np.ndarray]:
     """Names of the arm's joints, and their angles (N, 7) in rad at poses of the fingertips.
 
-    Each pose is looked for from the one before, so that angles do not jump.
+    Each search starts at the pose before, so that angles do not jump.
     """
     import pinocchio
 

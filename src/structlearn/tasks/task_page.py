@@ -1,12 +1,13 @@
 """The page of a task: a section for every part that it has, and the claims about a public set."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import Judged, judge, read_claims, unknown
-from structlearn.reporting.document import Document, Source, environment
+from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion import motion_section
@@ -29,9 +30,11 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "movement": (
         cuts_section.came_in_section,
         cuts_section.cuts_section,
+        cuts_section.rests_section,
         primitives_section.primitives_section,
         primitives_section.turns_section,
         primitives_section.execution_section,
+        primitives_section.traces_section,
         corrections_section.phase_section,
         corrections_section.feedback_section,
         check_section.skill_section,
@@ -43,50 +46,51 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
 }
 """By kind: what makes each section, None where the task has no such part; in order."""
 
-STAGES = {
-    "recordings": ("recorded", "import_movement"),
-    "demonstrations": ("recorded", "import_movement"),
-    "segments": ("segments", "segment"),
-    "primitives": ("primitives", "primitives"),
-    "feedback": ("feedback", "feedback"),
-    "skill": ("skill", "skill"),
-    "check": ("check", "check"),
-    "motion": ("motion", "motion"),
-    "touch": ("touch", "touch"),
-    "obstacles": ("obstacles", "obstacles"),
+STAGES = {"recorded": "import_movement", "segments": "segment"}
+STAGES |= {
+    name: name for name in ("primitives", "feedback", "skill", "check", "motion", "touch", "obstacles")
 }
-"""By the name of a source: folder of the task's data, and the stage that writes it."""
+"""By folder of a task's data: the stage that writes it."""
 
 
 def publish_page(files: TaskFiles) -> None:
     """Publish the page of a task with its figures, tables, claims and key figures."""
     kind, task, absent = files.kind, read_checked(files.parameters), files.absent
-    parts = () if absent else SECTIONS[kind]
-    made = [(make(files), make.__module__) for make in parts]
+    made = [(make(files), make.__module__) for make in (() if absent else SECTIONS[kind])]
     sections = [_in_package(section, module) for section, module in made if section is not None]
-    shown = {section.name: section for section in sections}
-    tables = {name: table for section in sections for name, table in section.tables.items()}
-    pictures = {name: drawing for section in sections for name, drawing in section.pictures.items()}
+    sources = {
+        folder: Source(f"{files.folder}/{folder}", f"{pipeline()}:{stage}@{files.name}")
+        for folder, stage in STAGES.items()
+    }
+    sources |= dict.fromkeys(("recordings", "demonstrations"), sources["recorded"])
     find = Findings()
+    tables: dict[str, Table] = {}
+    pictures: dict[str, Drawing | Sequence[Drawing]] = {}
     for section in sections:
         find.include(section.find)
+        tables |= section.tables
+        pictures |= section.pictures
+        sources |= section.sources
     public = is_public(task.source)
-    facts: dict[str, Any] = {name: section.facts for name, section in shown.items()}
+    again = command(files.name, public)
+    facts: dict[str, Any] = {section.name: section.facts for section in sections}
     facts |= find.numbers() | {
         "find": find,
         "task": files.name,
         "title": task.title or files.name,
-        "stage": STAGES[kind][1] if kind in STAGES else "segment",
+        "stage": "segment" if kind == "movement" else kind,
         "file": entry_files()[0 if public else -1].as_posix(),
         "public": public,
         "lab": is_lab(),
         "pipeline": pipeline(),
-        "again": command(files.name, public),
+        "again": again,
         "absent": absent,
         "left_out": files.left_out().to_dict("records"),
         "sections": sections,
-        "shown": shown,
     }
+    simulated = (
+        kind == "movement" and not absent and any(one.simulated for one in files.runs("demonstrations"))
+    )
     page = Document(
         template="task.html.jinja",
         package=PACKAGE,
@@ -94,18 +98,12 @@ def publish_page(files: TaskFiles) -> None:
         facts=facts,
         tables=tables,
         judged=judged(files.name, find, facts),
-        sources={
-            name: Source(f"{files.folder}/{folder}", f"{pipeline()}:{stage}@{files.name}")
-            for name, (folder, stage) in STAGES.items()
-        }
-        | {name: source for section in sections for name, source in section.sources.items()},
+        sources=sources,
         parameters={f"{kind}.{files.name}": task},
         recordings="rerun",
         root="../..",
-        command=command(files.name, public),
-        simulated=kind == "movement"
-        and not absent
-        and any(one.simulated for one in files.runs("demonstrations")),
+        command=again,
+        simulated=simulated,
     )
     publish_report(files.report, {"index": page}, pictures, tables, find)
 

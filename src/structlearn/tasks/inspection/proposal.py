@@ -14,16 +14,8 @@ from structlearn.readers.messages import READERS
 from structlearn.readers.topics import JointPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
-from structlearn.tasks.inspection.hand_paths import Candidate
-from structlearn.tasks.inspection.motion_survey import MotionSurvey
-from structlearn.tasks.inspection.source_survey import (
-    FileSeen,
-    SourceSeen,
-    TopicSeen,
-    arm_of,
-    clocks_of,
-    series_of,
-)
+from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, pose_words
+from structlearn.tasks.inspection.source_survey import SourceSeen
 from structlearn.tasks.task_files import local_path
 
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
@@ -48,18 +40,21 @@ def propose(
     seen: SourceSeen, hand: Candidate, others: Sequence[Candidate], motion: MotionSurvey | None
 ) -> Proposal:
     """The entry for what was seen: the chosen source of poses, others, the likelier first, and its motion."""
+    source = hand.source
     topics, doubts = _topics(seen, hand, others)
+    read = [source if isinstance(source, str) else source.topic]  # not transforms at rest
+    read += [topics[kind] for kind in ("joint_states", "wrench") if kind in topics]
+    read = list(dict.fromkeys([*read, *topics.get("tactile", [])]))
     entry: dict[str, Any] = {"source": from_home(seen.source), "topics": topics}
-    read = _read(hand, topics)
-    stamps, doubts["stamps"] = _stamps(seen.files, read, hand)
-    if stamps:
+    stamps, doubts["stamps"] = _stamps(seen, read, hand)
+    if doubts["stamps"]:
         entry["stamps"] = stamps
     number, doubts["segment.primitives"] = _primitives(motion)
     entry["segment"] = {"primitives": number}
-    if seen.urdf is not None and isinstance(hand.source, JointPose) and hand.source.urdf == seen.urdf:
-        known = [name for file in seen.files if (arm := arm_of(file.topics)) for name in arm[1].names]
+    if seen.urdf is not None and isinstance(source, JointPose):
+        known = [name for _, joints in seen.arms() for name in joints.names]
         locked = [joint for joint in moving_joints(local_path(seen.urdf)) if joint not in known]
-        entry["robot"] = {"urdf": from_home(seen.urdf), "tip": hand.source.tip, "locked_joints": locked}
+        entry["robot"] = {"urdf": from_home(seen.urdf), "tip": source.tip, "locked_joints": locked}
     if seen.damaged:
         doubts["source"] = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"]
     return Proposal(task_name(seen.source), entry, {key: said for key, said in doubts.items() if said}, read)
@@ -78,39 +73,43 @@ def from_home(path: str) -> str:
     return f"~/{Path(path).relative_to(home)}" if Path(path).is_relative_to(home) else path
 
 
-def _read(hand: Candidate, topics: Mapping[str, Any]) -> list[str]:
-    """Topics that are named, but those of transforms at rest, whose stamps say nothing."""
-    pose = hand.source if isinstance(hand.source, str) else hand.source.topic
-    joints = topics.get("joint_states", [])
-    joints = [joints] if isinstance(joints, str) else joints
-    rest = [*joints, *([topics["wrench"]] if "wrench" in topics else []), *topics.get("tactile", [])]
-    return list(dict.fromkeys([pose, *rest]))
-
-
 def _topics(
     seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]
 ) -> tuple[dict[str, Any], dict[str, list[str]]]:
-    source, files = hand.source, seen.files
+    source = hand.source
     topics: dict[str, Any] = {"pose": source if isinstance(source, str) else source.model_dump()}
     doubts: dict[str, list[str]] = {"topics.pose": list(_pose_doubts(seen, hand, others))}
-    arms = [found[0] for file in files if (found := arm_of(file.topics))]
-    states = _of_types(files, READERS["joint_states"])
+    arms = [topic for topic, _ in seen.arms()]
+    states = _of_types(seen, READERS["joint_states"])
     if arms and (arm := max(sorted(set(arms)), key=arms.count)) in states:
-        parts = [arm, *_other_kinds(files[0].topics, arm, states)]
-        topics["joint_states"] = parts if parts[1:] else arm
-        doubts["topics.joint_states"] = list(_joint_doubts(files, parts, states))
-    if wrenches := _of_types(files, READERS["wrench"]):
+        topics["joint_states"] = arm
+        said = doubts["topics.joint_states"] = []
+        if any("joint_torques" in joints.values for topic, joints in seen.arms() if topic == arm):
+            said.append(
+                f"efforts: below `motion:` an entry {{source, topic: {arm}, urdf}} identifies the arm"
+            )
+        if elsewhere := [topic for topic in states if topic != arm]:
+            said.append(f"also there: {', '.join(elsewhere)}")
+    if wrenches := _of_types(seen, READERS["wrench"]):
         topics["wrench"] = wrenches[0]
         doubts["topics.wrench"] = [f"also there: {', '.join(wrenches[1:])}"] if wrenches[1:] else []
-    arrays = _of_types(files, READERS["tactile"])
+    arrays = _of_types(seen, READERS["tactile"])
     if touch := [topic for topic in arrays if TOUCH.search(topic)]:
         topics["tactile"] = touch
         doubts["topics.tactile"] = ["by their names; are these tactile sensors?"]
     if left := [topic for topic in arrays if topic not in touch]:
-        doubts.setdefault("topics.tactile" if touch else "topics.pose", []).append(
-            f"arrays that may be tactile sensors: {', '.join(left)}"
-        )
+        key = "topics.tactile" if touch else "topics.pose"
+        doubts[key].append(f"arrays that may be tactile sensors: {', '.join(left)}")
     return topics, doubts
+
+
+def _of_types(seen: SourceSeen, types: Collection[str]) -> list[str]:
+    """Topics of such messages that every file has, in the order of their names."""
+    fitting = [
+        {name for name, its in file.topics.items() if its.clocks and set(its.types) <= set(types)}
+        for file in seen.files
+    ]
+    return sorted(set.intersection(*fitting))
 
 
 def _pose_doubts(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
@@ -118,69 +117,27 @@ def _pose_doubts(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate])
         yield "it does not move"
     if missing := [file.name for file in seen.files if file.name not in hand.paths]:
         yield f"not in {_listed(missing)}, which cannot be read by this entry"
-    if isinstance(hand.source, str):
-        frames = {frame for _, _, clocks in clocks_of(seen.files, [hand.source]) for frame in clocks.frames}
-        if len(frames) > 1:
-            yield f"its messages are of several frames: {', '.join(sorted(frames))}"
     if others:
-        ways = [f"{one.words}, which goes {one.travelled:.4g} m" for one in others]
+        ways = [f"{pose_words(one.source)}, which goes {one.travelled:.4g} m" for one in others]
         yield f"also there: {_listed(ways, 3)}"
 
 
-def _other_kinds(topics: Mapping[str, TopicSeen], arm: str, states: Sequence[str]) -> list[str]:
-    """Topics on which velocities or torques of the same joints are by themselves."""
-    kinds, found = _kinds(topics[arm]), []
-    for topic in states:
-        if _names(topics[topic]) == _names(topics[arm]) and not kinds & _kinds(topics[topic]):
-            kinds |= _kinds(topics[topic])
-            found.append(topic)
-    return found
-
-
-def _kinds(seen: TopicSeen) -> set[str]:
-    return {kind for joints in seen.joints for kind in joints.values}
-
-
-def _names(seen: TopicSeen) -> set[str]:
-    return {name for joints in seen.joints for name in joints.names}
-
-
-def _joint_doubts(files: Sequence[FileSeen], parts: Sequence[str], states: Sequence[str]) -> Iterator[str]:
-    arm = parts[0]
-    sets = set()
-    for file in files:
-        by_publisher: dict[int, tuple[str, ...]] = {}
-        for joints in file.topics[arm].joints:
-            by_publisher[joints.publisher] = by_publisher.get(joints.publisher, ()) + joints.names
-        sets |= set(by_publisher.values())
-    if len(sets) > 1:
-        most = max(sorted(sets), key=len)
-        others = "; ".join(", ".join(names) for names in sorted(sets - {most}))
-        yield f"several publish on it; taken is {', '.join(most)}, not {others} (`joints` names others)"
-    if any("joint_torques" in _kinds(file.topics[arm]) for file in files):
-        yield f"it has efforts: below `motion:` an entry {{source, topic: {arm}, urdf}} identifies the arm"
-    if elsewhere := [topic for topic in states if topic not in parts]:
-        yield f"also there: {', '.join(elsewhere)}"
-
-
-def _stamps(
-    files: Sequence[FileSeen], read: Sequence[str], hand: Candidate
-) -> tuple[dict[str, str], list[str]]:
-    """What differs from header stamps that increase, and why."""
-    off = max((out_of_step(file, read) for file in files), default=0.0)
+def _stamps(seen: SourceSeen, read: Sequence[str], hand: Candidate) -> tuple[dict[str, str], list[str]]:
+    """How stamps are to be read, and why where this is not the default."""
+    off, _ = out_of_step(seen, read)
     by_log = off > IN_STEP_S[1]
-    logs = [(name, topic, one.log) for name, topic, one in clocks_of(files, read)]
-    taken = logs if by_log else series_of(files, read, hand.source)
-    repeated, backward = (sum(getattr(one, kind) for _, _, one in taken) for kind in ("repeated", "backward"))
+    logs = [(name, topic, one.log) for name, topic, one in seen.clocks(read)]
+    taken = logs if by_log else seen.series(read, hand.source)
+    repeated, backward = sum(one.repeated for *_, one in taken), sum(one.backward for *_, one in taken)
     disorder = "sort" if backward else "drop" if repeated else "error"
     doubts = [f"clocks of headers are out of step by {off:.3g} s: the log's is taken"] if by_log else []
     if repeated or backward:
-        where = sorted({f"{name} {topic}" for name, topic, one in taken if one.repeated or one.backward})
+        where = sorted({f"{name} {topic}" for name, topic, one in taken if one.disorder})
         doubts.append(
-            f"of {sum(one.count for _, _, one in taken)} stamps {repeated} repeat and {backward} run back, "
+            f"of {sum(one.count for *_, one in taken)} stamps {repeated} repeat and {backward} run back, "
             f"in {_listed(where)}; `error` would refuse them"
         )
-    return {"clock": "log" if by_log else "header", "disorder": disorder} if doubts else {}, doubts
+    return {"clock": "log" if by_log else "header", "disorder": disorder}, doubts
 
 
 def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
@@ -209,13 +166,3 @@ def _listed(words: Sequence[str], most: int = 4) -> str:
     """Words with commas, and how many more there are."""
     more = f" and {len(words) - most} more" if len(words) > most else ""
     return ", ".join(words[:most]) + more
-
-
-def _of_types(files: Sequence[FileSeen], types: Collection[str]) -> list[str]:
-    """Topics of such messages that every file has, in the order of their names."""
-
-    def fits(seen: TopicSeen | None) -> bool:
-        return seen is not None and seen.clocks is not None and set(seen.types) <= set(types)
-
-    every = sorted({topic for file in files for topic in file.topics})
-    return [topic for topic in every if all(fits(file.topics.get(topic)) for file in files)]

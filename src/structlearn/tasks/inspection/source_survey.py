@@ -1,11 +1,10 @@
 """What the files of a source hold, as far as it matters for learning from them.
 
 Files are opened one after another; what cannot be read is remembered by its reason, and the others go on.
-Camera images are looked at topic by topic, since those of one file may be larger than the memory.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages
@@ -20,62 +19,71 @@ from structlearn.readers.survey import Stamps, TopicClocks, stamps_of, topic_clo
 from structlearn.readers.topics import JointPose, TopicMap, TransformPose
 from structlearn.readers.transforms import TransformSeries, transform_series
 from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
-from structlearn.tasks.inspection.hand_paths import HandPath, PoseSource, hand_path
+from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path
-
-BEHIND_STAMP = 12
-"""Bytes of a message's encapsulation and of its header's stamp; of an array without one, of its layout."""
-
-MANY = 10
-"""Messages from which on it is odd that all are alike."""
 
 AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
 """Disorder is counted elsewhere and refused by nobody here."""
 
-LARGE = ("Image", "CompressedImage", "PointCloud2", "PointCloud", "CompressedVideo", "CompressedPointCloud2")
-"""Types whose topics are looked at one by one."""
+KNOWN = {name for types in READERS.values() for name in types}
+"""Types whose messages are looked at; of others, such as camera images, only the topic is listed."""
 
 
-@dataclass(frozen=True)
-class TopicSeen:
-    """A topic of a file; without `clocks` where it has no ROS 2 messages.
+class TopicSeen(NamedTuple):
+    """A topic of a file; without `clocks` where it has no messages that can be read.
 
     `series`: stamps of the joints of whoever publishes the most, else those of the topic; `fault`: why joint
-    states or transforms cannot be read; `frozen`: whether all messages say the same, but for their stamps.
+    states or transforms cannot be read.
     """
 
     types: tuple[str, ...]
     clocks: TopicClocks | None
-    joints: tuple[JointSeries, ...] = ()
-    links: tuple[TransformSeries, ...] = ()
-    series: tuple[Stamps, ...] = ()
+    joints: Sequence[JointSeries] = ()
+    links: Sequence[TransformSeries] = ()
+    series: Sequence[Stamps] = ()
     fault: str = ""
-    frozen: bool = False
 
 
-@dataclass(frozen=True)
-class FileSeen:
+class FileSeen(NamedTuple):
     """A file that could be opened: topics by name, the path of each source of poses, or why it has none."""
 
-    file: RecordingFile
+    name: str
+    format: str
     topics: Mapping[str, TopicSeen]
     hands: Mapping[PoseSource, HandPath]
     no_hands: Mapping[PoseSource, str]
 
-    @property
-    def name(self) -> str:
-        """Of the recording."""
-        return self.file.name
 
-
-@dataclass(frozen=True)
-class SourceSeen:
+class SourceSeen(NamedTuple):
     """All files of a source in natural order; of those that could not be opened the reason."""
 
     source: str
     urdf: str | None
     files: tuple[FileSeen, ...]
     damaged: Mapping[str, str]
+
+    def on(self, topics: Sequence[str]) -> Iterator[tuple[str, str, TopicSeen]]:
+        """Those of some topics that are there, each with its file and name."""
+        for file in self.files:
+            yield from ((file.name, name, file.topics[name]) for name in topics if name in file.topics)
+
+    def clocks(self, topics: Sequence[str]) -> list[tuple[str, str, TopicClocks]]:
+        """Clocks of those of the topics that have messages, each with its file and topic."""
+        return [(file, name, seen.clocks) for file, name, seen in self.on(topics) if seen.clocks]
+
+    def series(self, topics: Sequence[str], pose: PoseSource) -> list[tuple[str, str, Stamps]]:
+        """Stamps of every series on the topics, with its file and topic; of transforms those of the pose."""
+        of_pose = {file.name: [file.hands[pose].stamps] for file in self.files if pose in file.hands}
+        framed = pose.topic if isinstance(pose, TransformPose) else ""
+        return [
+            (file, name, stamps)
+            for file, name, seen in self.on(topics)
+            for stamps in (of_pose.get(file, seen.series) if name == framed else seen.series)
+        ]
+
+    def arms(self) -> list[tuple[str, JointSeries]]:
+        """`arm_of` each file that has one."""
+        return [arm for file in self.files if (arm := arm_of(file.topics))]
 
 
 def look_at(source: str, urdf: str | None = None) -> SourceSeen:
@@ -100,22 +108,19 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
 
 def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
     """Open one file, or raise an InputError."""
-    present = open_bag(file, ()).topics
-    large = [topic for topic, types in present.items() if any(name.endswith(LARGE) for name in types)]
-    topics: dict[str, TopicSeen] = {}
-    for group in [[topic for topic in present if topic not in large], *([topic] for topic in large)]:
-        messages = open_bag(file, group).messages if group else {}
-        for topic in group:
-            where = f"{file.path}: topic '{topic}'"
-            topics[topic] = _topic_seen(where, topic, present[topic], messages.get(topic))
-    topics = {topic: topics[topic] for topic in sorted(topics)}
+    types = {topic: tuple(map(short_name, names)) for topic, names in open_bag(file, ()).topics.items()}
+    messages = open_bag(file, [topic for topic, names in types.items() if KNOWN.issuperset(names)]).messages
+    topics = {
+        topic: _topic_seen(f"{file.path}: topic '{topic}'", topic, types[topic], messages.get(topic))
+        for topic in sorted(types)
+    }
     hands, no_hands = {}, {}
     for source in pose_sources(topics, urdf):
         try:
             hands[source] = hand_path(_poses(file, source))
         except InputError as error:
             no_hands[source] = str(error)
-    return FileSeen(file, topics, hands, no_hands)
+    return FileSeen(file.name, file.format, topics, hands, no_hands)
 
 
 def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
@@ -125,15 +130,16 @@ def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
     return max(arms, key=lambda arm: len(arm[1].names), default=None)
 
 
-def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessages | None) -> TopicSeen:
-    names = tuple(short_name(name) for name in types)
+def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMessages | None) -> TopicSeen:
     if messages is None:
         return TopicSeen(names, None)
-    clocks = topic_clocks(messages)
-    joints: Sequence[JointSeries] = ()
-    links: Sequence[TransformSeries] = ()
-    series, fault = [clocks.own], ""
+    clocks, fault = TopicClocks(stamps_of(messages.log_times)), ""
+    joints: list[JointSeries] = []
+    links: list[TransformSeries] = []
+    series = [clocks.own]
     try:
+        clocks = topic_clocks(where, messages)
+        series = [clocks.own]
         if set(names) <= READERS["joint_states"].keys():
             joints, mended = joint_series(where, topic, messages, AS_THEY_COME)
             if joints and mended is None:
@@ -143,9 +149,7 @@ def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessa
             links = [found[edge] for edge in sorted(found)]
     except InputError as error:
         fault = str(error)
-    first, *others = messages.data
-    frozen = len(others) >= MANY and all(one[BEHIND_STAMP:] == first[BEHIND_STAMP:] for one in others)
-    return TopicSeen(names, clocks, tuple(joints), tuple(links), tuple(series), fault, frozen)
+    return TopicSeen(names, clocks, joints, links, series, fault)
 
 
 def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[PoseSource]:
@@ -188,32 +192,6 @@ def frame_pairs(
             above |= set(way[hand + 1 :])
     ends = [pair for pair in pairs if pair[1] not in above]
     return sorted(ends, key=lambda pair: (not HANDS.search(pair[1]), pair[1]))
-
-
-def clocks_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[str, str, TopicClocks]]:
-    """Clocks of those of the topics that have messages, each with its file and topic."""
-    return [
-        (file.name, topic, clocks)
-        for file in files
-        for topic in topics
-        if topic in file.topics and (clocks := file.topics[topic].clocks)
-    ]
-
-
-def series_of(
-    files: Sequence[FileSeen], topics: Sequence[str], pose: PoseSource
-) -> list[tuple[str, str, Stamps]]:
-    """Stamps of every series on the topics, with its file and topic; of transforms those of the pose."""
-    found = []
-    for file in files:
-        of_pose = (file.hands[pose].stamps,) if pose in file.hands else ()
-        for topic in topics:
-            if topic in file.topics:
-                its = file.topics[topic].series
-                if isinstance(pose, TransformPose) and topic == pose.topic:
-                    its = of_pose or its
-                found += [(file.name, topic, stamps) for stamps in its]
-    return found
 
 
 def _poses(file: RecordingFile, source: PoseSource) -> Stream:

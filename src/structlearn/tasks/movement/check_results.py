@@ -1,10 +1,8 @@
 """What checking a skill on a robot found: margins of every quantity in every run, and verdicts.
 
-A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1. As a program it
-prints them (`make check TASK=pick`); exit code 1 where something fails.
+A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1.
 """
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -91,26 +89,20 @@ def overall(verdicts: pd.Series) -> str:
 
 def write_check(check: SkillCheck, folder: str | Path) -> None:
     """Publish what was found as a folder of Parquet tables, one per attribute."""
-    rest = {"joint": list(check.rest), "rest": list(check.rest.values())}
+    rest = pd.DataFrame({"joint": list(check.rest), "rest": list(check.rest.values())})
     with publish(folder) as path:
         path.mkdir()
         write_table(check.margins, path / "margins.parquet")
-        write_table(pd.DataFrame(rest), path / "rest.parquet")
+        write_table(rest, path / "rest.parquet")
         write_table(pd.DataFrame({"note": pd.Series(check.notes, dtype=str)}), path / "notes.parquet")
 
 
 def read_check(folder: str | Path) -> SkillCheck:
-    """Read what was found. Raises InputError: a file is missing, damaged or another one."""
-    margins, rest, notes = (read_table(Path(folder) / f"{name}.parquet", its) for name, its in TABLES.items())
+    """Read what was found. Raises InputError: a file is missing or damaged."""
+    margins, rest, notes = (
+        read_table(Path(folder) / f"{name}.parquet") for name in ("margins", "rest", "notes")
+    )
     return SkillCheck(margins, dict(zip(rest["joint"], rest["rest"], strict=True)), tuple(notes["note"]))
-
-
-TABLES = {
-    "margins": ("kind", "run", "quantity", "where", "value", "bound", "unit", "margin", "time_s", "verdict"),
-    "rest": ("joint", "rest"),
-    "notes": ("note",),
-}
-"""Files of a check, and their columns."""
 
 
 def lines(check: SkillCheck) -> list[str]:
@@ -138,11 +130,3 @@ def main(files: TaskFiles) -> bool:
     check = read_check(files.folder / "check")
     print("\n".join(lines(check)))
     return check.verdict != NO
-
-
-if __name__ == "__main__":
-    try:
-        sys.exit(0 if main(TaskFiles(sys.argv[1])) else 1)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(1)

@@ -17,16 +17,8 @@ from structlearn.tasks.movement.check_results import KINDS, THIN, SkillCheck, ov
 from structlearn.tasks.movement.feedback_learning import in_view
 from structlearn.tasks.movement.movement_parameters import MovementEntry
 from structlearn.tasks.section import Section
+from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
-
-HEADINGS = {
-    "where": "joint or links",
-    "unit": "",
-    "margin": "margin (%)",
-    "time_s": "at (s)",
-    "run": "run",
-}
-FORMATS = {"value": ".3g", "bound": ".3g", "margin": ".0f", "time_s": ".2f"}
 
 
 def check_section(files: TaskFiles) -> Section | None:
@@ -86,27 +78,38 @@ def by_quantity(check: SkillCheck) -> Table:
         "margin", "quantity", "kind", "min", sort=False, observed=True, dropna=False
     )
     kinds = [kind for kind in KINDS if kind in least]
-    verdicts = check.margins.groupby("quantity", sort=False)["verdict"].agg(overall)
-    frame = (100.0 * least[kinds]).reset_index()
-    frame.insert(1, "verdict", frame["quantity"].map(verdicts))
-    return Table(frame, dict.fromkeys(kinds, ".0f"), {kind: f"{kind} (%)" for kind in kinds})
+    frame = least[kinds].reset_index()
+    frame.insert(1, "verdict", verdicts(check, "quantity", frame["quantity"]))
+    return Table(frame, dict.fromkeys(kinds, ".0%"))
 
 
 def worst(check: SkillCheck) -> Table:
     """Where and when each kind of run is nearest to the bound of each quantity."""
-    columns = ["quantity", "kind", "run", "where", "value", "bound", "unit", "time_s", "margin", "verdict"]
-    return _percent(check.worst("quantity", "kind")[columns])
+    columns = [
+        "quantity",
+        "kind",
+        "run",
+        "where",
+        "value",
+        "bound",
+        "unit",
+        "time_s",
+        "margin_share",
+        "verdict",
+    ]
+    return shown(check.worst("quantity", "kind").rename(columns={"margin": "margin_share"})[columns])
 
 
 def by_run(check: SkillCheck) -> Table:
     """What each run is nearest to."""
-    verdicts = check.margins.groupby("run", sort=False)["verdict"].agg(overall)
-    frame = check.worst("run")[["kind", "run", "quantity", "where", "margin"]]
-    return _percent(frame.assign(verdict=frame["run"].map(verdicts)))
+    frame = check.worst("run").rename(columns={"margin": "margin_share"})
+    frame = frame[["kind", "run", "quantity", "where", "margin_share"]]
+    return shown(frame.assign(verdict=verdicts(check, "run", frame["run"])))
 
 
-def _percent(frame: pd.DataFrame) -> Table:
-    return Table(frame.assign(margin=100.0 * frame["margin"]), FORMATS, HEADINGS)
+def verdicts(check: SkillCheck, by: str, keys: pd.Series) -> pd.Series:
+    """The overall verdict on each value of a column."""
+    return keys.map(check.margins.groupby(by, sort=False)["verdict"].agg(overall))
 
 
 def skill_section(files: TaskFiles) -> Section:
@@ -114,23 +117,18 @@ def skill_section(files: TaskFiles) -> Section:
     if not files.skill.exists():
         reason = (files.folder / "skill" / ABSENT).read_text(encoding="utf-8").strip()
         return Section("skill", "The skill", "skill.html.jinja", facts={"absent": reason})
-    skill, parameters = read_skill(files.skill), files.part("skill", SkillParameters)
+    skill, parameters = read_skill(files.skill), files.entry(SkillParameters, "skill")
     workspace = skill.workspace
     if workspace is None:
         raise InputError(f"{files.skill}: has no workspace")
-    box = pd.DataFrame(
-        {
-            "axis": list("xyz"),
-            "low_m": workspace.low,
-            "high_m": workspace.high,
-            "start_m": default_start(skill.primitives).position,
-        }
-    )
+    start = default_start(skill.primitives).position
+    box = {"axis": list("xyz"), "from_m": workspace.low, "to_m": workspace.high, "mean_start_m": start}
     bounds = []
     for axis in skill.axes:
         largest, (factor, word) = skill.limits.largest_coupling[axis], in_view(axis)
-        bounds.append((axis, largest, unit(axis), factor * largest / (ALPHA * BETA), word))
-    headings = {"low_m": "from (m)", "high_m": "to (m)", "start_m": "mean start (m)"}
+        held = factor * largest / (ALPHA * BETA)
+        bounds.append({"axis": axis, "largest_coupling_term": largest, "unit": unit(axis)})
+        bounds[-1] |= {"displacement_if_held": held, "its_unit": word}
     return Section(
         "skill",
         "The skill",
@@ -144,12 +142,6 @@ def skill_section(files: TaskFiles) -> Section:
             "fade_s": skill.limits.fade_s,
             "axes": skill.axes,
         },
-        tables={
-            "skill_workspace": Table(box, dict.fromkeys(headings, ".3f"), headings),
-            "skill_bounds": Table(
-                pd.DataFrame(bounds, columns=["axis", "largest", "unit", "held", "held_unit"]),
-                {"largest": ".3g", "held": ".3g"},
-                {"largest": "largest coupling term", "held": "displacement if held", "held_unit": ""},
-            ),
-        },
+        tables={"skill_workspace": shown(pd.DataFrame(box))}
+        | ({"skill_bounds": shown(pd.DataFrame(bounds))} if bounds else {}),
     )

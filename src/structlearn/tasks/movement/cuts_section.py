@@ -1,7 +1,5 @@
 """Recordings of a task and their cuts: rates, gaps, primitives in time, what is left out or doubtful."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -26,6 +24,8 @@ from structlearn.tasks.task_files import TaskFiles
 
 DRAWN = 12
 """Demonstrations whose speed is drawn; of more, the doubtful ones first."""
+
+ENDS = ("start_s", "end_s")
 
 CASES = {
     "printed_over_crossing": ("zvc", "wls_text"),
@@ -70,7 +70,7 @@ def cuts_section(files: TaskFiles) -> Section:
     drawn = sorted(cut, key=lambda name: name not in doubted)[:DRAWN] if own.given is None else []
     points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
     points = points[["demonstration", "primitive", "start_s", "end_s"]]
-    found = Section(
+    return Section(
         "cuts",
         "Cuts",
         "cuts.html.jinja",
@@ -84,7 +84,6 @@ def cuts_section(files: TaskFiles) -> Section:
             "doubtful": [name for name in cut if name in doubted],
             "kept": own.keep_doubtful,
             "true": any(one.true_segments is not None for one in demonstrations),
-            "between": None,
         },
         find=Findings.of_metrics(
             cut_metrics(demonstrations, segmentation), ("cuts_demonstrations", "cuts_doubtful")
@@ -97,60 +96,52 @@ def cuts_section(files: TaskFiles) -> Section:
         },
         pictures={"cuts": [speed_panel(by_name[name], segmentation) for name in drawn]} if drawn else {},
     )
-    return found if own.rests is None else _with_rests(found, files.table("segments/cut_errors"))
 
 
 def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Segmentation) -> pd.DataFrame:
     """How long and how far primitives are, one row each."""
     rows = []
     for name, cuts in segmentation.results.items():
+        ways = []
+        for one, cut in cuts.iterrows():
+            run = demonstrations[str(one)]
+            ticks = [min(round(cut[end] / run.dt), len(run.time) - 1) for end in ENDS]
+            ways.append(1e3 * np.linalg.norm(np.subtract(*run.position[ticks])))
         durations = cuts["end_s"] - cuts["start_s"]
-        ways = [_way_mm(demonstrations[one], cut) for one, cut in cuts.iterrows()]
         rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(ways)))
     return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", "way_mm"])
 
 
-def _way_mm(demonstration: Demonstration, cut: pd.Series) -> float:
-    ticks = [min(round(cut[end] / demonstration.dt), len(demonstration.time) - 1) for end in ENDS]
-    start, end = demonstration.position[ticks]
-    return 1e3 * float(np.linalg.norm(end - start))
-
-
-ENDS = ("start_s", "end_s")
-
-
-def _with_rests(found: Section, errors: pd.DataFrame) -> Section:
-    """The same, with how well whole movements are found again between rests."""
+def rests_section(files: TaskFiles) -> Section | None:
+    """How well whole movements are found again between rests."""
+    if files.entry(MovementEntry).rests is None:
+        return None
+    errors = files.table("segments/cut_errors")
     by_seed = errors_by_seed(errors)
-    by_level = errors_by_level(by_seed)
+    by_level, compared = errors_by_level(by_seed), paired_comparison(by_seed)
     wide = by_level.pivot_table(index="noise_mm", columns="method", values="mean_ms")
     winners = [f"“{METHOD_NAMES[method]}” at {level:g} mm" for level, method in wide.idxmin(axis=1).items()]
+    headings = {method: f"{name} (ms)" for method, name in METHOD_NAMES.items()} | {"noise_mm": "noise (mm)"}
     (primitive,) = errors["primitive"].unique()
-    error_ms = {
-        f"{primitive}_cut_error_ms_{level_name(row.noise_mm)}mm{f'_{row.method}' * (row.method != RESULT)}": (
-            row.mean_ms
-        )
-        for row in by_level.itertuples()
-    }
-    headings = {method: f"{name} (ms)" for method, name in METHOD_NAMES.items()}
-    levels = Table(
-        wide[list(METHODS)].reset_index(),
-        dict.fromkeys(METHODS, ".1f"),
-        headings | {"noise_mm": "noise (mm)"},
-    )
-    for name, value in error_ms.items():
-        found.find.exact(name, value, unit="ms", headline=name.endswith("_2mm"))
-    find = found.find.among("movements, averaged over draws of rests and noise")
+    find = Findings()
+    for row in by_level.itertuples():
+        name = f"{primitive}_cut_error_ms_{level_name(row.noise_mm)}mm"
+        name += f"_{row.method}" if row.method != RESULT else ""
+        find.exact(name, row.mean_ms, unit="ms", headline=name.endswith("_2mm"))
+    find = find.among("movements, averaged over draws of rests and noise")
     for name, methods in CASES.items():
         find.add(name, cut_gains(errors, *methods), unit="ms")
-    return replace(
-        found,
-        facts={**found.facts, "between": listing(winners)},
-        tables={**found.tables, "noise": levels, "comparison": Table(paired_comparison(by_seed))},
-        pictures={
-            **found.pictures,
-            "noise": noise_figure(by_level, paired_comparison(by_seed), "noise added (mm)", "same draw"),
+    return Section(
+        "rests",
+        "Cuts between simulated rests",
+        "rests.html.jinja",
+        facts={"between": listing(winners)},
+        find=find,
+        tables={
+            "noise": Table(wide[list(METHODS)].reset_index(), dict.fromkeys(METHODS, ".1f"), headings),
+            "comparison": Table(compared),
         },
+        pictures={"noise": noise_figure(by_level, compared, "noise added (mm)", "same draw")},
     )
 
 

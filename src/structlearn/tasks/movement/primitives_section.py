@@ -1,6 +1,6 @@
 """Primitives of a task: what was learned, over what it was learned from, and how far they are apart."""
 
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -91,8 +91,7 @@ def primitives_section(files: TaskFiles) -> Section:
         "primitives.html.jinja",
         lead="primitives_lead.html.jinja",
         facts={
-            "kernels": own.fit.kernel_count,
-            "fold": own.fold,
+            "own": own,
             "worst": told.loc[told["mean_mm"].idxmax()].to_dict(),
             "jump": max(map(largest_acceleration_jump, sequences.values())),
             "names": list(cuts),
@@ -135,13 +134,8 @@ def findings(
             find.exact(f"{lead}_{key}", row[column], unit="mm")
     variants = {key: its for key, its in reproduction.groupby(["left_out", "scaled"], sort=False)}
     published = variants.get((False, False), variants[False, True])
-    lengths_mm = np.array(
-        [
-            1e3 * np.linalg.norm(path.position[-1] - path.position[0])
-            for name in published["primitive"].unique()
-            for path, _ in segments[name]
-        ]
-    )
+    paths = [path.position for name in published["primitive"].unique() for path, _ in segments[name]]
+    lengths_mm = 1e3 * np.linalg.norm([path[-1] - path[0] for path in paths], axis=1)
     find.add("reach_ends", exact((100 * published["end_mm"] / lengths_mm).max(), len(published)), unit="%")
     if (True, True) in variants:
         left_out = variants[True, True]
@@ -172,17 +166,17 @@ def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt
 @styled
 def local_panel(primitive: PosePrimitive, segments: list[Segment], first: str, second: str) -> Figure:
     """Segments and their primitive in the local frame, from one side."""
-    words = {"x": "forward", "y": "to the side", "z": "up"}
-    seen = {"z": "the side", "y": "above"}[second]
+    words, seen = {"x": "forward", "y": "to the side", "z": "up"}, {"z": "the side", "y": "above"}[second]
     figure, axes = panel(f"From {seen}", 3.3, xlabel=f"{words[first]} (mm)", ylabel=f"{words[second]} (mm)")
-    place, learned = ["xyz".index(first), "xyz".index(second)], primitive.position
-    paths = [in_local_frame(position, learned.frame) for position, _ in segments]
-    for number, path in enumerate(paths):
-        points = 1e3 * signals.time_normalised(path.position, SAMPLES)[:, place]
-        axes.plot(*points.T, color=LIGHT_GREY, linewidth=0.7, label=None if number else "recorded")
-    unrolled = in_local_frame(learned.unroll(segments[0][0].dt), learned.frame).position
-    points = 1e3 * signals.time_normalised(unrolled, SAMPLES)[:, place]
-    axes.plot(*points.T, color=REPRODUCTION_COLOUR, linewidth=2.0, label="primitive")
+    learned = primitive.position
+    recorded: dict[str, Any] = {"color": LIGHT_GREY, "linewidth": 0.7}
+    looks = [recorded | {"label": None if number else "recorded"} for number in range(len(segments))]
+    looks.append({"color": REPRODUCTION_COLOUR, "linewidth": 2.0, "label": "primitive"})
+    paths = [*(position for position, _ in segments), learned.unroll(segments[0][0].dt)]
+    for path, look in zip(paths, looks, strict=True):
+        local = in_local_frame(path, learned.frame).position
+        points = 1e3 * signals.time_normalised(local, SAMPLES)[:, [AXES.index(first), AXES.index(second)]]
+        axes.plot(*points.T, **look)
     return legend(figure)
 
 
@@ -220,13 +214,12 @@ def turns_section(files: TaskFiles) -> Section | None:
         },
         unit="degrees",
     )
-    numbers = {
-        "mean_deg_single": single["mean_deg"].mean(),
-        "mean_deg_joint": joint["mean_deg"].item(),
-        "end_deg_single": single["end_deg"].max(),
-        "end_deg_joint": joint["end_deg"].item(),
-    }
-    for name, value in numbers.items():
+    for name, value in (
+        ("mean_deg_single", single["mean_deg"].mean()),
+        ("mean_deg_joint", joint["mean_deg"].item()),
+        ("end_deg_single", single["end_deg"].max()),
+        ("end_deg_joint", joint["end_deg"].item()),
+    ):
         find.exact(f"{primitive.name}_{name}", value, unit="degrees", headline=name == "mean_deg_joint")
     return Section(
         "turns",
@@ -251,16 +244,16 @@ def turn_panel(segments: list[Segment], primitive: PosePrimitive) -> Figure:
     figure, axes = panel("Turn of the hand", xlabel="time / duration", ylabel="degrees to the goal")
     runs = orientations(segments)
     assert primitive.orientation is not None
-    frame = dominant_axes(runs)
-    looks = {"recorded": DEMONSTRATION_COLOUR, "primitive": REPRODUCTION_COLOUR}
-    paths = [*(("recorded", run) for run in runs), ("primitive", primitive.orientation.unroll(runs[0].dt))]
-    for kind, path in paths:
+    frame, time = dominant_axes(runs), np.linspace(0.0, 1.0, 2 * SAMPLES)
+    lines = {"-": "twist", "--": "swing", ":": "second swing"}
+    learned = primitive.orientation.unroll(runs[0].dt)
+    for path, colour in [*((run, DEMONSTRATION_COLOUR) for run in runs), (learned, REPRODUCTION_COLOUR)]:
         angles = np.degrees(signals.time_normalised(on_chart(path, frame).position, 2 * SAMPLES))
-        for line, angle in zip(("-", "--", ":"), angles.T, strict=True):
-            axes.plot(np.linspace(0.0, 1.0, len(angle)), angle, line, color=looks[kind])
-    for name, colour in looks.items():
+        for line, angle in zip(lines, angles.T, strict=True):
+            axes.plot(time, angle, line, color=colour)
+    for name, colour in (("recorded", DEMONSTRATION_COLOUR), ("primitive", REPRODUCTION_COLOUR)):
         axes.plot([], [], color=colour, label=name)
-    for line, label in (("-", "twist"), ("--", "swing"), (":", "second swing")):
+    for line, label in lines.items():
         axes.plot([], [], line, color=BLACK, label=label)
     return legend(figure, 3)
 
@@ -276,35 +269,35 @@ def execution_section(files: TaskFiles) -> Section | None:
         return None
     errors = files.table("primitives/execution")
     find = Findings("primitives")
-    for row in errors.to_dict("records"):
-        for column in ("mean_mm", "mean_deg"):
-            if column in row:
-                find.exact(f"{files.name}_{row['primitive']}_{column}", row[column])
-    largest = {
-        words: exact(errors[column].max(), len(errors))
-        for words, column in (("position (mm)", "mean_mm"), ("orientation (°)", "mean_deg"))
+    measured = {
+        column: words
+        for column, words in (("mean_mm", "position (mm)"), ("mean_deg", "orientation (°)"))
         if column in errors
     }
+    for row in errors.to_dict("records"):
+        for column in measured:
+            find.exact(f"{files.name}_{row['primitive']}_{column}", row[column])
+    largest = {words: exact(errors[column].max(), len(errors)) for column, words in measured.items()}
     find.add("sequence", largest, headline=True)
-    found = Section(
+    return Section(
         "execution",
         "The execution",
         "execution.html.jinja",
         lead="execution_lead.html.jinja",
-        facts={"parts": list(errors["primitive"]), "electrodes": None, "strong_range": STRONG_RANGE},
         tables={"execution": shown(errors)},
         pictures={
             "execution": execution_panel(files.runs("demonstrations"), files.table("primitives/nominal"))
         },
         find=find,
     )
-    return found if own.traces_hz is None else _with_traces(found, files)
 
 
-def _with_traces(found: Section, files: TaskFiles) -> Section:
-    """The same, with the tactile channels as sensor primitives."""
+def traces_section(files: TaskFiles) -> Section | None:
+    """Sensor primitives of the tactile channels of an execution."""
+    if files.entry(MovementEntry).traces_hz is None:
+        return None
     scores, traces = files.table("primitives/trace_scores"), files.table("primitives/traces")
-    strong, find = scores[scores["range"] > STRONG_RANGE], found.find.among("electrodes that move")
+    strong, find = scores[scores["range"] > STRONG_RANGE], Findings("electrodes that move")
     by = scores.groupby("primitive", sort=False)
     table = by.agg(rms=("rms", "median"), nmse=("nmse", "median"))
     table["strong"] = strong.groupby("primitive").size().reindex(table.index, fill_value=0)
@@ -315,18 +308,17 @@ def _with_traces(found: Section, files: TaskFiles) -> Section:
         for key, column in columns.items():
             find.exact(f"electrodes_{name}_{key}", row[column])
     find.mean("electrodes", strong["nmse"], missing="no electrode moves enough")
-    return replace(
-        found,
-        facts={**found.facts, "electrodes": scores["electrode"].nunique()},
+    return Section(
+        "traces",
+        "Touch of the execution",
+        "traces.html.jinja",
+        facts={"electrodes": scores["electrode"].nunique(), "strong_range": STRONG_RANGE},
         tables={
-            **found.tables,
             "electrodes": Table(scores),
             "electrode_errors": shown(table.reset_index().rename(columns=words)),
         },
-        pictures={
-            **found.pictures,
-            "electrodes": [electrode_errors_panel(scores), *electrode_panels(scores, traces)],
-        },
+        pictures={"electrodes": [electrode_errors_panel(scores), *electrode_panels(scores, traces)]},
+        find=find,
     )
 
 

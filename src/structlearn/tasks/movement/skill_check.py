@@ -64,8 +64,7 @@ def unrolls(skill: ReactiveSkill, rate_hz: float) -> Iterator[Unroll]:
     start, goals = default_start(skill.primitives), default_goals(skill.primitives)
     yield _run(silent, rate_hz, NOMINAL, "as demonstrated", start, goals)
     for name, corner in _corners(skill):
-        shifted = PoseGoal(corner, start.orientation)
-        yield _run(silent, rate_hz, STARTS, f"start {name}", shifted, goals)
+        yield _run(silent, rate_hz, STARTS, f"start {name}", PoseGoal(corner, start.orientation), goals)
     for place, (primitive, goal) in enumerate(zip(skill.primitives, goals, strict=True)):
         for name, corner in _corners(skill):
             changed = [*goals[:place], PoseGoal(corner, goal.orientation), *goals[place + 1 :]]
@@ -127,12 +126,17 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     """
     path = urdf_path(str(local_path(parameters.urdf)))
     arm = read_arm(path, parameters.tip, parameters.locked_joints)
-    bounds = Bounds.of(arm, parameters)
     runs = [in_arm_frames(run, parameters) for run in unrolls(skill, RATE_HZ)]
-    rest = _rest(arm, parameters, runs[0])
+    if parameters.rest_configuration is None:
+        position, orientation = runs[0].position, runs[0].orientation
+        turned = None if orientation is None else orientation[::COARSE]
+        rest = rest_for(arm, position[::COARSE], turned, COARSE / RATE_HZ, SEED)
+    else:
+        rest = _per_joint(arm, parameters.rest_configuration, "rest_configuration")
     try:
         shapes = read_shapes(arm, parameters.locked_joints, rest)
-        notes = _unwatched(shapes)
+        notes = tuple(f"{pair} touch at rest and are not watched" for pair in shapes.touching)
+        notes += tuple(f"what {joint} moves has no collision shape" for joint in shapes.bare)
     except InputError as error:
         shapes, notes = None, (f"self-collision was not tested: {error}",)
     if skill.workspace is None:
@@ -140,31 +144,9 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     rows = []
     for run in runs:
         followed = follow(arm, run.position, run.orientation, 1.0 / RATE_HZ, rest)
-        found = margins(arm, followed, bounds, shapes)
+        found = margins(arm, followed, parameters, shapes)
         rows += [{"kind": run.kind, "run": run.name, **row} for row in found]
     return SkillCheck(pd.DataFrame(rows), dict(zip(arm.tree.names, rest.tolist(), strict=True)), notes)
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """What an arm with n joints may be asked for."""
-
-    velocity: np.ndarray  # (n,) rad/s or m/s
-    acceleration: np.ndarray  # (n,) rad/s^2 or m/s^2
-    jerk: np.ndarray  # (n,) rad/s^3 or m/s^3
-    least_singular_value: float  # of the Jacobian
-    least_distance_m: float  # between links
-
-    @classmethod
-    def of(cls, arm: Arm, parameters: RobotParameters) -> "Bounds":
-        """Those of the URDF and of the parameters; InputError where there are not as many as joints."""
-        return cls(
-            arm.tree.velocity,
-            _per_joint(arm, parameters.max_acceleration, "max_acceleration"),
-            _per_joint(arm, parameters.max_jerk, "max_jerk"),
-            parameters.least_singular_value,
-            parameters.least_distance_m,
-        )
 
 
 def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
@@ -187,42 +169,55 @@ def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
 
 
 def margins(
-    arm: Arm, path: JointPath, bounds: Bounds, shapes: LinkShapes | None
+    arm: Arm, path: JointPath, parameters: RobotParameters, shapes: LinkShapes | None
 ) -> Iterator[dict[str, str | float]]:
-    """The worst of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` but the run."""
-    tree, dt = arm.tree, 1.0 / RATE_HZ
+    """The worst of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` but the run.
+
+    The margin of a range is 1 in its middle, and of a joint without limits.
+    """
+    tree, dt, joints = arm.tree, 1.0 / RATE_HZ, path.joints
     units = ["m" if prismatic else "rad" for prismatic in tree.prismatic]
-    velocity = signals.derivative(path.joints, dt)
+    velocity = signals.derivative(joints, dt)
     acceleration = signals.derivative(velocity, dt)
     jerk = signals.derivative(acceleration, dt)
-    steps = np.diff(path.joints, axis=0, prepend=path.joints[:1])
-    yield _at_most("position", path.missed_m[:, None], [REACH_M], ["tip"], ["m"])
-    yield _at_most("orientation", path.missed_rad[:, None], [REACH_RAD], ["tip"], ["rad"])
-    yield _in_range(tree.names, units, path.joints, tree.lower, tree.upper)
+    steps = np.diff(joints, axis=0, prepend=joints[:1])
+
+    for quantity, missed, bound, unit in (
+        ("position", path.missed_m, REACH_M, "m"),
+        ("orientation", path.missed_rad, REACH_RAD, "rad"),
+    ):
+        yield _worst(quantity, missed[:, None], bound, 1.0 - missed[:, None] / bound, ["tip"], [unit])
+    half = 0.5 * (tree.upper - tree.lower)
+    room = np.minimum(joints - tree.lower, tree.upper - joints)
+    left = np.where(np.isfinite(half), room / np.where(np.isfinite(half), half, 1.0), 1.0)
+    nearer = np.where(joints - tree.lower <= tree.upper - joints, tree.lower, tree.upper)
+    yield _worst("joint range", joints, nearer, left, tree.names, units)
     for quantity, values, largest, per in (
-        ("velocity", velocity, bounds.velocity, "/s"),
-        ("acceleration", acceleration, bounds.acceleration, "/s²"),
-        ("jerk", jerk, bounds.jerk, "/s³"),
+        ("velocity", velocity, tree.velocity, "/s"),
+        (
+            "acceleration",
+            acceleration,
+            _per_joint(arm, parameters.max_acceleration, "max_acceleration"),
+            "/s²",
+        ),
+        ("jerk", jerk, _per_joint(arm, parameters.max_jerk, "max_jerk"), "/s³"),
         ("joint jump", steps, np.full(len(units), JUMP), ""),
     ):
-        yield _at_most(quantity, np.abs(values), largest, tree.names, [f"{unit}{per}" for unit in units])
-    singular = path.least_singular_value[:, None]
-    yield _at_least("singularity", singular, bounds.least_singular_value, ["tip"], "", 1)
+        size = np.abs(values)
+        yield _worst(
+            quantity, size, largest, 1.0 - size / largest, tree.names, [f"{one}{per}" for one in units]
+        )
+    least, singular = parameters.least_singular_value, path.least_singular_value[:, None]
+    yield _worst("singularity", singular, least, singular / least - 1.0, ["tip"], [""])
     if shapes is None:
         yield {"quantity": "self-collision", "where": "", "unit": "m", "verdict": NOT_TESTED}
     else:
-        near = bounds.least_distance_m * (1.0 + THIN)
-        distances = link_distances(shapes, path.joints[::COLLISION_EVERY], near)
-        yield _at_least(
-            "self-collision", distances, bounds.least_distance_m, shapes.pairs, "m", COLLISION_EVERY
+        apart = parameters.least_distance_m
+        distances = link_distances(shapes, joints[::COLLISION_EVERY], apart * (1.0 + THIN))
+        where, meters = shapes.pairs, ["m"] * len(shapes.pairs)
+        yield _worst(
+            "self-collision", distances, apart, distances / apart - 1.0, where, meters, COLLISION_EVERY
         )
-
-
-def _rest(arm: Arm, parameters: RobotParameters, nominal: Unroll) -> np.ndarray:
-    if parameters.rest_configuration is None:
-        turned = None if nominal.orientation is None else nominal.orientation[::COARSE]
-        return rest_for(arm, nominal.position[::COARSE], turned, COARSE / RATE_HZ, SEED)
-    return _per_joint(arm, parameters.rest_configuration, "rest_configuration")
 
 
 def _per_joint(arm: Arm, values: Bound | Sequence[float], key: str) -> np.ndarray:
@@ -236,61 +231,23 @@ def _per_joint(arm: Arm, values: Bound | Sequence[float], key: str) -> np.ndarra
     return np.broadcast_to(array, count).copy()
 
 
-def _unwatched(shapes: LinkShapes) -> tuple[str, ...]:
-    """What shapes cannot tell of."""
-    touching = tuple(f"{pair} touch at rest and are not watched" for pair in shapes.touching)
-    return touching + tuple(f"what {joint} moves has no collision shape" for joint in shapes.bare)
-
-
-def _at_most(
+def _worst(
     quantity: str,
     values: np.ndarray,
-    bound: np.ndarray | Sequence[float],
-    names: Sequence[str],
-    units: Sequence[str],
-) -> dict[str, str | float]:
-    """The row of values (T, K) that must not exceed bounds (K,)."""
-    return _row(quantity, values, np.asarray(bound), 1.0 - values / bound, names, units)
-
-
-def _at_least(
-    quantity: str, values: np.ndarray, bound: float, names: Sequence[str], unit: str, every: int
-) -> dict[str, str | float]:
-    """The row of values (T, K), at every so many-th sample, that must not fall below a bound."""
-    left = values / bound - 1.0
-    return _row(quantity, values, np.full(values.shape[1], bound), left, names, [unit] * len(names), every)
-
-
-def _in_range(
-    names: Sequence[str], units: Sequence[str], joints: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> dict[str, str | float]:
-    """The row of joints (T, n) in their ranges; a margin of 1 is the middle, or a joint without limits."""
-    room = np.minimum(joints - lower, upper - joints)
-    half = 0.5 * (upper - lower)
-    left = np.where(np.isfinite(half), room / np.where(np.isfinite(half), half, 1.0), 1.0)
-    row = _row("joint range", joints, upper, left, names, units)
-    joint = list(names).index(row["where"])
-    nearer = min((lower[joint], upper[joint]), key=lambda bound: abs(bound - row["value"]))
-    return row | {"bound": float(nearer)}
-
-
-def _row(
-    quantity: str,
-    values: np.ndarray,
-    bound: np.ndarray,
+    bound: np.ndarray | float,
     left: np.ndarray,
     names: Sequence[str],
     units: Sequence[str],
     every: int = 1,
 ) -> dict[str, Any]:
-    """Where the margin (T, K) is least; one above 1 says no more than 1."""
+    """Where the margin `left` (T, K) of values (T, K) is least; one above 1 says no more than 1."""
     sample, place = map(int, np.unravel_index(np.argmin(left), left.shape))
     margin = min(float(left[sample, place]), 1.0)
     return {
         "quantity": quantity,
         "where": names[place],
         "value": float(values[sample, place]),
-        "bound": float(bound[place]),
+        "bound": float(np.broadcast_to(bound, values.shape)[sample, place]),
         "unit": units[place],
         "margin": margin,
         "time_s": sample * every / RATE_HZ,

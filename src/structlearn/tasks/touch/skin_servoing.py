@@ -7,8 +7,7 @@ import pandas as pd
 
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
-from structlearn.tactile.resting_servo import Caution, RestingServo
-from structlearn.tactile.servo_controller import ServoParameters, TactileServo
+from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
 from structlearn.tasks.touch.skin_readings import joined
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, LearnedSkin, Touches
 from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, STRUCTURED, TEXT_SERVO

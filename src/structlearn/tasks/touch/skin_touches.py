@@ -18,10 +18,9 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.geodesics import Geodesics, geodesics
-from structlearn.tactile.latent_comparison import learn_from
 from structlearn.tactile.latent_models import LatentModels, write_models
 from structlearn.tactile.latent_parameters import SensorDescription
-from structlearn.tactile.latent_training import Pairs, draw_pairs
+from structlearn.tactile.latent_training import Pairs, draw_pairs, learn_from
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin, held_out, plate_pairs, pressed_skin, walks
 from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, TouchUnits, touch_units
 from structlearn.tasks.touch.touch_parameters import TouchParameters

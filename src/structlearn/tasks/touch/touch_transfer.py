@@ -31,11 +31,18 @@ from structlearn.simulation.touch_demonstrator import ToucherParameters, demonst
 from structlearn.simulation.touch_demonstrator import recorded as demonstrated
 from structlearn.tactile.electrodes import SKINS, Skin
 from structlearn.tactile.geodesics import Geodesics, geodesics
-from structlearn.tactile.latent_comparison import learn_spaces, own_units, seen_in
-from structlearn.tactile.latent_evaluation import latent_errors
+from structlearn.tactile.latent_comparison import latent_errors, seen_in
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
-from structlearn.tactile.touch_dataset import OTHER, TEST, TRAIN, TouchDataset
-from structlearn.tactile.touch_preparation import TouchDataParameters, contact_points, prepare
+from structlearn.tactile.latent_training import learn_spaces, own_units
+from structlearn.tactile.touch_dataset import (
+    OTHER,
+    TEST,
+    TRAIN,
+    TouchDataParameters,
+    TouchDataset,
+    contact_points,
+    prepare,
+)
 from structlearn.tasks.touch.touch_names import (
     COMPONENTS,
     MAGNITUDES,

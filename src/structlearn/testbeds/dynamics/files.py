@@ -15,45 +15,36 @@ if TYPE_CHECKING:  # torch takes a second to load, and stages that record need o
     from structlearn.rigid_body.dynamics_models import DynamicsModels
     from structlearn.rigid_body.training_grid import Form
 
-LOGS, DATA = Path("data/runs/dynamics"), Path("data/dynamics")
+DATA = Path("data/dynamics")
 
 TABLES = {
-    "errors": DATA / "models/errors.parquet",
-    "outcomes": DATA / "models/outcomes.parquet",
-    "links": DATA / "models/links.parquet",
-    "base": DATA / "models/base_parameters.parquet",
-    "scores": DATA / "tracking/scores.parquet",
-    "paths": DATA / "tracking/paths.parquet",
-    "online": DATA / "online/errors.parquet",
-    "payload": DATA / "online/payload.parquet",
+    "errors": "models/errors",
+    "outcomes": "models/outcomes",
+    "links": "models/links",
+    "base": "models/base_parameters",
+    "scores": "tracking/scores",
+    "paths": "tracking/paths",
+    "online": "online/errors",
+    "payload": "online/payload",
 }
 """By name; `rigid_body.training_grid`, `protocol.tracking` and `rigid_body.online_learning` say what is in
 them."""
 
 
 def read_tables(*names: str) -> dict[str, pd.DataFrame]:
-    """Tables by name; all of `TABLES` where none is named.
-
-    Raises:
-        InputError: a file is missing or damaged.
-    """
-    return {name: read_table(TABLES[name]) for name in names or TABLES}
+    """Tables by name; all of `TABLES` where none is named."""
+    return {name: read_table(DATA / f"{TABLES[name]}.parquet") for name in names or TABLES}
 
 
 def read_logs(kind: str) -> dict[str, JointLog]:
-    """Logs of `IDEAL`, of `ROBOT` or with a `payload`, by name: that of a robot is its seed.
-
-    Raises:
-        InputError: the table is missing or damaged.
-    """
-    return {log.name: log for log in read_log_table(LOGS / f"{kind}.parquet")}
+    """Logs of `IDEAL`, of `ROBOT` or with a `payload`, by name: that of a robot is its seed."""
+    return {log.name: log for log in read_log_table(f"data/runs/dynamics/{kind}.parquet")}
 
 
 def as_motion(log: JointLog, cutoff_hz: float = float("inf")) -> Motion:
     """A log as models learn from it, behind a low-pass."""
-    return measured_motion(
-        log.name, log.time, log.positions, log.velocities, log.torques, cutoff_hz=cutoff_hz
-    )
+    signals = (log.time, log.positions, log.velocities, log.torques)
+    return measured_motion(log.name, *signals, cutoff_hz=cutoff_hz)
 
 
 def step_s(log: JointLog) -> float:
@@ -62,11 +53,7 @@ def step_s(log: JointLog) -> float:
 
 
 def read_robot_models(robot: int, models: Sequence[str], form: "Form") -> dict[str, "DynamicsModels"]:
-    """Models that learned from a robot's log in a form, by name (`cov`, `cov_coulomb`).
-
-    Raises:
-        InputError: a file is missing or holds something else.
-    """
+    """Models that learned from a robot's log in a form, by name (`cov`, `cov_coulomb`)."""
     from structlearn.rigid_body.dynamics_models import read_dynamics_models
 
     folder = DATA / "models" / ROBOT / str(robot) / form

@@ -10,15 +10,13 @@ from structlearn.palette import BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PI
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
 from structlearn.rigid_body.training_grid import OURS, TEXT
 
-SINE, REACH = "sine", "reach"
-"""Tasks."""
+SINE, REACH = "sine", "reach"  # tasks
 
 ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-ins (simulated)"}
 
 FORM_TITLES = {TEXT: "As published", OURS: "Our training"}
 
-SHOWN_FORM = OURS
-"""Of the models whose reaches and torques are shown: in it networks learned what they can."""
+SHOWN_FORM = OURS  # of the models whose reaches and torques are shown: in it networks learned what they can
 
 LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised per joint"}
 
@@ -41,8 +39,7 @@ LOOKS = {
 }
 """Colour and line of each model; what is known instead of learned is grey."""
 
-WITH_COULOMB = LIGHT_BLUE
-"""Of every structure that learned Coulomb friction too."""
+WITH_COULOMB = LIGHT_BLUE  # of every structure that learned Coulomb friction too
 
 
 def colour(model: str) -> str:

@@ -1,13 +1,9 @@
 """The files of the servoing testbed, read typed, for its page and its recordings."""
 
-from dataclasses import dataclass, fields
-
 import pandas as pd
 
 from structlearn.core.artefacts import read_table
 from structlearn.tactile.touch_dataset import TouchDataset, read_dataset
-from structlearn.testbeds.servoing.protocol.model_scores import ModelScores
-from structlearn.testbeds.servoing.protocol.servo_variants import Comparison
 
 RUNS, DATA = "data/runs/servoing.parquet", "data/servoing"
 
@@ -20,22 +16,13 @@ MADE_BY = {
 }
 """Files and folders, and the stages that write them."""
 
-REPORT, RECORDINGS = "reports/servoing", "reports/rerun/servoing"
-
-
-@dataclass(frozen=True)
-class OtherSkinTables:
-    """Of all other skins, with a column `skin`.
-
-    Attributes:
-        latent: see `tactile.latent_evaluation.latent_errors`.
-        directions: see `tactile.latent_evaluation.direction_errors`.
-        trials: see `protocol.servo_variants.Comparison`.
-    """
-
-    latent: pd.DataFrame
-    directions: pd.DataFrame
-    trials: pd.DataFrame
+TABLES = {
+    "models": ("latent", "forward", "decoded", "directions", "curve", "latent_map"),
+    "loops": ("trials", "progress", "paths", "other_skins"),
+    "skins": ("latent", "directions"),
+}
+"""In the folders, see `tactile.latent_comparison.LatentComparison` and `protocol.servo_variants.Comparison`;
+those of other skins have a column `skin`."""
 
 
 def touch() -> TouchDataset:
@@ -48,26 +35,6 @@ def true_contacts() -> pd.DataFrame:
     return read_table(MADE_BY["contacts"][0])
 
 
-def model_scores() -> ModelScores:
-    """Scores of the trained models."""
-    return ModelScores(**_tables("models", ModelScores))
-
-
-def closed_loops() -> Comparison:
-    """Closed loops of all controllers."""
-    return Comparison(**_tables("loops", Comparison))
-
-
-def other_skins() -> OtherSkinTables:
-    """What was learned and servoed with other skins."""
-    learned = MADE_BY["skins"][0]
-    return OtherSkinTables(
-        read_table(f"{learned}/latent.parquet"),
-        read_table(f"{learned}/directions.parquet"),
-        read_table(f"{MADE_BY['loops'][0]}/other_skins.parquet"),
-    )
-
-
-def _tables(source: str, kind: type) -> dict[str, pd.DataFrame]:
-    folder, _ = MADE_BY[source]
-    return {field.name: read_table(f"{folder}/{field.name}.parquet") for field in fields(kind)}
+def tables(source: str) -> dict[str, pd.DataFrame]:
+    """The tables of a folder by name."""
+    return {name: read_table(f"{MADE_BY[source][0]}/{name}.parquet") for name in TABLES[source]}

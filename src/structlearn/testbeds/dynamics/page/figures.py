@@ -27,12 +27,11 @@ from structlearn.testbeds.dynamics.names import (
     colour,
     look,
 )
-from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
+from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach, tracked_reaches
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters, sine_path
 
-HIGHEST_NMSE = 1e6
-"""What diverges leaves the picture there."""
+HIGHEST_NMSE = 1e6  # what diverges leaves the picture there
 
 EPOCH_TICKS = (0, 1, 2, 5, 10, 20, 40, 64)
 
@@ -46,59 +45,57 @@ FORM_MARKERS = {TEXT: "o", OURS: "s"}
 
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
 
-SHOWN_JOINTS = (1, 2, 4, 6)
-"""Of which friction is drawn: large and small ones, one of a kind."""
-
-WIDE: dict[str, Any] = {"color": names.REFERENCE, "linewidth": 4.0}
-"""Of what a model is held against."""
+SHOWN_JOINTS = (1, 2, 4, 6)  # of which friction is drawn: large and small ones, one of a kind
+WIDE: dict[str, Any] = {"color": names.REFERENCE, "linewidth": 4.0}  # of what a model is held against
 
 VIEW = View(target=(0.0, 0.0, 0.6), distance=2.45, yaw_deg=50.0, pitch_deg=-16.0)
 
 SHOWN_AT = (0.708, 0.146, 0.925)
 """Moments of the motion that the still shows, as shares of it, at which all joints are bent."""
 
-COLUMNS = slice(235, 785)
-"""Pixels across that are kept of each: the arm, and little beside it."""
+COLUMNS = slice(235, 785)  # pixels across that are kept of each: the arm, and little beside it
 
 
+@styled
 def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
     """The figures of the page by name, but for the still."""
     errors = results.errors
     errors = errors[errors["arm"] == IDEAL]
     curves = errors.groupby(["form", "model", "seed", "epoch"], sort=False)["nmse"].mean().reset_index()
     robots = [robot for robot in ROBOT_TITLES if results.tracked(robot)]
+    tables = results.paths, results.scores
     reaches = {
-        ROBOT_TITLES[robot]: tracked_reaches(
-            results.paths, results.scores, robot, SHOWN_FORM, SHOWN_REACHES[robot]
-        )
+        ROBOT_TITLES[robot]: tracked_reaches(*tables, robot, SHOWN_FORM, SHOWN_REACHES[robot])
         for robot in robots
     }
-    joints = [joint for joint in SHOWN_JOINTS if joint in set(results.residuals["joint"])]
     return {
         "training": [_training(results, curves, form) for form in FORM_TITLES],
         "tracking": [_tracking(results, robot) for robot in robots],
         "reaches": [draw(its, title) for draw in (_off, _speeds) for title, its in reaches.items()],
         "online": [
             _curves(results, results.online_curves, "batch", "loss", loss, LOSS_TITLES[loss])
-            for loss in results.learning_online.losses
+            for loss in results.chosen["online"].losses
         ],
         "bodies": [
-            _bodies(results, results.base, ("value", "truth"), "Base parameters (kg m², kg m)"),
-            _bodies(results, results.links, ("mass_kg", "true_mass_kg"), "Masses of the links (kg)"),
+            _bodies(results.base, "value", "truth", "Base parameters (kg m², kg m)"),
+            _bodies(results.links, "mass_kg", "true_mass_kg", "Masses of the links (kg)"),
         ],
-        "friction": [Raster(_friction(results, joint)) for joint in joints],
+        "friction": [
+            Raster(_friction(joint, its))
+            for joint, its in results.residuals.groupby("joint")
+            if joint in SHOWN_JOINTS
+        ],
         "payload": [_payload(results), _payload_errors(results)],
     }
 
 
 def arm_still(urdf: str, tree: KinematicTree, motion: SineParameters) -> np.ndarray:
     """(H, W, 3) bytes: the arm of a URDF in poses of its sine motion, beside each other."""
-    path = sine_path(tree, motion).q
+    path = sine_path(tree, motion).position
     poses = (path[int(share * len(path))] for share in SHOWN_AT)
     return np.hstack([still(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
 
 
-@styled
 def _curves(
     results: DynamicsResults, curves: pd.DataFrame, step: str, column: str, value: str, title: str
 ) -> Figure:
@@ -118,12 +115,13 @@ def _curves(
     return figure
 
 
-@styled
 def _training(results: DynamicsResults, curves: pd.DataFrame, form: str) -> Figure:
     """NMSE over the epochs in simulation."""
     figure = _curves(results, curves, "epoch", "form", form, FORM_TITLES[form])
     (panel,) = figure.axes
-    panel.axhline(results.training.learning.threshold, color=BLACK, linestyle="--", linewidth=0.9)
+    panel.axhline(
+        results.chosen["train_dynamics"].learning.threshold, color=BLACK, linestyle="--", linewidth=0.9
+    )
     panel.set_xscale("symlog", linthresh=1.0)
     panel.set_xticks(EPOCH_TICKS, [str(tick) for tick in EPOCH_TICKS])
     panel.minorticks_off()
@@ -131,7 +129,6 @@ def _training(results: DynamicsResults, curves: pd.DataFrame, form: str) -> Figu
     return figure
 
 
-@styled
 def _tracking(results: DynamicsResults, robot: str) -> Figure:
     """NMSE of the tool's velocity in reaches, a mark per seed or robot; hollow ones had to be stopped."""
     figure, panel = _panel(3.6, ROBOT_TITLES[robot], "NMSE of the tool's velocity in reaches", "")
@@ -162,7 +159,6 @@ def _tracking(results: DynamicsResults, robot: str) -> Figure:
     return figure
 
 
-@styled
 def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
     """Distance of the tool from where it should be."""
     figure, panel = _panel(2.4, title, "time (s)", "tool off by (mm)")
@@ -173,7 +169,6 @@ def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
     return figure
 
 
-@styled
 def _speeds(reaches: Sequence[TrackedReach], title: str) -> Figure:
     """Speed of the tool, and as it should be."""
     figure, panel = _panel(2.2, title, "time (s)", "speed of the tool (m/s)")
@@ -186,11 +181,9 @@ def _speeds(reaches: Sequence[TrackedReach], title: str) -> Figure:
     return figure
 
 
-@styled
-def _bodies(results: DynamicsResults, table: pd.DataFrame, columns: tuple[str, str], title: str) -> Figure:
+def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
     """What the structures learned over what is true, of the first seed."""
     figure, panel = _panel(3.3, title, "of the arm", "learned")
-    learned, true = columns
     first = table["seed"] == table["seed"].min()
     its = table[(table["form"] == TEXT) & first].set_index("model")
     for model, marker in MARKERS.items():
@@ -206,11 +199,10 @@ def _bodies(results: DynamicsResults, table: pd.DataFrame, columns: tuple[str, s
     return figure
 
 
-@styled
-def _friction(results: DynamicsResults, joint: int) -> Figure:
+def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
     """Torques of the robot that no rigid body explains, over the joint's speed, and the learned friction."""
     figure, panel = _panel(2.2, f"Joint {joint}", "speed (rad/s)", "torque (N m)")
-    its = results.residuals[results.residuals["joint"] == joint].sort_values("velocity_rad_s")
+    its = residuals.sort_values("velocity_rad_s")
     speed, measured = its["velocity_rad_s"], its["residual_n_m"]
     panel.plot(speed, measured, ".", color=GREY, markersize=3.0, alpha=0.4, label="measured")
     learned, label = colour(f"cov{COULOMB}"), "learned: viscous and Coulomb"
@@ -221,26 +213,24 @@ def _friction(results: DynamicsResults, joint: int) -> Figure:
     return figure
 
 
-@styled
 def _payload(results: DynamicsResults) -> Figure:
     """What is learned of a payload, as share of what it really has, a thin line per robot."""
-    payload, mass = results.payload, results.carried.mass_kg
+    payload, carried = results.payload, results.chosen["record_motion"].payload
     figure, panel = _panel(2.5, "Learned of the payload", "time (s)", "share of the truth")
-    truth = mass * np.linalg.norm(results.carried.point_m)
+    truth = carried.mass_kg * np.linalg.norm(carried.point_m)
     time = payload["time_s"].drop_duplicates()
     panel.plot(time, np.where(time < results.pick_up_s, 0.0, 1.0), label="carried", **WIDE)
     for place, (_, its) in enumerate(payload.groupby("seed")):
         moment = np.linalg.norm(its[[f"moment_{axis}_kg_m" for axis in "xyz"]], axis=1)
         thin: dict[str, Any] = {"color": colour("cov"), "linewidth": 0.9}
         label = ("mass", "first moment") if place == 0 else (None, None)
-        panel.plot(its["time_s"], its["mass_kg"] / mass, label=label[0], **thin)
+        panel.plot(its["time_s"], its["mass_kg"] / carried.mass_kg, label=label[0], **thin)
         panel.plot(its["time_s"], moment / truth, linestyle=":", label=label[1], **thin)
     panel.set_ylim(-0.1, 1.6)
     legend_above(figure, panel)
     return figure
 
 
-@styled
 def _payload_errors(results: DynamicsResults) -> Figure:
     """What the models make of torques that they have not learned from yet, mean over robots."""
     payload = results.payload.groupby("time_s")[["nmse_fixed", "nmse_learned"]].mean()

@@ -1,4 +1,4 @@
-"""Findings on learned dynamics: what sentences and claims of the page name.
+"""Findings on learned dynamics: outputs of the stages, and what sentences and claims of the page name.
 
 n counts seeds in simulation and robots elsewhere; ratios and differences are taken in pairs. Claims of the
 dissertation are decided by the published form, our form has claims of its own. Nothing follows from a model
@@ -6,22 +6,36 @@ that did not meet the criterion (`UNMET`): the dissertation trained until it was
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
+from structlearn.core.metrics import nmse
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import Evidence, Found, geometric_mean, mean, unknown
 from structlearn.reporting.findings import Findings
+from structlearn.rigid_body.compiled_dynamics import friction_rows
+from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
+from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, STRICT, in_order, model_name
-from structlearn.rigid_body.training_grid import OURS, TEXT, Form
-from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT
-from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT, Form
+from structlearn.rigid_body.tree import Robot
+from structlearn.simulation.arm import Mechanics
+from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
+from structlearn.testbeds.dynamics.protocol.tracking import KNOWN
 
-NETWORKS = ("mlp", "delan")
-"""The published models without inertias."""
+STOPPED_NMSE = 1.0
+"""What a run that had to be stopped counts at least: the error of an arm that does not move."""
+
+SETTLED_SHARE = 0.1  # of a payload's mass; within it the learned mass counts as right, batch by batch
+TERMS: tuple[FrictionTerm, ...] = ("viscous", "coulomb")  # of friction that a true robot has
+RESIDUAL_RATE_HZ = 10.0  # of residual torques that are kept to be drawn
+NETWORKS = ("mlp", "delan")  # the published models without inertias
 
 RIVALS = {TEXT: (*NETWORKS, "nostr", "symm"), OURS: ("mlp", "mlp_scaled", "delan", "nostr", "symm")}
 """All that are less constrained than SPD, Tri and Cov, by form."""
@@ -34,11 +48,179 @@ SUFFIXES = {OURS: "", TEXT: "_plain"}
 HEADLINES = (*(f"{model}_plain" for model in STRICT), "mlp", "delan", "cov")
 """Models whose epochs stand in `metrics.json`."""
 
-Samples = Mapping[str, pd.Series]
-"""By model, a row per seed or robot."""
-
 Scores = Callable[[str], pd.Series]
-"""Of a model, by seed or robot."""
+"""Of a model, by seed or robot; empty where it was not run."""
+
+
+@dataclass(frozen=True)
+class DynamicsResults:
+    """Outputs of the stages of the testbed, and what follows from it.
+
+    Of robots a seed is that of the robot; in simulation it is that of a model's start and of its goals.
+    """
+
+    errors: pd.DataFrame  # of trainings, see `rigid_body.training_grid.train`
+    outcomes: pd.DataFrame
+    links: pd.DataFrame  # learned beside the truth, see `rigid_body.base_parameters`, with `model`, `form`
+    base: pd.DataFrame
+    scores: pd.DataFrame  # see `protocol.tracking.track`
+    paths: pd.DataFrame
+    online: pd.DataFrame  # see `rigid_body.online_learning`
+    payload: pd.DataFrame  # likewise, with `seed`
+    agreement: pd.DataFrame  # a row per URDF, see `rigid_body.newton_euler`, with `robot`
+    known: pd.DataFrame  # of robots' logs, see `known_errors` and below, with `seed`
+    friction: pd.DataFrame
+    residuals: pd.DataFrame  # likewise, of the first robot
+    chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
+    trials: pd.DataFrame | None = None  # of our optimiser, of the study `dynamics/optimiser`; None: not run
+
+    @cached_property
+    def kinds(self) -> list[str]:
+        """Kinds of models that were trained, in the order of tables."""
+        return in_order(self.outcomes["model"].str.removesuffix(COULOMB).unique())
+
+    @cached_property
+    def robot_models(self) -> list[str]:
+        """Models that learned from robots' logs, in the order of tables."""
+        return in_order(self.outcomes.loc[self.outcomes["arm"] == ROBOT, "model"].unique())
+
+    def tracked(self, arm: str) -> list[str]:
+        """Models that were put to the test with an arm in any form, in the order of tables."""
+        return in_order(self.scores.loc[self.scores["robot"] == arm, "model"].unique())
+
+    def outcome(self, arm: str, model: str, form: Form = TEXT) -> pd.DataFrame:
+        """Outcomes of a model (`cov`, `cov_coulomb`) by seed; empty where it was not trained.
+
+        Epochs not reached are replaced by the most that it was given: a lower bound; `reached` says which.
+        """
+        return self._outcomes.get((arm, model, form), self._outcomes["none"])
+
+    def runs(self, arm: str, model: str, task: str, form: Form = TEXT) -> pd.DataFrame:
+        """Scores of a model in a task, by seed; those of stopped runs are at least `STOPPED_NMSE`.
+
+        Models that did not meet the criterion have none.
+        """
+        known = self._runs.get((arm, model, task, KNOWN))
+        return self._runs.get((arm, model, task, form), self._runs["none"]) if known is None else known
+
+    def stopped(self, arm: str, model: str, form: Form = TEXT) -> tuple[int, int]:
+        """Number of runs of a model, sines and reaches, that had to be stopped, and number of all."""
+        halted = pd.concat([self.runs(arm, model, task, form)["stopped"] for task in (SINE, REACH)]) != ""
+        return int(halted.sum()), len(halted)
+
+    def robot_error(self, model: str, form: Form = TEXT) -> pd.Series:
+        """NMSE on robots' logs, mean over joints, of a known or a learned model, by robot."""
+        if model in (GROUND_TRUTH, DEFAULT):
+            return self.known[self.known["model"] == model].groupby("seed")["nmse"].mean()
+        return self.outcome(ROBOT, model, form)["nmse_mean"]
+
+    @cached_property
+    def online_curves(self) -> pd.DataFrame:
+        """NMSE, mean over the joints: `loss`, `model`, `seed`, `batch`, `nmse`."""
+        keys = ["loss", "model", "seed", "batch"]
+        return self.online.groupby(keys, sort=False)["nmse"].mean().reset_index()
+
+    def online_scores(self, form: Form = TEXT) -> pd.DataFrame:
+        """Of learning online, by model and seed: `final` NMSE, and `speed`, mean log10 NMSE of batches."""
+        curves = self.online_curves
+        curves = curves[(curves["loss"] == LOSSES[form]) & (curves["batch"] > 0)]
+        curves = curves.assign(logarithm=np.log10(curves["nmse"]))
+        by = curves.sort_values("batch").groupby(["model", "seed"])
+        return pd.DataFrame({"final": by["nmse"].last(), "speed": by["logarithm"].mean()})
+
+    @cached_property
+    def pick_up_s(self) -> float:
+        """When payloads are picked up."""
+        motion = self.chosen["arm_motion"].used.cut(self.chosen["stand_in"].log_s)
+        return self.chosen["record_motion"].payload.at_share * motion.duration_s
+
+    @cached_property
+    def settling_s(self) -> pd.Series:
+        """By robot, time from the pick-up until the learned mass stays right; NaN if it does not."""
+        mass_kg, found = self.chosen["record_motion"].payload.mass_kg, {}
+        for seed, its in self.payload[self.payload["time_s"] > self.pick_up_s].groupby("seed"):
+            wrong = (its["mass_kg"] - mass_kg).abs() > SETTLED_SHARE * mass_kg
+            settled = its["time_s"][~wrong[::-1].cummax()[::-1]]
+            found[seed] = settled.iloc[0] - self.pick_up_s if len(settled) else np.nan
+        return pd.Series(found, dtype=float)
+
+    @cached_property
+    def mass_errors(self) -> pd.Series:
+        """By robot, share by which the payload's mass is wrong, averaged over the second half of its time."""
+        late = 0.5 * (self.pick_up_s + self.payload["time_s"].max())
+        mass = self.payload[self.payload["time_s"] > late].groupby("seed")["mass_kg"].mean()
+        return (mass / self.chosen["record_motion"].payload.mass_kg - 1.0).abs()
+
+    @cached_property
+    def _outcomes(self) -> dict[Any, pd.DataFrame]:
+        """See `outcome`, by its arguments; `none` is empty."""
+        limits, rows = (
+            self.chosen["train_dynamics"].epochs,
+            self.outcomes.sort_values("seed").set_index("seed"),
+        )
+        most = np.where(rows["arm"] == IDEAL, limits.simulation, limits.robot)
+        reached = rows["epochs"].notna()
+        rows = rows.assign(epochs=rows["epochs"].where(reached, most), reached=reached)
+        return {**dict(iter(rows.groupby(["arm", "model", "form"]))), "none": rows.iloc[:0]}
+
+    @cached_property
+    def _runs(self) -> dict[Any, pd.DataFrame]:
+        """See `runs`, by its arguments; pages ask for them hundreds of times."""
+        columns = ["position_nmse", "velocity_nmse"]
+        scores = self.scores.sort_values("seed").set_index("seed")
+        counted = scores[columns].fillna(STOPPED_NMSE).clip(lower=STOPPED_NMSE)
+        scores = scores.assign(**counted.where(scores["stopped"] != "", scores[columns]))
+        by = scores.groupby(["robot", "model", "task", "form"])
+        return {**dict(iter(by)), "none": scores.iloc[:0]}
+
+
+def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataFrame:
+    """Errors of what is known instead of learned: of the truth, and of the URDF, the default model.
+
+    Returns `model`, `joint` (from 1), `nmse`.
+    """
+    rubbing = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
+    friction = np.einsum("tjk,jk->tj", friction_columns(motion.qd, TERMS), rubbing)
+    torques = {
+        GROUND_TRUTH: rigid_body_torques(robot.tree, mechanics.inertias, motion) + friction,
+        DEFAULT: rigid_body_torques(robot.tree, robot.inertias, motion),
+    }
+    errors = pd.DataFrame({name: nmse(found, motion.torque) for name, found in torques.items()})
+    errors["joint"] = np.arange(1, motion.joints + 1)
+    return errors.melt("joint", var_name="model", value_name="nmse")[["model", "joint", "nmse"]]
+
+
+def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics) -> pd.DataFrame:
+    """Friction that models, the first one of each, learned of one robot, beside what really rubs.
+
+    Returns `model`, `joint` (from 1), `term`, `value` in N m s/rad or N m, and `truth`.
+    """
+    rows = []
+    for name, its in models.items():
+        learned = friction_rows(its.friction_coefficients()[0], its.friction)
+        for place, term in enumerate(TERMS):
+            if term in its.friction:
+                pairs = zip(learned[place], getattr(mechanics, term), strict=True)
+                rows += [(name, joint, term, *pair) for joint, pair in enumerate(pairs, start=1)]
+    return pd.DataFrame(rows, columns=["model", "joint", "term", "value", "truth"])
+
+
+def residual_torques(robot: Robot, models: DynamicsModels, motion: Motion, rate_hz: float) -> pd.DataFrame:
+    """What is left of measured torques without the bodies of the first of some models: friction and noise.
+
+    Returns at `RESIDUAL_RATE_HZ`: `joint` (from 1), `velocity_rad_s`, `residual_n_m`, `friction_n_m`.
+    """
+    kept = motion.part(slice(None, None, max(1, round(rate_hz / RESIDUAL_RATE_HZ))))
+    links = rigid_body_torques(robot.tree, models.inertias(), kept)[0]
+    friction = predicted_torques(models, robot.tree, kept)[0] - links
+    return pd.DataFrame(
+        {
+            "joint": np.tile(np.arange(1, kept.joints + 1), len(kept)),
+            "velocity_rad_s": kept.qd.ravel(),
+            "residual_n_m": (kept.torque - links).ravel(),
+            "friction_n_m": friction.ravel(),
+        }
+    )
 
 
 @lru_cache
@@ -58,12 +240,13 @@ def findings(results: DynamicsResults) -> Findings:
     """
     find = Findings("seeds")
     robots = find.among("simulated robots")
-    robots.exact("robots", len(results.robots))
+    robots.exact("robots", results.outcomes.loc[results.outcomes["arm"] == ROBOT, "seed"].nunique())
+    differences = results.agreement[["recursion_n_m", "regressor_n_m", "compiled_n_m"]].to_numpy()
     find.among("URDFs").exact(
-        "rnea_max_error_nm", results.largest_disagreement, len(results.agreement), unit="N m", headline=True
+        "rnea_max_error_nm", differences.max(), len(differences), unit="N m", headline=True
     )
     find.exact("base_parameters", results.base["parameter"].nunique())
-    find.exact("epochs_limit", results.training.epochs.simulation)
+    find.exact("epochs_limit", results.chosen["train_dynamics"].epochs.simulation)
     _models(find, robots, results)
     for form in (TEXT, OURS):
         _in_simulation(find, results, form)
@@ -85,53 +268,50 @@ def unmet(results: DynamicsResults, arm: str, form: Form) -> list[str]:
 
 def _models(find: Findings, robots: Findings, results: DynamicsResults) -> None:
     """Scores of every model that was run, in both forms."""
-    epochs, errors = {}, {name: results.robot_error(name) for name in results.known["model"].unique()}
+    epochs: dict[str, pd.Series] = {}
+    errors = {name: results.robot_error(name) for name in results.known["model"].unique()}
     for form, suffix in SUFFIXES.items():
-        for kind in results.kinds:
-            epochs[f"{kind}{suffix}"] = results.outcome(IDEAL, kind, form)["epochs"]
-        for model in results.robot_models:
-            errors[f"{model}{suffix}"] = results.robot_error(model, form)
-    find.mean("epochs", _known(epochs), headline=HEADLINES)
-    robots.mean("robot_nmse", _known(errors), headline=(DEFAULT, "cov_plain", f"cov{COULOMB}_plain"))
+        epochs |= {f"{kind}{suffix}": results.outcome(IDEAL, kind, form)["epochs"] for kind in results.kinds}
+        errors |= {f"{model}{suffix}": results.robot_error(model, form) for model in results.robot_models}
+    find.mean("epochs", _run(epochs), headline=HEADLINES)
+    robots.mean("robot_nmse", _run(errors), headline=(DEFAULT, "cov_plain", f"cov{COULOMB}_plain"))
     for robot, its, prefix in ((IDEAL, find, ""), (ROBOT, robots, "robot_")):
         tried = {
             f"{model}{'' if model in (GROUND_TRUTH, DEFAULT) else suffix}": (robot, model, form)
             for form, suffix in SUFFIXES.items()
             for model in results.tracked(robot)
         }
-        velocity = _known({case: results.velocity(*key) for case, key in tried.items()})
-        stopped = {case: (results.stopped(*tried[case]), results.count(*tried[case])) for case in velocity}
+        velocity = _run({case: _velocity(results, *key) for case, key in tried.items()})
         marked = (GROUND_TRUTH, "cov_plain") if robot == IDEAL else ()
         its.mean(f"{prefix}ee_velocity_nmse", velocity, headline=marked)
-        its.counted(f"{prefix}unstable", stopped)
+        its.counted(f"{prefix}unstable", {case: results.stopped(*tried[case]) for case in velocity})
 
 
 def _in_simulation(find: Findings, results: DynamicsResults, form: Form) -> None:
     def epochs(model: str) -> pd.Series:
         return results.outcome(IDEAL, model, form)["epochs"]
 
-    def velocity(model: str) -> pd.Series:
-        return results.velocity(IDEAL, model, form)
+    def excess(model: str) -> pd.DataFrame:
+        """NMSE in reaches above the ground truth's, of position and velocity, by seed."""
+        columns = ["position_nmse", "velocity_nmse"]
+        its, truth = (results.runs(IDEAL, one, REACH, form)[columns] for one in (model, GROUND_TRUTH))
+        return (its - truth).dropna()
 
-    strict = results.strict
-    tracked_rivals = NETWORKS if form == TEXT else RIVALS[form]
-    excess = {model_name(model): _excess(results, model, form) for model in strict}
+    strict = _strict(results)
     _cases(find.geometric_mean, f"epochs_{form}", {model: epochs(model) for model in strict})
     _ratios(find, f"epochs_more_{form}", epochs, RIVALS[form], strict)
-    find.by(_largest, f"above_truth_{form}", excess, missing=UNMET)
-    _ratios(find, f"over_strict_{form}", velocity, tracked_rivals, strict)
+    above = {model_name(model): excess(model) for model in strict}
+    find.by(_largest, f"above_truth_{form}", above, missing=UNMET)
+    velocity = partial(_velocity, results, IDEAL, form=form)
+    _ratios(find, f"over_strict_{form}", velocity, NETWORKS if form == TEXT else RIVALS[form], strict)
 
 
 def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
-    def error(model: str) -> pd.Series:
-        return results.robot_error(model, form)
-
-    def velocity(model: str) -> pd.Series:
-        return results.velocity(ROBOT, model, form)
-
-    structured = [model for model in ("symm", *results.strict) if model in results.kinds]
+    error, velocity = partial(results.robot_error, form=form), partial(_velocity, results, ROBOT, form=form)
+    strict = _strict(results)
+    structured = [model for model in ("symm", *strict) if model in results.kinds]
     gains = {model: error(DEFAULT) / error(model) for model in structured}
-    lacking = {model: error(model) - error(f"{model}{COULOMB}") for model in results.strict}
+    lacking = {model: error(model) - error(f"{model}{COULOMB}") for model in strict}
     stopped = results.runs(ROBOT, "delan", REACH, form)["stopped"] != ""
     _cases(find.geometric_mean, f"robot_gain_{form}", gains)
     _cases(find.mean, f"robot_networks_{form}", {model: error(model) for model in NETWORKS})
@@ -146,35 +326,40 @@ def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
 
 def _online(find: Findings, results: DynamicsResults) -> None:
     """NMSE on the whole motion of the others over that of SPD, Tri and Cov."""
-    scores = results.online_scores()
+    scores, strict, nothing = results.online_scores(), _strict(results), pd.Series(dtype=float)
 
     def course(model: str) -> pd.Series:
-        return 10.0 ** scores["speed"].get(model, NONE)
+        return 10.0 ** scores["speed"].get(model, nothing)
 
     def final(model: str) -> pd.Series:
-        return scores["final"].get(model, NONE)
+        return scores["final"].get(model, nothing)
 
     find.mean("online_nmse", {model: final(model) for model in in_order(scores.index.unique("model"))})
-    _ratios(find, "online_course", course, RIVALS[TEXT], results.strict)
-    _ratios(find, "online_final", final, RIVALS[TEXT], results.strict)
-    scaled = {
-        when: _over(score, "mlp_scaled", results.strict).dropna()
-        for when, score in (("over the course", course), ("after one pass", final))
-    }
-    found = {when: geometric_mean(its) if len(its) else unknown(UNMET) for when, its in scaled.items()}
+    _ratios(find, "online_course", course, RIVALS[TEXT], strict)
+    _ratios(find, "online_final", final, RIVALS[TEXT], strict)
+    found: dict[str, Evidence] = {}
+    for when, score in (("over the course", course), ("after one pass", final)):
+        ratio = _over(score, "mlp_scaled", strict).dropna()
+        found[when] = geometric_mean(ratio) if len(ratio) else unknown(UNMET)
     find.add("online_scaled", found)
 
 
-NONE = pd.Series(dtype=float)
-"""Scores of a model that was not run."""
+def _strict(results: DynamicsResults) -> list[str]:
+    """Those of `STRICT` that were trained."""
+    return [kind for kind in results.kinds if kind in STRICT]
 
 
-def _known(samples: Samples) -> Samples:
+def _velocity(results: DynamicsResults, arm: str, model: str, form: Form) -> pd.Series:
+    """NMSE of the tool's velocity in reaches, by seed."""
+    return results.runs(arm, model, REACH, form)["velocity_nmse"]
+
+
+def _run(samples: Mapping[str, pd.Series]) -> Mapping[str, pd.Series]:
     """Those of models that were run."""
     return {model: its for model, its in samples.items() if len(its)}
 
 
-def _cases(found: Callable[..., Found], name: str, samples: Samples) -> None:
+def _cases(found: Callable[..., Found], name: str, samples: Mapping[str, pd.Series]) -> None:
     """A case per model; `UNMET` where it has no samples."""
     found(name, {model_name(model): its.dropna() for model, its in samples.items()}, missing=UNMET)
 
@@ -192,13 +377,6 @@ def _ratios(
 ) -> None:
     """Scores of models over the geometric mean of others; a seed that only one of both has is left out."""
     _cases(find.geometric_mean, name, {model: _over(score, model, references) for model in models})
-
-
-def _excess(results: DynamicsResults, model: str, form: Form) -> pd.DataFrame:
-    """NMSE in reaches above the ground truth's, of position and velocity, by seed."""
-    columns = ["position_nmse", "velocity_nmse"]
-    its, truth = (results.runs(IDEAL, one, REACH, form)[columns] for one in (model, GROUND_TRUTH))
-    return (its - truth).dropna()
 
 
 def _largest(samples: pd.DataFrame, comparisons: int) -> Evidence:

@@ -1,18 +1,30 @@
-"""The page of the dynamics testbed: what its sentences name, and where that comes from."""
+"""The page of the dynamics testbed: its tables, what its sentences name, and where that comes from.
+
+Tables show what is published beside what was reproduced, and what was learned beside the truth.
+"""
 
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from structlearn.core.params import Parameters
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.findings import Findings
-from structlearn.rigid_body.model_names import COULOMB, model_name
-from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.findings import published, unmet
-from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
+from structlearn.reporting.prose import with_spread
+from structlearn.rigid_body.inertia_parameters import STRUCTURES
+from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
+from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT
+from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
+from structlearn.testbeds.dynamics.page.findings import (
+    SETTLED_SHARE,
+    STOPPED_NMSE,
+    DynamicsResults,
+    published,
+    unmet,
+)
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
@@ -22,37 +34,37 @@ SOURCES = {
     "online": Source("data/dynamics/online", "dynamics_online"),
 }
 
+PRINTED = "dissertation"
 
-def dynamics_page(
-    results: DynamicsResults,
-    find: Findings,
-    shown: Mapping[str, Table],
-    parameters: Mapping[str, Parameters],
-) -> Document:
-    """The page, with parameters by their key; its figures are those of `figures.drawings`, and `still`."""
-    facts = find.numbers() | _named(results) | _from_tables(shown)
-    claims = read_claims(Path(__file__).with_name("claims.yaml"))
-    return Document(
-        template="dynamics.html.jinja",
-        package=__package__,
-        stage="dynamics_report",
-        facts=facts,
-        tables=shown,
-        judged=judge(claims, find, environment(__package__), facts),
-        sources=SOURCES,
-        parameters=parameters,
-        recordings="../rerun/dynamics",
-        simulated=True,
-    )
+SCORES = {
+    "sine_position": (SINE, "position_nmse", "sines, q"),
+    "sine_velocity": (SINE, "velocity_nmse", "q̇"),
+    "reach_position": (REACH, "position_nmse", "reaches, x"),
+    "reach_velocity": (REACH, "velocity_nmse", "ẋ"),
+}
+"""Columns of tables III.1 and III.2: task, column of the scores, heading."""
+
+CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
+"""On a physically consistent body, columns of `inertia_tables.link_table`."""
+
+DETAILED = "cov"  # structure whose learned bodies are listed
 
 
-def _named(results: DynamicsResults) -> dict[str, object]:
-    """Settings and lists of models that sentences name."""
+def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
+    """The page; its figures are those of `figures.drawings`, and `still`."""
+    shown, chosen = tables(results), results.chosen
     after = results.payload[results.payload["time_s"] > results.pick_up_s]
-    return {
+    by_model = {
+        name: {row["model"]: row for row in shown[name].frame.to_dict("records")}
+        for name in ("epochs", "online", "bodies", "base_errors")
+    }
+    facts = {
+        **find.numbers(),
+        **{name: by_model[name] for name in ("epochs", "online")},
         "results": results,
+        "chosen": chosen,
+        "training": chosen["train_dynamics"],
         "published": published(),
-        "training": results.training,
         "overspeed": OVERSPEED,
         "stopped_nmse": STOPPED_NMSE,
         "settled_share": SETTLED_SHARE,
@@ -64,46 +76,237 @@ def _named(results: DynamicsResults) -> dict[str, object]:
             for form in FORM_TITLES
         },
         "parameters_of_links": 10 * results.links["link"].nunique(),
-        "friction": _friction(results),
+        "friction": _median_friction(results),
         "payload": {
             "fixed": after["nmse_fixed"].mean(),
             "learned": after["nmse_learned"].mean(),
-            "distance_m": np.linalg.norm(results.carried.point_m),
+            "distance_m": np.linalg.norm(chosen["record_motion"].payload.point_m),
         },
-    }
-
-
-def _from_tables(shown: Mapping[str, Table]) -> dict[str, object]:
-    """Rows of tables that sentences name."""
-    names = ("epochs", "online", "bodies", "base_errors")
-    epochs, online, bodies, base = (shown[name].frame.to_dict("records") for name in names)
-    return {
-        "epochs": {row["model"]: row for row in epochs},
-        "online": {row["model"]: row for row in online},
         "impossible": [
-            f"{row['model']} {row['links'] - row['possible']} of {row['links']}"
-            for row in bodies
+            f"{model} {row['links'] - row['possible']} of {row['links']}"
+            for model, row in by_model["bodies"].items()
             if row["possible"] < row["links"]
         ],
-        "best_base": min(base, key=lambda row: row["base"]),
+        "best_base": min(by_model["base_errors"].values(), key=lambda row: row["base"]),
     }
+    claims = read_claims(Path(__file__).with_name("claims.yaml"))
+    return Document(
+        template="dynamics.html.jinja",
+        package=__package__,
+        stage="dynamics_report",
+        facts=facts,
+        tables=shown,
+        judged=judge(claims, find, environment(__package__), facts),
+        sources=SOURCES,
+        parameters=chosen,
+        recordings="../rerun/dynamics",
+        simulated=True,
+    )
 
 
 def _stopped(results: DynamicsResults, arm: str) -> list[str]:
     """`DeLaN, ours 4 of 10`, of models with runs that had to be stopped."""
-    every = [(model, form) for model in results.tracked(arm) for form in FORM_TITLES]
+    every = product(results.tracked(arm), FORM_TITLES)
     counts = {key: results.stopped(arm, *key) for key in every}
     return [
-        f"{model_name(model)} ({FORM_TITLES[form].lower()}) {count} of {results.count(arm, model, form)}"
-        for (model, form), count in counts.items()
-        if count
+        f"{model_name(model)} ({FORM_TITLES[form].lower()}) {stopped} of {count}"
+        for (model, form), (stopped, count) in counts.items()
+        if stopped
     ]
 
 
-def _friction(results: DynamicsResults) -> dict[str, float]:
+def _median_friction(results: DynamicsResults) -> dict[str, float]:
     """Median relative errors of learned coefficients; `factor` of viscous ones alone."""
     known = results.friction
-    ratio = (known["value"] / known["truth"]).groupby([known["model"], known["term"]])
-    median = ratio.median()
-    off = (ratio.obj - 1.0).abs().groupby([known["model"], known["term"]]).median()
-    return off[f"cov{COULOMB}"].to_dict() | {"factor": median["cov", "viscous"]}
+    ratio = known["value"] / known["truth"]
+    median, off = (
+        one.groupby([known["model"], known["term"]]).median() for one in (ratio, (ratio - 1.0).abs())
+    )
+    return off[f"{DETAILED}{COULOMB}"].to_dict() | {"factor": median[DETAILED, "viscous"]}
+
+
+def tables(results: DynamicsResults) -> dict[str, Table]:
+    """Tables of the page by name."""
+    differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three ways to the same torques
+    found = {
+        "simulation": _scores(results, IDEAL),
+        "epochs": _epochs(results),
+        "online": _online(results),
+        "bodies": _bodies(results),
+        "links": _links(results),
+        "base_parameters": _base_parameters(results),
+        "base_errors": _base_errors(results),
+        "robot_errors": _robot_errors(results),
+        "friction": _friction(results),
+        "agreement": Table(results.agreement, dict.fromkeys(differences, ".1e") | {"largest_n_m": ".0f"}),
+    }
+    found |= {"robot": _scores(results, ROBOT)} if results.tracked(ROBOT) else {}
+    return found | ({"optimisers": _optimisers(results.trials)} if results.trials is not None else {})
+
+
+def _scores(results: DynamicsResults, robot: str) -> Table:
+    """Table III.1 or III.2: `model`, `source`, `epochs`, the columns of `SCORES` as texts, `stopped` runs."""
+    printed = published()["simulation" if robot == IDEAL else "robot"]
+    rows = []
+    for model in in_order({*results.tracked(robot), *printed}):
+        name, known = model_name(model), model in (GROUND_TRUTH, DEFAULT)
+        if model in printed:
+            row = dict(zip(published()["columns"], printed[model], strict=True))
+            nmse = published()["robot_nmse"].get(model)
+            rows.append({"model": name, "source": PRINTED, "nmse": nmse} | row)
+        for form in (TEXT,) if known else (TEXT, OURS):
+            outcome, (stopped, count) = (
+                results.outcome(robot, model, form),
+                results.stopped(robot, model, form),
+            )
+            if count or len(outcome):
+                source = "here" if known else FORM_TITLES[form].lower()
+                row = {"model": name, "source": source, "epochs": _epochs_text(outcome)}
+                row["nmse"] = f"{results.robot_error(model, form).mean():.3f}"
+                for column, (task, score, _) in SCORES.items():
+                    row[column] = _score(results.runs(robot, model, task, form), score)
+                rows.append(row | {"stopped": f"{stopped} of {count}"})
+    frame = pd.DataFrame(rows)[["model", "source", "epochs", "nmse", *SCORES, "stopped"]]
+    frame = frame.drop(columns="nmse") if robot == IDEAL else frame
+    headings = {"source": "", "nmse": "NMSE on the logs"} | {name: one[-1] for name, one in SCORES.items()}
+    return Table(frame, {}, headings, frozenset(np.flatnonzero(frame["source"] != PRINTED).tolist()))
+
+
+def _score(runs: pd.DataFrame, score: str) -> str:
+    """Mean and spread; a model that did not meet the criterion was not tracked with."""
+    if runs.empty:
+        return "not tested"
+    return "unstable" if (runs["stopped"] != "").all() else _spread(runs[score], ".3f")
+
+
+def _epochs(results: DynamicsResults) -> Table:
+    """Epochs to the threshold in simulation, in both forms, as texts by `model`."""
+    rows = []
+    for model in results.kinds:
+        text, ours = (results.outcome(IDEAL, model, form) for form in (TEXT, OURS))
+        but_last = _counted(text["epochs_but_last"].dropna(), len(text)) if len(text) else ""
+        rows.append((model_name(model), _epochs_text(text), but_last, _epochs_text(ours)))
+    headings = {"text": "as published", "text_but_last": "but for the last joint", "ours": "our training"}
+    return Table(pd.DataFrame(rows, columns=["model", *headings]), headings=headings)
+
+
+def _epochs_text(outcome: pd.DataFrame) -> str:
+    """`2.0 ± 0.7`; `3.0 (1 of 5)` where others did not get there, `> 40` where none did, or nothing."""
+    reached = outcome[outcome["reached"]]["epochs"]
+    if len(outcome) and not len(reached):
+        return f"> {outcome['epochs'].max():.0f}"
+    return _counted(reached, len(outcome)) if len(outcome) else ""
+
+
+def _counted(known: pd.Series, every: int) -> str:
+    """Mean and spread, and of how many it is unless it is all of them."""
+    text = with_spread(known.mean(), known.std()) if len(known) else "not reached"
+    return text if len(known) in (0, every) else f"{text} ({len(known)} of {every})"
+
+
+def _optimisers(trials: pd.DataFrame) -> Table:
+    """Epochs by kind, and how DeLaN ended, a row per trial of our optimiser."""
+    kinds = in_order(name.removeprefix("epochs_") for name in trials if name.startswith("epochs_"))
+    columns = {f"epochs_{kind}": model_name(kind) for kind in kinds}
+    columns["worst_delan"] = f"{model_name('delan')}, worst NMSE"
+    frame = trials.groupby("variant", sort=False)[list(columns)].mean().reset_index()
+    return Table(frame, dict.fromkeys(columns, ".1f") | {"worst_delan": ".2g"}, columns)
+
+
+def _by_model(columns: Mapping[str, pd.Series], models: list[str], number_format: str = "") -> Table:
+    """A table with a row per model."""
+    frame = pd.DataFrame(columns).loc[models].rename(index=model_name).rename_axis("model").reset_index()
+    return Table(frame, dict.fromkeys(columns, number_format) if number_format else {})
+
+
+def _online(results: DynamicsResults) -> Table:
+    """Of learning online, mean over seeds: NMSE after one pass, and over the course, by `model`."""
+    columns: dict[str, pd.Series] = {}
+    for form, loss in LOSSES.items():
+        means = results.online_scores(form).groupby("model").mean()
+        columns |= {f"final_{loss}": means["final"], f"course_{loss}": 10.0 ** means["speed"]}
+    return _by_model(columns, in_order(results.online["model"].unique()), ".2g")
+
+
+def _structures(results: DynamicsResults) -> list[str]:
+    return [kind for kind in results.kinds if kind in STRUCTURES]
+
+
+def _bodies(results: DynamicsResults) -> Table:
+    """Per `model`: number of learned `links`, and how many of them meet each of `CONDITIONS`, and all."""
+    its = _as_published(results.links)
+    met = its[CONDITIONS].assign(possible=its[CONDITIONS].all(axis=1)).groupby(its["model"])
+    return _by_model({"links": met.size()} | dict(met.sum()), _structures(results))
+
+
+def _base_errors(results: DynamicsResults) -> Table:
+    """Per `model` the median over parameters and seeds of the relative error: `base` parameters, `mass`."""
+    columns = {}
+    for name, table, learned, true in (
+        ("base", results.base, "value", "truth"),
+        ("mass", results.links, "mass_kg", "true_mass_kg"),
+    ):
+        its = _as_published(table).query(f"{true} != 0.0")
+        columns[name] = ((its[learned] - its[true]) / its[true]).abs().groupby(its["model"]).median()
+    return _by_model(columns, _structures(results), ".1%")
+
+
+def _links(results: DynamicsResults) -> Table:
+    """Learned masses, centres and largest moments of `DETAILED` beside the truth, mean ± std over seeds."""
+    its = _as_published(results.links).query("model == @DETAILED")
+    axes = [f"centre_{axis}_m" for axis in "xyz"]
+    away = its[axes].to_numpy() - its[[f"true_{axis}" for axis in axes]].to_numpy()
+    links = its.assign(away=np.linalg.norm(away, axis=1)).groupby("link", sort=False)
+    columns = {
+        "true_mass_kg": links["true_mass_kg"].first(),
+        "mass_kg": links["mass_kg"].agg(_spread, ".2f"),
+        "centre_m": links["away"].agg(_spread, ".3f"),
+        "true_moment_kg_m2": links["true_moment_3_kg_m2"].first(),
+        "moment_kg_m2": links["moment_3_kg_m2"].agg(_spread, ".4f"),
+    }
+    formats = {"true_mass_kg": ".2f", "true_moment_kg_m2": ".4f"}
+    return Table(pd.DataFrame(columns).reset_index(), formats)
+
+
+def _base_parameters(results: DynamicsResults) -> Table:
+    """Base parameters of `DETAILED`: `parameter`, `truth`, `learned` (mean over seeds) and its `std`."""
+    by = _as_published(results.base).query("model == @DETAILED").groupby("parameter", sort=False)
+    columns = {"truth": by["truth"].first(), "learned": by["value"].mean(), "std": by["value"].std()}
+    return Table(pd.DataFrame(columns).reset_index(), dict.fromkeys(columns, ".4f"))
+
+
+def _robot_errors(results: DynamicsResults) -> Table:
+    """NMSE on robots' logs, mean over robots: `model`, `form`, `joint_1` ..., `mean`; strong: known."""
+    errors = results.errors[results.errors["arm"] == ROBOT]
+    kept = errors[errors["epoch"] == errors.groupby(["model", "form"])["epoch"].transform("max")]
+    every = pd.concat([results.known.assign(form=""), kept])
+    joints = every.pivot_table("nmse", ["model", "form"], "joint").add_prefix("joint_")
+    known = [(model, "") for model in in_order(results.known["model"].unique())]
+    order = [key for key in (*known, *product(results.robot_models, FORM_TITLES)) if key in joints.index]
+    frame = joints.assign(mean=joints.mean(axis=1)).loc[order].reset_index()
+    words = {"model": frame["model"].map(model_name), "form": frame["form"].replace(FORM_TITLES).str.lower()}
+    formats = dict.fromkeys(frame.columns[2:], ".3f")
+    return Table(frame.assign(**words), formats, strong=frozenset(range(len(known))))
+
+
+def _friction(results: DynamicsResults) -> Table:
+    """Friction that `DETAILED` learned beside the truth: `joint`; `true_` and learned terms, as text."""
+    its = results.friction[results.friction["model"] == f"{DETAILED}{COULOMB}"]
+    columns: dict[str, pd.Series] = {}
+    for term, rows in its.groupby("term", sort=False):
+        joints = rows.groupby("joint")
+        columns |= {f"true_{term}": joints["truth"].first(), term: joints["value"].agg(_spread, ".3f")}
+    formats = {"true_viscous": ".3f", "true_coulomb": ".3f"}
+    return Table(pd.DataFrame(columns).reset_index(), formats)
+
+
+def _as_published(table: pd.DataFrame) -> pd.DataFrame:
+    return table[table["form"] == TEXT]
+
+
+def _spread(values: pd.Series, number_format: str) -> str:
+    """Mean ± std, as in the dissertation without a std that would be written as zero."""
+    std = values.std()
+    return with_spread(
+        values.mean(), np.nan if float(format(std, number_format)) == 0.0 else std, number_format
+    )

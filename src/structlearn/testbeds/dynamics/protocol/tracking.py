@@ -14,12 +14,10 @@ from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.compiled_models import InverseDynamics, bodies_model
 from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model
-from structlearn.rigid_body.model_names import model_name
+from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.rigid_body.training_grid import Form
 from structlearn.testbeds.dynamics.world.arm_motion import (
-    Feedback,
-    JointPath,
     ReachingParameters,
     SineParameters,
     first_posture,
@@ -29,13 +27,16 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_controller,
     sine_path,
 )
-from structlearn.testbeds.dynamics.world.controlled_arm import Run, SimulatedArm, run
+from structlearn.testbeds.dynamics.world.controlled_arm import (
+    Feedback,
+    ReferencePath,
+    Run,
+    SimulatedArm,
+    run,
+)
 
-SHOWN_RATE_HZ = 25.0
-"""Of the paths that are kept to be looked at."""
-
-KNOWN = ""
-"""Form of a model that is known instead of learned."""
+SHOWN_RATE_HZ = 25.0  # of the paths that are kept to be looked at
+KNOWN = ""  # form of a model that is known instead of learned
 
 
 class TrackingParameters(Parameters):
@@ -49,41 +50,24 @@ class TrackingParameters(Parameters):
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model to be put into the controller.
+    """A model to be put into the controller."""
 
-    Attributes:
-        name: of the model.
-        form: of its training; `KNOWN` for one that was not learned.
-        seeds: of the goals it reaches for; a learned model has that of its training, one that was not learned
-            has all.
-        model: itself.
-    """
-
-    name: str
-    form: str
-    seeds: tuple[int, ...]
+    name: str  # of the model
+    form: str  # of its training; `KNOWN` for one that was not learned
+    seeds: tuple[int, ...]  # of its goals: that of its training, or all for a model that was not learned
     model: InverseDynamics
 
 
 @dataclass(frozen=True)
 class Testbed:
-    """An arm and its tasks.
-
-    Attributes:
-        name: of the arm.
-        seeds: of the goals; a robot has its own alone.
-        shown: seed of the paths that are kept.
-        arm: itself; the gains of the joints come from its URDF.
-        motion: the sines.
-        reaching: the reaches.
-    """
+    """An arm and its tasks."""
 
     __test__ = False  # not a test, whatever pytest thinks of its name
 
-    name: str
-    seeds: tuple[int, ...]
-    shown: int
-    arm: SimulatedArm
+    name: str  # of the arm
+    seeds: tuple[int, ...]  # of the goals; a robot has its own alone
+    shown: int  # seed of the paths that are kept
+    arm: SimulatedArm  # the gains of its joints come from its URDF
     motion: SineParameters
     reaching: ReachingParameters
 
@@ -97,11 +81,11 @@ class Testbed:
 def known(testbed: Testbed) -> list[Candidate]:
     """What is known of an arm: the truth, and the URDF where the truth is another."""
     robot, true = testbed.arm.robot, testbed.arm.mechanics
-    truth = Candidate("ground_truth", KNOWN, testbed.seeds, _true_model(testbed))
-    if true.inertias is robot.inertias:
-        return [truth]
-    default = bodies_model(inverse_dynamics(robot.tree, robot.inertias))
-    return [truth, Candidate("default", KNOWN, testbed.seeds, default)]
+    friction = np.stack([true.viscous, true.coulomb, np.zeros_like(true.viscous)])
+    models = {GROUND_TRUTH: inverse_dynamics(robot.tree, true.inertias, friction)}
+    if true.inertias is not robot.inertias:
+        models[DEFAULT] = inverse_dynamics(robot.tree, robot.inertias)
+    return [Candidate(name, KNOWN, testbed.seeds, bodies_model(model)) for name, model in models.items()]
 
 
 def learned(
@@ -141,27 +125,24 @@ def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFra
 
 def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
     """Scores of one model, and paths of the shown seed; the sines are the same for all goals and run once."""
-    motion = testbed.motion
+    sines = _follow_sines(testbed, candidate.model)
+    runs = [("sine", seed, *sines) for seed in candidate.seeds]
+    runs += [("reach", seed, *_reach(testbed, candidate.model, seed)) for seed in candidate.seeds]
+    keys = {"robot": testbed.name, "model": candidate.name, "form": candidate.form}
     rows, paths = [], []
-    moved, path, errors = _follow_sines(testbed, candidate.model)
-    rows += [_score(candidate, seed, "sine", moved, errors, motion) for seed in candidate.seeds]
-    if testbed.shown in candidate.seeds:
-        wanted, _ = tool_motion(testbed.arm.robot.tree, testbed.reaching.tool_m, path.q, path.qd)
-        paths.append(_path(testbed, candidate, "sine", moved, wanted))
-    for seed in candidate.seeds:
-        moved, wanted, errors = _reach(testbed, candidate.model, seed)
-        rows.append(_score(candidate, seed, "reach", moved, errors, motion))
+    for task, seed, moved, reference, (position, velocity) in runs:
+        errors = {"position_nmse": position, "velocity_nmse": velocity, "stopped": moved.stopped or ""}
+        duration_s = len(moved.q) / testbed.motion.rate_hz
+        rows.append(keys | {"seed": seed, "task": task} | errors | {"duration_s": duration_s})
         if seed == testbed.shown:
-            paths.append(_path(testbed, candidate, "reach", moved, wanted))
-    scores = pd.DataFrame(rows)
-    scores.insert(0, "robot", testbed.name)
-    return scores, paths
+            paths.append(_path(testbed, keys | {"task": task}, moved, reference))
+    return pd.DataFrame(rows), paths
 
 
-def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, JointPath, tuple[float, float]]:
-    """The run, what it should be, and the errors of q and qd."""
+def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, ReferencePath, tuple[float, float]]:
+    """The run, the joints' path, and the errors of q and qd."""
     reference = sine_path(testbed.arm.robot.tree, testbed.motion)
-    q, qd = reference.q, reference.qd
+    q, qd = reference.position, reference.velocity
     moved = run(testbed.arm, sine_controller(model, reference, testbed.feedback), q[0], qd[0])
     position, velocity = (
         float(np.mean(_squared_error(moved, found, wanted) / wanted.var(axis=0)))
@@ -172,8 +153,8 @@ def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, JointP
 
 def _reach(
     testbed: Testbed, model: InverseDynamics, seed: int
-) -> tuple[Run, np.ndarray, tuple[float, float]]:
-    """The run, the tool's wanted positions (T, 3), and the errors of x and xd."""
+) -> tuple[Run, ReferencePath, tuple[float, float]]:
+    """The run, the tool's path, and the errors of x and xd."""
     tree, parameters = testbed.arm.robot.tree, testbed.reaching
     reference = reaches(tree, parameters, testbed.motion.rate_hz, seed)
     posture = first_posture(tree, parameters)
@@ -182,15 +163,9 @@ def _reach(
     x, xd = tool_motion(tree, parameters.tool_m, moved.q, moved.qd)
     position, velocity = (
         float(_squared_error(moved, found, wanted).sum() / wanted.var(axis=0).sum())
-        for found, wanted in ((x, reference.x), (xd, reference.xd))
+        for found, wanted in ((x, reference.position), (xd, reference.velocity))
     )
-    return moved, reference.x, (position, velocity)
-
-
-def _true_model(testbed: Testbed) -> InverseDynamics:
-    true = testbed.arm.mechanics
-    friction = np.stack([true.viscous, true.coulomb, np.zeros_like(true.viscous)])
-    return bodies_model(inverse_dynamics(testbed.arm.robot.tree, true.inertias, friction))
+    return moved, reference, (position, velocity)
 
 
 def _squared_error(moved: Run, found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -200,62 +175,33 @@ def _squared_error(moved: Run, found: np.ndarray, wanted: np.ndarray) -> np.ndar
     return np.mean((found - wanted) ** 2, axis=0)
 
 
-def _score(
-    candidate: Candidate,
-    seed: int,
-    task: str,
-    moved: Run,
-    errors: tuple[float, float],
-    motion: SineParameters,
-) -> dict[str, object]:
-    return {
-        "model": candidate.name,
-        "form": candidate.form,
-        "seed": seed,
-        "task": task,
-        "position_nmse": errors[0],
-        "velocity_nmse": errors[1],
-        "stopped": moved.stopped or "",
-        "duration_s": len(moved.q) / motion.rate_hz,
-    }
-
-
-def _path(testbed: Testbed, candidate: Candidate, task: str, moved: Run, wanted: np.ndarray) -> pd.DataFrame:
-    every = max(1, round(testbed.motion.rate_hz / SHOWN_RATE_HZ))
-    tree = testbed.arm.robot.tree
+def _path(testbed: Testbed, keys: dict[str, str], moved: Run, reference: ReferencePath) -> pd.DataFrame:
+    """Thinned path of a run beside its reference, which is the joints' where the sines are followed."""
+    tree, rate_hz, tool_m = testbed.arm.robot.tree, testbed.motion.rate_hz, testbed.reaching.tool_m
+    every = max(1, round(rate_hz / SHOWN_RATE_HZ))
     q, qd = moved.q[::every], moved.qd[::every]
-    tool, _ = tool_motion(tree, testbed.reaching.tool_m, q, qd)
-    columns: dict[str, str | np.ndarray] = {"robot": testbed.name, "model": candidate.name}
-    columns |= {"form": candidate.form, "task": task}
-    columns["time_s"] = np.arange(len(q)) * every / testbed.motion.rate_hz
+    wanted = reference.position[: len(moved.q) : every]
+    if keys["task"] == "sine":
+        wanted, _ = tool_motion(tree, tool_m, wanted, reference.velocity[: len(moved.q) : every])
+    tool, _ = tool_motion(tree, tool_m, q, qd)
+    columns: dict[str, str | np.ndarray] = {**keys, "time_s": np.arange(len(q)) * every / rate_hz}
     columns |= dict(zip(tree.names, q.T, strict=True))
     for place, letter in enumerate("xyz"):
-        columns[f"tool_{letter}"] = tool[:, place]
-        columns[f"wanted_{letter}"] = wanted[: len(moved.q) : every][:, place]
+        columns |= {f"tool_{letter}": tool[:, place], f"wanted_{letter}": wanted[:, place]}
     return pd.DataFrame(columns)
 
 
 @dataclass(frozen=True)
 class TrackedReach:
-    """The reaches of a model's shown seed.
+    """The reaches of a model's shown seed."""
 
-    Attributes:
-        model: its key.
-        time: (T,) s.
-        joints: (T, n) rad.
-        tool: (T, 3) m, base frame.
-        wanted: (T, 3) m, where the tool should be.
-        velocity_nmse: of the tool; NaN where it was stopped.
-        stopped: why it was stopped; empty where it ran through.
-    """
-
-    model: str
-    time: np.ndarray
-    joints: np.ndarray
-    tool: np.ndarray
-    wanted: np.ndarray
-    velocity_nmse: float
-    stopped: str
+    model: str  # its key
+    time: np.ndarray  # (T,) s
+    joints: np.ndarray  # (T, n) rad
+    tool: np.ndarray  # (T, 3) m, base frame
+    wanted: np.ndarray  # (T, 3) m, where the tool should be
+    velocity_nmse: float  # of the tool; NaN where it was stopped
+    stopped: str  # why it was stopped; empty where it ran through
 
     @property
     def label(self) -> str:
@@ -270,7 +216,11 @@ class TrackedReach:
     @property
     def speeds(self) -> tuple[np.ndarray, np.ndarray]:
         """(T,) m/s of the tool, and as it should be; 0 at the start."""
-        return _speed(self.tool, self.time), _speed(self.wanted, self.time)
+        tool, wanted = (
+            np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(self.time)
+            for points in (self.tool, self.wanted)
+        )
+        return np.concatenate([[0.0], tool]), np.concatenate([[0.0], wanted])
 
 
 def tracked_reaches(
@@ -285,28 +235,23 @@ def tracked_reaches(
 
     Paths and scores are those of `track`; `joints` are columns of the paths.
     """
-    chosen = [
-        (model, *(_reach_rows(table, robot, form, model) for table in (paths, scores))) for model in models
-    ]
-    return [_tracked_reach(model, path, score, joints) for model, path, score in chosen if len(path)]
-
-
-def _tracked_reach(
-    model: str, rows: pd.DataFrame, scores: pd.DataFrame, joints: Sequence[str]
-) -> TrackedReach:
-    first = scores.sort_values("seed").iloc[0]
-    tool, wanted = (
-        rows[[f"{prefix}_{axis}" for axis in "xyz"]].to_numpy(float) for prefix in ("tool", "wanted")
-    )
-    time, angles = rows["time_s"].to_numpy(float), rows[list(joints)].to_numpy(float)
-    return TrackedReach(model, time, angles, tool, wanted, float(first["velocity_nmse"]), first["stopped"])
-
-
-def _reach_rows(table: pd.DataFrame, robot: str, form: Form, model: str) -> pd.DataFrame:
-    reaches = table[(table["robot"] == robot) & (table["model"] == model) & (table["task"] == "reach")]
-    return reaches[reaches["form"].isin((form, KNOWN))]
-
-
-def _speed(points: np.ndarray, time: np.ndarray) -> np.ndarray:
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(time)
-    return np.concatenate([[0.0], steps])
+    found = []
+    for model in models:
+        its = {"robot": robot, "model": model, "task": "reach"}
+        path, score = (
+            table[(table[list(its)] == pd.Series(its)).all(axis=1) & table["form"].isin((form, KNOWN))]
+            for table in (paths, scores)
+        )
+        if len(path):
+            first = score.sort_values("seed").iloc[0]
+            reach = TrackedReach(
+                model,
+                time=path["time_s"].to_numpy(float),
+                joints=path[list(joints)].to_numpy(float),
+                tool=path[["tool_x", "tool_y", "tool_z"]].to_numpy(float),
+                wanted=path[["wanted_x", "wanted_y", "wanted_z"]].to_numpy(float),
+                velocity_nmse=float(first["velocity_nmse"]),
+                stopped=first["stopped"],
+            )
+            found.append(reach)
+    return found

@@ -8,7 +8,6 @@ model is asked at the reference: viscous friction that was fitted to Coulomb fri
 joint takes, and at the measured velocity that drives a light wrist away within seconds.
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -25,18 +24,18 @@ from structlearn.rigid_body.operational_space_velocity import (
     tool_motion,
 )
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
-from structlearn.testbeds.dynamics.world.controlled_arm import Controller
+from structlearn.testbeds.dynamics.world.controlled_arm import Controller, Feedback, ReferencePath
 
 
 class FeedbackParameters(Parameters):
-    """Linear feedback of the joints. Fields: `params.yaml`, `arm_motion.feedback`."""
+    """Linear feedback of the joints."""
 
     stiffness_n_m_rad: tuple[float, ...]
     damping_ratio: float = Field(gt=0)
 
 
 class SineMotion(Parameters):
-    """Sines in all joints at once. Fields: `params.yaml`, `arm_motion.tuning`."""
+    """Sines in all joints at once."""
 
     duration_s: float = Field(gt=0, le=3600)
     periods_s: tuple[float, ...]
@@ -79,34 +78,6 @@ class ArmMotionParameters(Parameters):
         return SineParameters(**motion.model_dump(), rate_hz=self.rate_hz, feedback=self.feedback)
 
 
-@dataclass(frozen=True)
-class Feedback:
-    """Gains of a robot's joints.
-
-    Attributes:
-        stiffness: (n,) N m/rad.
-        damping: (n,) N m s/rad.
-    """
-
-    stiffness: np.ndarray
-    damping: np.ndarray
-
-
-@dataclass(frozen=True)
-class JointPath:
-    """T samples of n joints at a uniform rate.
-
-    Attributes:
-        q: (T, n) rad.
-        qd: (T, n) rad/s.
-        qdd: (T, n) rad/s^2.
-    """
-
-    q: np.ndarray
-    qd: np.ndarray
-    qdd: np.ndarray
-
-
 def joint_range(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray]:
     """Middle and half of each joint's range (n,); a joint without ends turns half a circle either way."""
     lower = np.where(np.isfinite(tree.lower), tree.lower, -np.pi)
@@ -115,11 +86,7 @@ def joint_range(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray]:
 
 
 def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: FeedbackParameters) -> Feedback:
-    """Gains of an arm with the inertias of its URDF.
-
-    Raises:
-        InputError: there are fewer stiffnesses than joints.
-    """
+    """Gains of an arm with the inertias of its URDF; InputError where stiffnesses are too few."""
     stiffness = of_joints("stiffness_n_m_rad", parameters.stiffness_n_m_rad, tree)
     middle, zero = joint_range(tree)[0], np.zeros(len(stiffness))
     torques = inverse_dynamics(tree, inertias)
@@ -129,22 +96,17 @@ def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: Feed
 
 
 def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.ndarray:
-    """Values (n,) of an arm's joints from a parameter that has at least as many.
-
-    Raises:
-        InputError: it has fewer.
-    """
+    """Values (n,) of an arm's joints from a parameter; InputError where it has fewer."""
     count = len(tree.names)
     if len(values) < count:
         raise InputError(f"{key}: has {len(values)} values, the arm has {count} joints")
     return np.array(values[:count])
 
 
-def sine_path(tree: KinematicTree, parameters: SineParameters) -> JointPath:
+def sine_path(tree: KinematicTree, parameters: SineParameters) -> ReferencePath:
     """Sines in all joints at once.
 
-    Raises:
-        InputError: there are fewer periods or amplitudes than joints, or a joint would be faster than it can.
+    Raises InputError: periods or amplitudes are too few, or a joint would be faster than it can.
     """
     middle, half = joint_range(tree)
     amplitude = of_joints("amplitudes", parameters.amplitudes, tree) * half
@@ -159,14 +121,13 @@ def sine_path(tree: KinematicTree, parameters: SineParameters) -> JointPath:
     time = np.arange(round(parameters.duration_s * parameters.rate_hz)) / parameters.rate_hz
     phase = time[:, None] * frequency
     swing = amplitude * np.sin(phase)
-    return JointPath(middle + swing, amplitude * frequency * np.cos(phase), -(frequency**2) * swing)
+    return ReferencePath(middle + swing, amplitude * frequency * np.cos(phase), -(frequency**2) * swing)
 
 
-def sine_controller(model: InverseDynamics, reference: JointPath, feedback: Feedback) -> Controller:
+def sine_controller(model: InverseDynamics, reference: ReferencePath, feedback: Feedback) -> Controller:
     """The law in the module's header."""
-    path, gains = (reference.q, reference.qd, reference.qdd), (feedback.stiffness, feedback.damping)
     nothing = VelocityControl(np.zeros(3), np.zeros(len(feedback.damping)), 0.0, 0.0)
-    return Controller(model, *path, *gains, of_tool=False, tool=nothing)
+    return Controller(model, reference, feedback, of_tool=False, tool=nothing)
 
 
 class ReachingParameters(Parameters):
@@ -181,21 +142,6 @@ class ReachingParameters(Parameters):
     control: VelocityControlParameters
 
 
-@dataclass(frozen=True)
-class ToolPath:
-    """T samples of a point at a uniform rate.
-
-    Attributes:
-        x: (T, 3) m, base frame.
-        xd: (T, 3) m/s.
-        xdd: (T, 3) m/s^2.
-    """
-
-    x: np.ndarray
-    xd: np.ndarray
-    xdd: np.ndarray
-
-
 def first_posture(tree: KinematicTree, parameters: ReachingParameters) -> np.ndarray:
     """Joint positions (n,) in rad at which the reaches begin."""
     middle, half = joint_range(tree)
@@ -205,7 +151,7 @@ def first_posture(tree: KinematicTree, parameters: ReachingParameters) -> np.nda
     return middle + shares * half
 
 
-def reaches(tree: KinematicTree, parameters: ReachingParameters, rate_hz: float, seed: int) -> ToolPath:
+def reaches(tree: KinematicTree, parameters: ReachingParameters, rate_hz: float, seed: int) -> ReferencePath:
     """Reaches to random goals, one after the other; the same seed gives the same goals."""
     rng = np.random.default_rng(seed)
     posture = first_posture(tree, parameters)[None]
@@ -221,13 +167,13 @@ def reaches(tree: KinematicTree, parameters: ReachingParameters, rate_hz: float,
         step * minimum_jerk.rate(s) / parameters.move_s,
         step * bend / parameters.move_s**2,
     )
-    return ToolPath(*(np.ascontiguousarray(part.reshape(-1, 3)) for part in parts))
+    return ReferencePath(*(np.ascontiguousarray(part.reshape(-1, 3)) for part in parts))
 
 
 def reaching_controller(
     tree: KinematicTree,
     model: InverseDynamics,
-    reference: ToolPath,
+    reference: ReferencePath,
     feedback: Feedback,
     parameters: ReachingParameters,
 ) -> Controller:
@@ -235,8 +181,6 @@ def reaching_controller(
 
     Of the joints' feedback only the damping is used.
     """
-    gains = parameters.control
-    tool = np.array(parameters.tool_m)
+    gains, tool = parameters.control, np.array(parameters.tool_m)
     control = VelocityControl(tool, first_posture(tree, parameters), gains.tool_1_s, gains.posture_1_s)
-    path, soft = (reference.x, reference.xd, reference.xdd), np.zeros_like(feedback.stiffness)
-    return Controller(model, *path, soft, feedback.damping, of_tool=True, tool=control)
+    return Controller(model, reference, feedback, of_tool=True, tool=control)

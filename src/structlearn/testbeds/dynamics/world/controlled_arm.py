@@ -17,70 +17,55 @@ from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Mechanics, Payload, carrying
 from structlearn.simulation.compiled_arm import step
 
-OVERSPEED = 1.5
-"""Multiple of its speed limit at which a joint counts as run away; overshoot stays below."""
+OVERSPEED = 1.5  # multiple of its speed limit at which a joint counts as run away; overshoot stays below
 
 _FAULTS = ("", "speed limit", "joint limit", "not finite")
 
 
-class Controller(NamedTuple):
-    """What a control tick works with; made by `arm_motion.sine_controller` or `reaching.reaching_controller`.
+class ReferencePath(NamedTuple):
+    """T samples at a uniform rate, of n joints in rad or of the tool's x, y, z in the base frame in m."""
 
-    Attributes:
-        model: inverse dynamics.
-        wanted: (T, n) rad of the joints, or (T, 3) m of the tool.
-        rate: likewise, per s.
-        change: likewise, per s^2.
-        stiffness: (n,) N m/rad, of the joints along their own path.
-        damping: (n,) N m s/rad.
-        of_tool: whether the path is the tool's.
-        tool: control of the tool along its path.
-    """
+    position: np.ndarray  # (T, n) or (T, 3)
+    velocity: np.ndarray  # likewise, per s
+    acceleration: np.ndarray  # likewise, per s^2
+
+
+class Feedback(NamedTuple):
+    """Gains of a robot's joints."""
+
+    stiffness: np.ndarray  # (n,) N m/rad, of the joints along their own path
+    damping: np.ndarray  # (n,) N m s/rad
+
+
+class Controller(NamedTuple):
+    """What a control tick works with; made by `arm_motion.sine_controller` or `reaching_controller`."""
 
     model: InverseDynamics
-    wanted: np.ndarray
-    rate: np.ndarray
-    change: np.ndarray
-    stiffness: np.ndarray
-    damping: np.ndarray
-    of_tool: bool
-    tool: VelocityControl
+    path: ReferencePath
+    feedback: Feedback
+    of_tool: bool  # whether the path is the tool's
+    tool: VelocityControl  # of the tool along its path
 
 
 @dataclass(frozen=True)
 class SimulatedArm:
-    """An arm that can be let run.
+    """An arm that can be let run."""
 
-    Attributes:
-        robot: its URDF, which has the limits.
-        mechanics: what really moves.
-        dt: s per control tick and physics step.
-        payload: that it takes on the way.
-        take_at: tick at which it does; None: never.
-    """
-
-    robot: Robot
-    mechanics: Mechanics
-    dt: float
-    payload: Payload | None = None
-    take_at: int | None = None
+    robot: Robot  # its URDF, which has the limits
+    mechanics: Mechanics  # what really moves
+    dt: float  # s per control tick and physics step
+    payload: Payload | None = None  # that it takes on the way
+    take_at: int | None = None  # tick at which it does; None: never
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a controlled arm did; shorter than its reference where it was stopped.
+    """What a controlled arm did; shorter than its reference where it was stopped."""
 
-    Attributes:
-        q: (T, n) rad.
-        qd: (T, n) rad/s.
-        torques: (T, n) N m, of the drives during the step that follows, friction not taken off.
-        stopped: why it was stopped; None where it ran through.
-    """
-
-    q: np.ndarray
-    qd: np.ndarray
-    torques: np.ndarray
-    stopped: str | None
+    q: np.ndarray  # (T, n) rad
+    qd: np.ndarray  # (T, n) rad/s
+    torques: np.ndarray  # (T, n) N m, of the drives during the step that follows, friction not taken off
+    stopped: str | None  # why it was stopped; None where it ran through
 
 
 def run(
@@ -93,11 +78,16 @@ def run(
     A latency delays them; until the first one arrives, the drives hold it already. PyBullet moves the arm
     where that is asked for, to compare.
     """
-    ticks, count = len(controller.wanted), len(q)
+    ticks, count = len(controller.path.position), len(q)
     log = _Log(*(np.zeros((ticks + extra, count)) for extra in (1, 1, 0, 0)))
     log.q[0], log.qd[0] = q, qd
+    tree, own = arm.robot.tree, arm.mechanics
+    drives = _Drives(
+        tree.lower, tree.upper, OVERSPEED * tree.velocity, arm.robot.model.effortLimit,
+        own.viscous, own.ripple, 2.0 * np.pi * own.ripple_waves, own.latency_steps,
+    )  # fmt: skip
     move = _in_pybullet if pybullet else _in_loop
-    end, fault = move(arm, controller, _drives(arm), log)
+    end, fault = move(arm, controller, drives, log)
     return Run(log.q[:end], log.qd[:end], log.torques[:end], _FAULTS[fault] or None)
 
 
@@ -121,14 +111,6 @@ class _Log(NamedTuple):
     qd: np.ndarray
     commands: np.ndarray
     torques: np.ndarray
-
-
-def _drives(arm: SimulatedArm) -> _Drives:
-    tree, own = arm.robot.tree, arm.mechanics
-    return _Drives(
-        tree.lower, tree.upper, OVERSPEED * tree.velocity, arm.robot.model.effortLimit,
-        own.viscous, own.ripple, 2.0 * np.pi * own.ripple_waves, own.latency_steps,
-    )  # fmt: skip
 
 
 def _in_loop(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
@@ -217,14 +199,15 @@ def _command(
     controller: Controller, own: Body, work: Workspace, k: int, q: np.ndarray, qd: np.ndarray
 ) -> np.ndarray:
     """The laws in the headers of `arm_motion` and `operational_space_velocity`."""
-    wanted, rate, change = controller.wanted[k], controller.rate[k], controller.change[k]
+    path, feedback = controller.path, controller.feedback
+    wanted, rate, change = path.position[k], path.velocity[k], path.acceleration[k]
     if controller.of_tool:
         rate, acceleration = joint_reference(controller.tool, own, work, q, qd, wanted, rate, change)
         torques = model_torques(controller.model, q, qd, acceleration)
     else:
         torques = model_torques(controller.model, wanted, rate, change)
         for i in range(len(q)):
-            torques[i] += controller.stiffness[i] * (wanted[i] - q[i])
+            torques[i] += feedback.stiffness[i] * (wanted[i] - q[i])
     for i in range(len(q)):
-        torques[i] += controller.damping[i] * (rate[i] - qd[i])
+        torques[i] += feedback.damping[i] * (rate[i] - qd[i])
     return torques

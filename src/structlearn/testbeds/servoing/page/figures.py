@@ -1,6 +1,8 @@
 """Figures of the servoing testbed, panel by panel (figures II.3 to II.6)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,15 +14,22 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.typing import LineStyleType
 
+from structlearn.core import quaternion
 from structlearn.core.metrics import mean_interval
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE
-from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, style
+from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
+from structlearn.simulation.still import Sheet, Solid, View, still
 from structlearn.tactile.electrodes import Skin
-from structlearn.tactile.latent_parameters import NO_INVERSE, STRUCTURES
+from structlearn.tactile.latent_parameters import NO_INVERSE, STRUCTURES, InverseModel
 from structlearn.testbeds.servoing import names
-from structlearn.testbeds.servoing.page.findings import rate
-from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
-from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores, contact_bias
+from structlearn.testbeds.servoing.page.findings import (
+    PUBLISHED,
+    TEST_CHAIN,
+    ModelScores,
+    ServoingResults,
+    contact_bias,
+    rate,
+)
 from structlearn.testbeds.servoing.protocol.servo_scores import KEYS, rows_of, success_by_tolerance
 from structlearn.testbeds.servoing.protocol.servo_variants import RESTING, Variant
 
@@ -34,29 +43,33 @@ DASHES: Mapping[str, LineStyleType] = {form: "-" if form == RESTING else "--" fo
 """Lines of controllers."""
 
 
-def drawings(results: ServoingResults, still: np.ndarray) -> dict[str, Drawing | Sequence[Drawing]]:
+SCALE = 10.0  # of the still, drawn so many times larger: the camera sees nothing nearer than 5 cm
+SKIN, ELECTRODE, HANDLE = (0.45, 0.49, 0.55, 1.0), (0.9, 0.62, 0.0, 1.0), (0.8, 0.72, 0.6, 1.0)
+"""Red, green, blue, opacity."""
+ELECTRODE_M = 0.0006  # radius of the mark on the skin over an electrode
+HANDLE_M = 0.04  # length of the handle that is drawn, without its round ends
+ALONG_M = -0.006  # where along the finger it touches the handle
+ACROSS = np.array([0.0, 0.0, 0.5 * np.pi])  # how the handle is turned from the finger
+VIEW = View(target=(0.0, 0.0, 0.06), distance=0.66, yaw_deg=35.0, pitch_deg=-8.0)
+
+
+@styled
+def drawings(results: ServoingResults) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures by name."""
-    with style():
-        found: dict[str, Drawing | Sequence[Drawing]] = {
-            "map": _maps(results),
-            "curve": _training(results.models),
-            "forward": _forward(results.models, names.DYNAMICS[-1]),
-            "forward_others": [
-                panel
-                for kind in names.DYNAMICS[:-1]
-                if kind[1] != NO_INVERSE
-                for panel in _forward(results.models, kind)
-            ],
-            "directions": [_directions(results.models, structure) for structure in STRUCTURES],
-        }
-        found |= {
-            "contact": _contacts(results),
-            "scene": [still, _approach(results)],
-            "loop_success": [_success(results, form) for form in names.FORM_NAMES],
-            "loop_paths": [_ways(results, variant) for variant in (names.TEXT, names.OURS)],
-            "loop_progress": _progress(results),
-        }
-    return found
+    models = results.models
+    others = [kind for kind in names.DYNAMICS[:-1] if kind[1] != NO_INVERSE]
+    return {
+        "map": _maps(results),
+        "curve": _training(models),
+        "forward": _forward(models, names.DYNAMICS[-1]),
+        "forward_others": [panel for kind in others for panel in _forward(models, kind)],
+        "directions": [_directions(models, structure) for structure in STRUCTURES],
+        "contact": _contacts(results),
+        "scene": [_scene_still(results), _approach(results)],
+        "loop_success": [_success(results, form) for form in names.FORM_NAMES],
+        "loop_paths": [_ways(results, variant) for variant in (names.TEXT, names.OURS)],
+        "loop_progress": _progress(results),
+    }
 
 
 def _panel(title: str, x: str, y: str, height: float = 2.9) -> tuple[Figure, Axes]:
@@ -64,6 +77,35 @@ def _panel(title: str, x: str, y: str, height: float = 2.9) -> tuple[Figure, Axe
     axes = figure.subplots()
     axes.set(title=title, xlabel=x, ylabel=y)
     return figure, axes
+
+
+def _scene_still(results: ServoingResults) -> np.ndarray:
+    """(H, W, 3) bytes: the finger across the handle, with its skin all round."""
+    skin, radius = results.skin, 1e-3 * results.chosen["toucher"].handle_radius_mm
+    touched = skin.surface(ALONG_M, 0.0)
+    over = -touched - radius * skin.normal(touched)  # origin of the finger in the frame of the handle
+    half = np.array([0.5 * HANDLE_M, 0.0, 0.0])
+    bar = replace(skin, core_low=-half, core_high=half, radius=radius)
+    marks = [
+        Solid("sphere", (SCALE * ELECTRODE_M,), SCALE * (over + place), colour=ELECTRODE)
+        for place in skin.project(skin.electrodes)
+    ]
+    sheets = [_all_round(skin, over, np.zeros(3), SKIN), _all_round(bar, np.zeros(3), ACROSS, HANDLE)]
+    return still(VIEW, marks, sheets=sheets)
+
+
+def _all_round(skin: Skin, position: np.ndarray, turned: np.ndarray, colour: tuple[float, ...]) -> Sheet:
+    """The surface round the whole core, which is closed at both ends, turned by a rotation vector."""
+    orientation = quaternion.from_rotation_vector(turned)
+    turn = 0.5 * np.pi * skin.radius
+    along, across = np.meshgrid(
+        np.linspace(skin.core_low[0] - turn, skin.core_high[0] + turn, 121),
+        np.linspace(2 * turn, -2 * turn, 91),
+        indexing="ij",
+    )
+    points = skin.surface(along, across)
+    normals = quaternion.rotate(orientation, skin.normal(points))
+    return Sheet(SCALE * (position + quaternion.rotate(orientation, points)), normals, colour)
 
 
 def _approach(results: ServoingResults) -> Figure:
@@ -183,48 +225,55 @@ def _forward(models: ModelScores, kind: tuple[str, str]) -> list[Figure]:
     return panels
 
 
-def _bars(axes: Axes, place: float, value: float, ends: Sequence[float], colour: str, filled: bool) -> None:
-    """A bar with its interval; hollow where the model was trained without the inverse model's loss."""
-    axes.bar(place, value, 0.36, color=colour if filled else "white", edgecolor=colour)
-    axes.plot([place, place], ends, color=BLACK, linewidth=1.1)
+def _bars(
+    title: str,
+    label: str,
+    top: float,
+    groups: Mapping[str, Callable[[InverseModel, bool], Sequence[float]]],
+    legend: bool,
+) -> Figure:
+    """Bars of the inverse models, hollow where trained without the inverse model's loss.
 
-
-def _bar_groups(axes: Axes, groups: Sequence[str], legend: bool) -> None:
-    """Name groups of bars of the inverse models, four places apart, and say what is hollow."""
-    axes.set_xticks([4.0 * group + 1.0 for group in range(len(groups))], groups)
+    By group, value and both ends of the interval of an inverse model, trained with that loss or without.
+    """
+    figure, axes = _panel(title, "", label)
+    for group, found in enumerate(groups.values()):
+        for place, (name, colour) in enumerate(names.INVERSE_COLOURS.items()):
+            for shift, with_loss in ((-0.2, True), (0.2, False)):
+                at, (value, *ends) = 4 * group + place + shift, found(name, with_loss)
+                axes.bar(at, value, 0.36, color=colour if with_loss else "white", edgecolor=colour)
+                axes.plot([at, at], ends, color=BLACK, linewidth=1.1)
+    axes.set_xticks([4.0 * group + 1.0 for group in range(len(groups))], list(groups))
     axes.grid(axis="x", visible=False)
     handles = [Patch(color=colour, label=name) for name, colour in names.INVERSE_COLOURS.items()]
     if legend:
         axes.legend(handles=[*handles, Patch(facecolor="white", edgecolor=GREY, label="without its loss")])
+    axes.set_ylim(0, top)
+    return figure
 
 
 def _directions(models: ModelScores, structure: bool) -> Figure:
     """Figure II.5: cosine distances per inverse model, trained with its loss and without."""
-    figure, axes = _panel(names.STRUCTURE_NAMES[structure].capitalize(), "", "cosine distance")
-    for group, comparison in enumerate(names.COMPARISON_NAMES):
-        for place, (name, colour) in enumerate(names.INVERSE_COLOURS.items()):
-            for shift, with_loss in ((-0.2, True), (0.2, False)):
-                mean, half = mean_interval(models.cosines(name, with_loss, structure, comparison))
-                _bars(axes, 4 * group + place + shift, mean, (mean - half, mean + half), colour, with_loss)
-    _bar_groups(axes, list(names.COMPARISON_NAMES.values()), legend=structure)
-    axes.set_ylim(0, 1.3)
-    return figure
+
+    def distance(comparison: str, name: InverseModel, with_loss: bool) -> tuple[float, float, float]:
+        mean, half = mean_interval(models.cosines(name, with_loss, structure, comparison))
+        return mean, mean - half, mean + half
+
+    groups = {name: partial(distance, comparison) for comparison, name in names.COMPARISON_NAMES.items()}
+    title = names.STRUCTURE_NAMES[structure].capitalize()
+    return _bars(title, "cosine distance", 1.3, groups, legend=structure)
 
 
 def _success(results: ServoingResults, form: str) -> Figure:
     """Share of targets that controllers of one form reach."""
-    figure, axes = _panel(names.FORM_NAMES[form].capitalize(), "", "% of targets reached")
-    for group, structure in enumerate(STRUCTURES):
-        for place, (name, colour) in enumerate(names.INVERSE_COLOURS.items()):
-            for shift, with_loss in ((-0.2, True), (0.2, False)):
-                share = rate(results.trials, Variant(form, name, structure, with_loss))
-                value, *ends = (100 * one for one in (share.value, share.low, share.high))
-                _bars(axes, 4 * group + place + shift, value, ends, colour, with_loss)
-    _bar_groups(
-        axes, [names.STRUCTURE_NAMES[structure] for structure in STRUCTURES], legend=form == names.TEXT.form
-    )
-    axes.set_ylim(0, 101)
-    return figure
+
+    def share(structure: bool, name: InverseModel, with_loss: bool) -> list[float]:
+        found = rate(results.trials, Variant(form, name, structure, with_loss))
+        return [100 * one for one in (found.value, found.low, found.high)]
+
+    groups = {names.STRUCTURE_NAMES[structure]: partial(share, structure) for structure in STRUCTURES}
+    title = names.FORM_NAMES[form].capitalize()
+    return _bars(title, "% of targets reached", 101, groups, legend=form == names.TEXT.form)
 
 
 def _ways(results: ServoingResults, variant: Variant) -> Figure:

@@ -1,4 +1,4 @@
-"""Findings on tactile servoing: what sentences and claims of the page name.
+"""Findings on tactile servoing: outputs of the stages, and what sentences and claims of the page name.
 
 Claims and sentences are over people. For each the whole branch was run anew, demonstrations, sensor, models
 and trials, by the study `servoing/people`: so people are independent, which seeds of one person's models are
@@ -6,30 +6,49 @@ not. A person's row `servo_success_rate` is one of `people_servo_success_rate`, 
 person of this run are what the study gathers; they decide nothing.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from structlearn.core.params import read_values
 from structlearn.reporting.claims import UNKNOWN, Evidence, Found, clustered_share, difference
 from structlearn.reporting.findings import Findings
+from structlearn.reporting.studies import People, Study
+from structlearn.tactile.electrodes import SKINS, Skin, map_laying
 from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
-from structlearn.tactile.touch_dataset import SPLITS
+from structlearn.tactile.touch_dataset import SPLITS, TEST, TEST_STRIDE, Chains, TouchDataset, chains
 from structlearn.testbeds.servoing.names import (
     DYNAMICS,
     OURS,
     SKIN_NAMES,
+    STILL,
     STRUCTURE_NAMES,
     TEXT,
     dynamics_name,
 )
-from structlearn.testbeds.servoing.page.results import PEOPLE_STUDY, ServoingResults
-from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
-from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
-from structlearn.testbeds.servoing.protocol.servo_variants import AS_DATA, Variant, variants_of_other_skins
+from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores, matching
+from structlearn.testbeds.servoing.protocol.servo_variants import (
+    AS_DATA,
+    Comparison,
+    Variant,
+    variants_of_other_skins,
+)
+
+PUBLISHED = read_values(Path(__file__).with_name("published.yaml"))  # numbers as the dissertation prints them
+
+STUDIES = ("people", "controller", "loss_weights")
+"""What the page quotes of trials beside the pipeline, `benchmarks/studies/servoing`."""
+
+PEOPLE_STUDY = "servoing/people"  # the study that verdicts stand on
+AS_IT_STANDS = "as it stands"  # variant of a study in which nothing is changed
+TEST_CHAIN = 3  # steps of prediction on which forward models are compared; they learn from two (II.4.4)
+SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
 
 TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)
 """The published controller with the locally linear model, which the text did not try on a robot."""
@@ -48,6 +67,183 @@ HEADLINES_OF_ONE = {
 
 Numbers = Callable[[str], np.ndarray | None]
 """A person's row over people (P,), by its key; None where the study was not run, or kept no such number."""
+
+
+@dataclass(frozen=True)
+class ModelScores:
+    """Scores of the trained models; arrays are over S seeds. See `tactile.latent_comparison`."""
+
+    latent: pd.DataFrame  # `latent_errors`
+    forward: pd.DataFrame  # `forward_errors`
+    decoded: pd.DataFrame  # `decoded_errors`
+    directions: pd.DataFrame  # `direction_errors`
+    curve: pd.DataFrame  # key figures while training, see `tactile.latent_comparison.LatentComparison`
+    latent_map: pd.DataFrame  # `latent_map`
+
+    @property
+    def steps(self) -> list[int]:
+        """Lengths of chains on which forward models were tested."""
+        return sorted(self.forward["steps"].unique().tolist())
+
+    def latents(self, column: str, structure: bool = True, split: str = "test") -> np.ndarray:
+        """An error of latent spaces (S,)."""
+        rows = matching(self.latent, structure=structure, split=split)
+        return rows.sort_values("seed")[column].to_numpy()
+
+    def forwards(
+        self,
+        forward: str,
+        trained_with: str,
+        structure: bool = True,
+        steps: int = TEST_CHAIN,
+        column: str = "nmse",
+    ) -> np.ndarray:
+        """Forward NMSE (S,), or another column of `forward` or `decoded`."""
+        table = self.forward if column in self.forward else self.decoded
+        keys = {"forward": forward, "trained_with": trained_with, "structure": structure, "steps": steps}
+        return matching(table, **keys).sort_values("seed")[column].to_numpy()
+
+    def relative_forwards(
+        self, forward: str, trained_with: str, structure: bool = True, steps: int = TEST_CHAIN
+    ) -> np.ndarray:
+        """Forward NMSE over that of the prediction that nothing moves (S,)."""
+        still = self.forwards(*STILL, structure, steps)
+        return self.forwards(forward, trained_with, structure, steps) / still
+
+    def cosines(
+        self,
+        inverse: str,
+        with_loss: bool = True,
+        structure: bool = True,
+        comparison: str = "encoder",
+        part: str | None = None,
+    ) -> np.ndarray:
+        """Cosine distance (S,) of an inverse model, averaged over both parts of an action or of one.
+
+        `with_loss`: whether its forward model was trained with its loss; `comparison`: as a rule, the action
+        is to lead to the latent state that followed.
+        """
+        keys = {"inverse": inverse, "trained_with": inverse if with_loss else NO_INVERSE}
+        keys |= {} if part is None else {"part": part}
+        rows = matching(self.directions, structure=structure, comparison=comparison, **keys)
+        return rows.groupby("seed")["distance"].mean().to_numpy()
+
+    def training(self, quantity: str) -> pd.DataFrame:
+        """A key figure while training, with structure: rows are steps, columns seeds."""
+        rows = self.curve[self.curve["structure"] & (self.curve["quantity"] == quantity)]
+        return rows.pivot_table("value", "step", "seed")
+
+    def steps_until(self, quantity: str, bound: float) -> int | None:
+        """Steps of training from which on a key figure stays below a bound in all seeds, if ever."""
+        above = (self.training(quantity).max(axis=1) >= bound)[::-1].cummax()
+        return None if above.iloc[0] else int(above.index[~above][-1])
+
+    def halfway(self, quantity: str) -> float:
+        """Mean over seeds of a key figure at half of the steps, or the first point after it."""
+        means = self.training(quantity).mean(axis=1)
+        return float(means[means.index >= 0.5 * means.index.max()].iloc[0])
+
+
+@dataclass(frozen=True)
+class ServoingResults:
+    """Outputs of the stages of the testbed."""
+
+    dataset: TouchDataset  # samples of touch
+    truth: pd.DataFrame  # true contacts of the demonstrations
+    models: ModelScores  # what is known of the trained models
+    comparison: Comparison  # closed loops
+    # of fingers of another shape, with a column `skin`: `latent` and `directions` as of `ModelScores`, and
+    # `trials` as of `Comparison`
+    skin_tables: Mapping[str, pd.DataFrame]
+    chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
+    studies: Mapping[str, Study | None]  # what was tried beside the pipeline, by name; None where it was not
+
+    @property
+    def skin(self) -> Skin:
+        """That was touched with."""
+        return SKINS[self.chosen["toucher"].skin]
+
+    @cached_property
+    def trials(self) -> ControllerScores:
+        """Closed loops with this skin."""
+        return ControllerScores(self.comparison.trials)
+
+    @cached_property
+    def skins(self) -> dict[str, ControllerScores]:
+        """Closed loops with other skins, by skin."""
+        groups = self.skin_tables["trials"].groupby("skin", sort=False)
+        return {str(name): ControllerScores(rows) for name, rows in groups}
+
+    @property
+    def people(self) -> People:
+        """All that is reported here, of several people, each with a sensor and models of their own."""
+        return People(self.studies["people"], AS_IT_STANDS)
+
+    def trials_per_person(self, skin: str = "") -> int:
+        """Targets that each controller had over the models of one person, with this skin or another."""
+        return self.chosen["other_skins" if skin else "train_latent"].seeds * self.chosen["servo"].trials
+
+    @cached_property
+    def pairs(self) -> int:
+        """Number of pairs as the text counts them, over all splits and strides."""
+        return len(chains(self.dataset, 2))
+
+    @cached_property
+    def tested(self) -> Chains:
+        """The chains that forward and inverse models are tested on."""
+        return chains(self.dataset, self.chosen["train_latent"].longest_chain, (TEST_STRIDE,), TEST)
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """Surface coordinates (N, 2) of the estimated contact points in mm: along and across the finger."""
+        return 1e3 * np.stack(self.skin.coordinates(self.dataset.contact_point.astype(float)), axis=1)
+
+    @cached_property
+    def map_on_skin(self) -> np.ndarray:
+        """The latent map (N, 2) in mm, laid onto the surface coordinates."""
+        unit_mm = 1e3 * self.chosen["train_latent"].map_unit_m
+        flat = unit_mm * self.models.latent_map[["x", "y"]].to_numpy(float)
+        return map_laying(flat, self.places)(flat)
+
+    @cached_property
+    def contact_errors(self) -> pd.DataFrame:
+        """Estimated against true contact points, of pressed samples.
+
+        Returns `error_mm`, the distance in space; `along_mm` and `across_mm`, its parts by surface
+        coordinates, and where the true contact is, `true_along_mm` and `true_across_mm`.
+        """
+        dataset, truth = self.dataset, self.truth
+        numbers = {name: number for number, name in enumerate(truth["trial"].unique())}
+        rate_hz = float(dataset.rate_hz)
+        samples = np.rint(truth["time_s"].to_numpy() * rate_hz).astype(int)
+        true = truth.set_index([truth["trial"].map(numbers), samples])[["x_m", "y_m", "z_m"]]
+        kept = np.flatnonzero(dataset.pressed)
+        its = [dataset.trial[kept], np.rint(dataset.time[kept] * rate_hz).astype(int)]
+        points = true.loc[pd.MultiIndex.from_arrays(its)].to_numpy(float)
+        found = dataset.contact_point[kept].astype(float)
+        estimated, real = (1e3 * np.stack(self.skin.coordinates(one)) for one in (found, points))
+        along, across = estimated - real
+        error_mm = 1e3 * np.linalg.norm(found - points, axis=1)
+        columns = {"error_mm": error_mm, "along_mm": along, "across_mm": across}
+        return pd.DataFrame(columns | {"true_along_mm": real[0], "true_across_mm": real[1]})
+
+
+def contact_bias(errors: pd.DataFrame) -> pd.DataFrame:
+    """Mean errors over squares of skin.
+
+    `errors`: of `ServoingResults.contact_errors`. Returns middle of the true contacts' square,
+    `square_along_mm`, `square_across_mm`; means of `along_mm`, `across_mm` and `error_mm`; `samples`;
+    `squared_mm2`, their part in the sum of squared errors along and across that is the same for all of a
+    square.
+    """
+    squares = [
+        (SQUARE_MM * (np.floor(errors[f"true_{name}_mm"] / SQUARE_MM) + 0.5)).rename(f"square_{name}_mm")
+        for name in ("along", "across")
+    ]
+    groups = errors[["along_mm", "across_mm", "error_mm"]].groupby(squares)
+    means = groups.mean().assign(samples=groups.size())
+    squared = means["samples"] * (means["along_mm"] ** 2 + means["across_mm"] ** 2)
+    return means.assign(squared_mm2=squared).reset_index()
 
 
 def findings(results: ServoingResults) -> Findings:
@@ -112,17 +308,12 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
     """
     models, loops = results.models, results.trials
     ours = loops.rate(OURS)
-    known = {
-        "samples": len(results.dataset),
-        "pairs": results.pairs,
-        "contact_point_error_mm": results.contact_errors["error_mm"].median(),
-        "pressure_nmse_test": models.latents("pressure").mean(),
-        "servo_trials": ours["trials"],
-        "servo_reach_s": ours["reach_s"],
-        "servo_path_ratio": ours["path_ratio"],
-    }
-    for name, value in known.items():
-        find.exact(name, value)
+    find.exact("samples", len(results.dataset))
+    find.exact("pairs", results.pairs)
+    find.exact("contact_point_error_mm", results.contact_errors["error_mm"].median())
+    find.exact("pressure_nmse_test", models.latents("pressure").mean())
+    for name in ("trials", "reach_s", "path_ratio"):
+        find.exact(f"servo_{name}", ours[name])
     for name, column in (("reconstruction_nmse", "reconstruction"), ("mds_nmse", "distances")):
         find.mean(name, {split: models.latents(column, split=split) for split in SPLITS})
     errors = {f"chain3_{SPACE_KEYS[space]}": models.forwards("NL", "NJ", space) for space in STRUCTURES}
@@ -144,8 +335,9 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
         rates |= {rate_case(one, skin): rate(its, one) for one in variants_of_other_skins()}
     find.add(RATE, rates)
     lost = {"": loops.counts(OURS), "published": loops.counts(TEXT)}
-    counts = {case: (its["lost"].sum(), its["trials"].sum()) for case, its in lost.items()}
-    find.counted("servo_contacts_lost", counts)
+    find.counted(
+        "servo_contacts_lost", {case: (its["lost"].sum(), its["trials"].sum()) for case, its in lost.items()}
+    )
 
 
 def _prediction(find: Findings, numbers: Numbers) -> None:
@@ -212,10 +404,10 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
         share(f"people_servo_contacts_lost{ending}", None if lost is None else lost / trials)
     for ending, variant in (("", TEXT), ("_ll", TEXT_LL), ("_aimed", OURS)):
         with_skins = {SKIN_NAMES[skin]: rates(variant, skin) for skin in results.skins}
-        serves = variant == OURS or _serves(results, rates(variant))
-        if (
-            variant != OURS
-        ):  # where it fails, its failing elsewhere or without the loss says nothing of either
+        its = rates(variant)
+        serves = variant == OURS or (its is not None and _clustered(trials, its).low > 0.5)
+        # where a controller fails, its failing elsewhere or without the loss says nothing of either
+        if variant != OURS:
             share(f"loss_needed{ending}", rates(replace(variant, with_loss=False)) if serves else None)
         if serves:
             share(f"geometry{ending}", with_skins, skin="other")
@@ -224,11 +416,6 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
     gain("structure_serves", TEXT, structure=False)
     gain("structure_serves_resting", OURS, structure=False)
     gain("loss_serves", OURS, with_loss=False)
-
-
-def _serves(results: ServoingResults, rates: np.ndarray | None) -> bool:
-    """Whether a controller works over people in its own training setting."""
-    return rates is not None and _clustered(results.trials_per_person(), rates).low > 0.5
 
 
 def _clustered(trials: int, rates: np.ndarray, comparisons: int = 1) -> Evidence:

@@ -101,14 +101,13 @@ def success_rates(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 def success_by_tolerance(
     trials: pd.DataFrame, by: Sequence[str], positions_mm: np.ndarray, pressure: float
 ) -> pd.DataFrame:
-    """Share of trials that end within each distance of the target: columns `by`, `tolerance_mm`, `rate`."""
-    rows = []
-    for key, group in trials.groupby(list(by), sort=False):
-        pressed = (group["pressure_error"] <= pressure).to_numpy()
-        for bound in positions_mm:
-            rate = np.mean(pressed & (group["position_error_mm"].to_numpy() <= bound))
-            rows.append((*key, bound, rate))
-    return pd.DataFrame(rows, columns=[*by, "tolerance_mm", "rate"])
+    """Share of trials that end within each distance of the target: columns `tolerance_mm`, `by`, `rate`."""
+    pressed, keys = trials["pressure_error"] <= pressure, [trials[name] for name in by]
+    rates = {
+        bound: (pressed & (trials["position_error_mm"] <= bound)).groupby(keys, sort=False).mean()
+        for bound in positions_mm
+    }
+    return pd.concat(rates, names=["tolerance_mm"]).rename("rate").reset_index()
 
 
 @dataclass(frozen=True)
@@ -142,20 +141,12 @@ class ControllerScores:
         rows = rows_of(self.trials, variant)
         return int((~rows["success"] & (rows["position_error_mm"] <= position_mm)).sum())
 
-    def table(self) -> pd.DataFrame:
-        """A row for each controller.
-
-        Returns `KEYS`; `trials`, `successes`, `rate`; medians of successes `reach_s` and `path_ratio`;
-        numbers of trials `lifted` and `off_skin`; `rate_<motion>`; medians of all `position_error_mm` and
-        `pressure_error`.
-        """
-        motions = success_rates(self.trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
-        motions = motions[self.trials["motion"].unique()].add_prefix("rate_")
-        errors = self.trials.groupby(KEYS)[["position_error_mm", "pressure_error"]].median()
-        columns = ["trials", "successes", "rate", "reach_s", "path_ratio", "lifted", "off_skin"]
-        return self.rates[columns].join(motions).join(errors).reset_index()
-
 
 def rows_of(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
     """Rows of one controller of a table with the columns `KEYS`."""
-    return table[np.logical_and.reduce([table[name] == getattr(variant, name) for name in KEYS])]
+    return matching(table, **vars(variant))
+
+
+def matching(table: pd.DataFrame, **values: object) -> pd.DataFrame:
+    """Rows of a table that have these values in these columns."""
+    return table[np.logical_and.reduce([table[name] == value for name, value in values.items()])]

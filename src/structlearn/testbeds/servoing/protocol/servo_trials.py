@@ -1,7 +1,7 @@
 """Which controllers are compared in closed loop, from which contacts to which, and what is kept of it.
 
-Published controllers are those of the text as they stand; resting ones correct their model
-(`tactile.resting_servo`). Both see the same electrodes and act equally often, oftener than the models step:
+Published controllers are those of the text as they stand; resting ones correct their model, see
+`tactile.servo_controller`. Both see the same electrodes and act equally often, oftener than the models step:
 the text says nothing of either at run time. All of them meet the same trials, so they are compared in pairs.
 """
 
@@ -13,13 +13,22 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core.parallel import parallel_map
+from structlearn.readers.clock import synchronise
 from structlearn.simulation.touch import FingerParameters, make_finger
-from structlearn.simulation.touch_demonstrator import SAMPLED_EVERY, ToucherParameters, covered
+from structlearn.simulation.touch_demonstrator import (
+    SAMPLED_EVERY,
+    ToucherParameters,
+    covered,
+    demonstrate,
+    recorded,
+)
 from structlearn.tactile.electrodes import SKINS
+from structlearn.tactile.geodesics import geodesics
+from structlearn.tactile.latent_comparison import LatentComparison, learn
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.resting_servo import Caution, RestingServo
-from structlearn.tactile.servo_controller import ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchUnits
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
+from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
+from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, TouchUnits, prepare
 from structlearn.testbeds.servoing.protocol.servo_scores import THINNED, progress, scored
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     ALL_ALIKE,
@@ -28,7 +37,9 @@ from structlearn.testbeds.servoing.protocol.servo_variants import (
     PUBLISHED,
     UNCORRECTED,
     Comparison,
+    OtherSkinsParameters,
     ServoTrialParameters,
+    SkinName,
     Variant,
 )
 from structlearn.testbeds.servoing.world.servo_loop import (
@@ -158,17 +169,14 @@ def _run(
         | {f"target_latent_{name}": run.target_latent[:, place] for place, name in enumerate("xyz")}
     )
     trials = trials.join(scored(run, start, target, scene, parameters.tolerance))
-    shown = np.flatnonzero(number < parameters.shown) if _is_shown(variant) else np.empty(0, dtype=int)
+    plain = variant == Variant(variant.form, variant.inverse)
+    shown = np.flatnonzero(plain & (number < parameters.shown))
     tables = (
         trials,
         progress(run, target, scene, parameters.tolerance),
         _paths(run, scene, shown, seed[shown], number[shown]),
     )
     return Comparison(*(_labelled(table, variant) for table in tables))
-
-
-def _is_shown(variant: Variant) -> bool:
-    return variant == Variant(variant.form, variant.inverse)
 
 
 def _contact(name: str, held: Held) -> Iterator[tuple[str, np.ndarray]]:
@@ -212,3 +220,27 @@ def _labelled(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
     for place, field in enumerate(fields(Variant)):
         table.insert(place, field.name, getattr(variant, field.name))
     return table
+
+
+def learn_other_skin(
+    other: OtherSkinsParameters,
+    person: ToucherParameters,
+    finger: FingerParameters,
+    preparation: TouchDataParameters,
+    distances: GeodesicParameters,
+    latent: LatentParameters,
+    name: SkinName,
+) -> LatentComparison:
+    """Demonstrate and learn with a finger of another shape, by the same code; only the models are fewer.
+
+    The method is said not to assume the skin's geometry (II.5): distances on the skin come from the
+    neighbours of contact points, and these from electrodes.
+    """
+    person = other.person_with(name, person)
+    recordings = [recorded(run, person) for run in demonstrate(person, finger)]
+    demonstrations = [synchronise(one, preparation.rate_hz) for one in recordings]
+    dataset = prepare(demonstrations, SKINS[name], preparation)
+    measured = geodesics(dataset.contact_point, distances)
+    training = latent.training.model_copy(update={"evaluate_every": latent.training.steps})
+    fewer = {"seeds": other.seeds, "stacks": 1, "training": training}
+    return learn(dataset, measured, latent.model_copy(update=fewer))

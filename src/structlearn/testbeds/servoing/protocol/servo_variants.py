@@ -29,7 +29,7 @@ CHANGES = (AS_DATA, ALL_ALIKE, DERIVATIVE, UNCORRECTED)
 
 
 class ToleranceParameters(Parameters):
-    """When a target counts as reached. Fields: `params.yaml`, `servo.tolerance`."""
+    """When a target counts as reached."""
 
     position_mm: float = Field(gt=0)
     pressure: float = Field(gt=0)
@@ -45,7 +45,7 @@ class PublishedParameters(Parameters):
 
 
 class RestingParameters(Parameters):
-    """Controllers that correct their model (`tactile.resting_servo`)."""
+    """Controllers that correct their model (`tactile.servo_controller`)."""
 
     action_penalty: float = Field(gt=0)
     largest_action: float = Field(gt=0)

@@ -6,21 +6,16 @@ be any skin of `tactile.electrodes`. Flat pictures are in mm: x along the finger
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
-import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 from pydantic import Field
 
 from structlearn.core import quaternion
-from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
-from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
-from structlearn.tactile.touch_dataset import TouchDataset
-from structlearn.testbeds.servoing.names import ESTIMATED, TRUE
 from structlearn.viewer.notes import notes_view
 from structlearn.viewer.rrd import (
     deviation_colours,
@@ -45,6 +40,14 @@ POSE_RATE_HZ, COLOUR_RATE_HZ = 50.0, 25.0
 
 FULL_SCALE_QUANTILE = 0.97  # share of the signals within the colour scale: most electrodes feel little
 AXES_M, EYE_M = 0.006, 0.055  # length of the finger's axes; from the camera to the handle
+
+
+class ServoingViewParameters(Parameters):
+    """Contents of the recordings of the servoing testbed."""
+
+    demonstrations: tuple[str, ...]
+    map_points: int = Field(ge=1)
+    trials: int = Field(ge=1)
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,15 @@ class FlatSkin:
     laying: MapLaying  # of the map, in mm
     unit_mm: float  # per unit of the map
 
+    @classmethod
+    def fitted(cls, skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> Self:
+        """By contact points (N, 3) m and map coordinates (N, 2) of the same samples.
+
+        `map_unit`: m on the skin per unit of the map.
+        """
+        laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
+        return cls(skin, laying, 1e3 * map_unit)
+
     def places(self, points: np.ndarray) -> np.ndarray:
         """Places (..., 2) of points (..., 3) m of the skin."""
         return flat(self.skin, points)
@@ -83,16 +95,6 @@ class FlatSkin:
     def latent(self, states: np.ndarray) -> np.ndarray:
         """Places (..., 2) of latent states (..., 3) in the networks' units."""
         return self.laying(self.unit_mm * states[..., :2])
-
-
-def flat_skin(skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> FlatSkin:
-    """Lay the latent map onto a skin.
-
-    `contact_points` (N, 3) m; `latent` (N, 2) map coordinates of the same samples; `map_unit`: m on the skin
-    per unit of the map.
-    """
-    laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
-    return FlatSkin(skin, laying, 1e3 * map_unit)
 
 
 def full_scale(signals: Sequence[np.ndarray]) -> float:
@@ -236,88 +238,3 @@ def tab(
     drawn = [plot(heading, [f"{entity(name, group)}/**"], legends) for group, heading in plots.items()]
     beside = rrb.Vertical(*drawn, notes_view(name))
     return rrb.Horizontal(rrb.Horizontal(*columns), beside, column_shares=[1, 1], name=name)
-
-
-class ServoingViewParameters(Parameters):
-    """Contents of the recordings of the servoing testbed."""
-
-    demonstrations: tuple[str, ...]
-    map_points: int = Field(ge=1)
-    trials: int = Field(ge=1)
-
-
-@dataclass(frozen=True)
-class ShownTouch:
-    """A demonstration of T samples, of which N are of contacts."""
-
-    demonstration: Demonstration  # on the clock of the samples
-    motion: FingerMotion  # the same, with counts less their offset
-    rows: np.ndarray  # (N,) samples of the demonstration that are of contacts
-    contact: np.ndarray  # (N,) number of the contact, rising
-    contact_point: np.ndarray  # (N, 3) m, estimated, frame of the finger
-    pressure: np.ndarray  # (N,) counts
-    latent: np.ndarray  # (N, 3) in the networks' units: two of the map, one of pressure
-    truth: pd.DataFrame  # true contacts, see `simulation.touch_demonstrator.true_contacts`
-
-    @property
-    def name(self) -> str:
-        """Of the demonstration."""
-        return self.demonstration.name
-
-    @property
-    def time(self) -> np.ndarray:
-        """Times (N,) s of the samples of contacts."""
-        return self.motion.time[self.rows]
-
-    @property
-    def contacts(self) -> list[Contact]:
-        """The estimated contact over the whole time, and the true one."""
-        point, touching = np.zeros((len(self.motion.time), 3)), np.zeros(len(self.motion.time), dtype=bool)
-        point[self.rows], touching[self.rows] = self.contact_point, True
-        time, load = (self.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
-        true = self.truth[["x_m", "y_m", "z_m"]].to_numpy(float)
-        return [
-            Contact("estimated", ESTIMATED, self.motion.time, point, touching),
-            Contact("true", TRUE, time, true, load > 0),
-        ]
-
-
-def shown_touches(
-    demonstrations: Sequence[Demonstration],
-    dataset: TouchDataset,
-    latent_map: pd.DataFrame,
-    truth: pd.DataFrame,
-    names: Sequence[str],
-    air_s: float,
-) -> list[ShownTouch]:
-    """The demonstrations of these names, with their samples.
-
-    `demonstrations`: all of them, in the order in which the dataset numbers them; `dataset`: samples of their
-    contacts; `latent_map`: a row for each sample, see `tactile.latent_evaluation.latent_map`; `names`: which
-    are wanted; see `ServoingViewParameters`; `air_s`: at the start of each, in the air; counts there are the
-    offset. Raises InputError: there is no demonstration of such a name.
-    """
-    numbers = {one.name: number for number, one in enumerate(demonstrations)}
-    if unknown := [name for name in names if name not in numbers]:
-        raise InputError(
-            f"inspect_servoing.demonstrations: there is no '{unknown[0]}', only {', '.join(sorted(numbers))}"
-        )
-    found = []
-    for name in names:
-        one, rows = demonstrations[numbers[name]], np.flatnonzero(dataset.trial == numbers[name])
-        air = max(round(air_s / one.dt), 1)
-        tactile = one.signal("tactile")
-        signals = tactile - tactile[:air].mean(axis=0)
-        found.append(
-            ShownTouch(
-                demonstration=one,
-                motion=FingerMotion(one.time, one.position, one.signal("orientation"), signals),
-                rows=np.rint(dataset.time[rows].astype(float) / one.dt).astype(int),
-                contact=dataset.contact[rows],
-                contact_point=dataset.contact_point[rows].astype(float),
-                pressure=dataset.pressure[rows].astype(float),
-                latent=latent_map.iloc[rows][["x", "y", "z"]].to_numpy(float),
-                truth=truth[truth["trial"] == name],
-            )
-        )
-    return found

@@ -7,7 +7,7 @@ pass a low-pass that knows no future; actions come slower still.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from pydantic import Field, PositiveInt
@@ -32,27 +32,15 @@ from structlearn.simulation.touch_demonstrator import (
     held_on_handle,
 )
 
+if TYPE_CHECKING:  # torch takes a second to load, and the report needs none
+    from structlearn.tactile.servo_controller import TactileServo
+
 CENTRE = (0.5, 0.1, 0.9)  # m, of the handle in the base frame; its axis is y
 FILTER_ORDER = 2  # of the low-pass, as in the preparation of the training data
 
-StateT = TypeVar("StateT")
-
-
-class Controller(Protocol[StateT]):
-    """What says how fingers are to move, as `tactile.servo_controller`; S models, T fingers each."""
-
-    def encode(self, signals: np.ndarray) -> np.ndarray:
-        """Latent states (S, T, 3) of signals (S, T, E)."""
-
-    def start(self, latent: np.ndarray) -> StateT:
-        """Its memory at the start."""
-
-    def act(self, latent: np.ndarray, target: np.ndarray, memory: StateT) -> tuple[np.ndarray, StateT]:
-        """Actions (S, T, 6), m/s and rad/s in the frame of the finger, and the next memory."""
-
 
 class LoopParameters(Parameters):
-    """Timing of the loop. Fields: `params.yaml`, `servo.loop`."""
+    """Timing of the loop."""
 
     cutoff_hz: float = Field(gt=0)
     samples_per_action: PositiveInt
@@ -105,10 +93,7 @@ class Servoed:
 class LowPass:
     """Butterworth low-pass of signals (T, B, E) that come piece by piece; before the first they were zero.
 
-    Args:
-        cutoff_hz: its cut-off, below half of `rate_hz`.
-        rate_hz: samples per second.
-        shape: (B, E).
+    The cut-off is below half of `rate_hz`; `shape`: (B, E).
     """
 
     def __init__(self, cutoff_hz: float, rate_hz: float, shape: tuple[int, int]) -> None:
@@ -151,7 +136,7 @@ def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Gen
 
 
 def servo(
-    controller: Controller,
+    controller: "TactileServo",
     models: int,
     start: Held,
     target: Held,

@@ -1,11 +1,8 @@
-"""Look at recordings before anything is configured: `python -m structlearn.inspect ~/bags`.
+"""Recordings before anything is configured, in words: `structlearn inspect ~/bags`.
 
-Prints what the files hold, whether they are fit to be learned from, and an entry of `stages/tasks/own.yaml`.
-Nothing is written but what `--output` names. The exit code is 1 where nothing could be read, and 0 otherwise,
-whatever the doubts.
+Says what the files hold, whether they are fit to be learned from, and proposes an entry of a task.
 """
 
-import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -16,22 +13,25 @@ import yaml
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import printable
-from structlearn.core.stage import run
 from structlearn.readers.joint_series import FIELDS
 from structlearn.readers.survey import TopicClocks, stamps_of
 from structlearn.tasks.inspection.fitness import Answer, fitness
-from structlearn.tasks.inspection.hand_paths import Candidate, candidates, pose_words
-from structlearn.tasks.inspection.motion_survey import BRIDGE_S, MotionRun, MotionSurvey, survey_motion
+from structlearn.tasks.inspection.hand_motion import (
+    BRIDGE_S,
+    Candidate,
+    MotionRun,
+    MotionSurvey,
+    candidates,
+    pose_words,
+    survey_motion,
+)
 from structlearn.tasks.inspection.proposal import Proposal, propose
 from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, look_at
 
 FORMATS = {"mcap": "MCAP", "db3": "ROS 2 bag (sqlite3)", "bag": "ROS 1 bag", "table": "table of poses"}
 
-HEADINGS = (
-    *("topic", "type", "messages", "rate", "jitter", "largest gap"),
-    *("clock", "log - header", "drift", "frame"),
-)
-RIGHT = (2, 3, 4, 5, 7, 8)
+HEADINGS = ("topic", "type", "messages", "rate", "largest gap", "clock", "log - header")
+RIGHT = (2, 3, 4, 6)
 """Columns of numbers."""
 
 SECONDS_OF_A_YEAR = 3.2e7
@@ -52,12 +52,6 @@ class Findings:
     answers: Sequence[Answer]
 
 
-def main() -> None:
-    """Inspect what the command line names."""
-    given = _arguments()
-    inspect(given.source, given.urdf, given.output)
-
-
 def inspect(source: str, urdf: str | None, output: Path | None) -> None:
     """Print what a source holds; publish the proposed entry where a file is named for it."""
     found = find_out(source, urdf)
@@ -72,11 +66,10 @@ def find_out(source: str, urdf: str | None = None) -> Findings:
     seen = look_at(source, urdf)
     found = candidates({file.name: file.hands for file in seen.files})
     if not found:
-        return Findings(seen, (), None, None, fitness(seen, None, None, ()))
-    hand = found[0]
-    motion = survey_motion(hand.paths) if hand.moves else None
-    proposal = propose(seen, hand, found[1:], motion)
-    return Findings(seen, found, motion, proposal, fitness(seen, hand, motion, proposal.read))
+        return Findings(seen, (), None, None, list(fitness(seen, None, None, ())))
+    motion = survey_motion(found[0].paths) if found[0].moves else None
+    proposal = propose(seen, found[0], found[1:], motion)
+    return Findings(seen, found, motion, proposal, list(fitness(seen, found[0], motion, proposal.read)))
 
 
 def report(found: Findings) -> Iterator[str]:
@@ -91,7 +84,7 @@ def report(found: Findings) -> Iterator[str]:
         rows = [("source", "files", "extent", "way")]
         for one in found.sources:
             sizes = f"{one.extent:.3g} m", f"{one.travelled:.3g} m"
-            rows.append((one.words, str(len(one.paths)), *sizes))
+            rows.append((pose_words(one.source), str(len(one.paths)), *sizes))
         yield from (*_aligned(rows, range(1, 4)), "")
     if found.motion is not None:
         above = f"above {found.motion.threshold:.2g} m/s, s since the first sample"
@@ -134,10 +127,10 @@ def _file(file: FileSeen) -> Iterator[str]:
     known = start > SECONDS_OF_A_YEAR  # else the clock counts from some start of its own
     when = datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if known else f"{start:.2f} s"
     count = sum(log.count for log in logs)
-    yield f"{file.name}: {FORMATS[file.file.format]}, {end - start:.2f} s from {when}, {count} messages"
+    yield f"{file.name}: {FORMATS[file.format]}, {end - start:.2f} s from {when}, {count} readable messages"
     rows: list[tuple[str, ...]] = [HEADINGS]
     for topic, seen in file.topics.items():
-        clock = _clock(seen.clocks) if seen.clocks else ("0", *[""] * 7)
+        clock = _clock(seen.clocks) if seen.clocks else [""] * 5
         rows.append((topic, " and ".join(seen.types), *clock))
     yield from _aligned(rows, RIGHT)
     for topic, seen in file.topics.items():
@@ -156,16 +149,11 @@ def _file(file: FileSeen) -> Iterator[str]:
 
 
 def _clock(clocks: TopicClocks) -> tuple[str, ...]:
-    own, delay = clocks.own, clocks.delay
-    numbers = (f"{own.count}", f"{own.rate_hz:.4g} Hz", _ms(own.jitter_s), f"{own.largest_gap_s:.3g} s")
-    if delay is None:
-        return (*numbers, "log", "", "", ", ".join(clocks.frames))
-    spread = f"{_ms(delay.median_s)} +- {_ms(delay.spread_s)}"
-    return (*numbers, "header", spread, _ms(delay.drift_s), ", ".join(clocks.frames))
-
-
-def _ms(seconds: float) -> str:
-    return f"{round(1e3 * seconds, 3) + 0.0:.3g} ms" if abs(seconds) < 1 else f"{seconds:.3g} s"
+    own, late = clocks.own, clocks.delay_s
+    numbers = (f"{own.count}", f"{own.rate_hz:.4g} Hz", f"{own.largest_gap_s:.3g} s")
+    if clocks.header is None:
+        return (*numbers, "log", "")
+    return (*numbers, "header", f"{1e3 * late:.3g} ms" if abs(late) < 1 else f"{late:.3g} s")
 
 
 def _times(runs: Sequence[MotionRun]) -> str:
@@ -180,15 +168,3 @@ def _aligned(rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
         width = max(map(len, column))
         columns[place] = [cell.rjust(width) if place in right else cell.ljust(width) for cell in column]
     return ["  " + "  ".join(cells) for cells in zip(*columns, strict=True)]
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="inspect", description="Look at recordings before configuring.")
-    parser.add_argument("source", help="a file, a bag, or a folder of them")
-    parser.add_argument("--urdf", help="the robot, where poses are to be computed from its joints")
-    parser.add_argument("--output", type=Path, help="file for the proposed entry")
-    return parser.parse_args()
-
-
-if __name__ == "__main__":
-    run(main)

@@ -1,0 +1,215 @@
+"""How the hand moves in recordings without an entry: which poses are the hand's, and how many moves it makes.
+
+A threshold of the speed that is right for one task is wrong for the next, so those are tried that the cutting
+tries. At each, a demonstration is a row of long and short runs. What most demonstrations show alike is the
+task; short runs count if they, too, stand at the same places.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from structlearn.core import quaternion, signals
+from structlearn.core.errors import InputError
+from structlearn.readers.recording import Stream
+from structlearn.readers.survey import Stamps, stamps_of
+from structlearn.readers.topics import JointPose, TransformPose
+from structlearn.rigid_body.urdf import HANDS
+from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
+
+SPEED_HZ = 2.0
+"""Hz, low-pass of the positions before they are differentiated: the method's for finding a movement."""
+
+MOST_TICKS = 10**7
+"""Of a uniform clock; more of them mean that a stamp lies years away from the others."""
+
+LEAST_EXTENT_M = 0.01
+"""How far a hand gets at least: less is sway."""
+
+ALIKE = 0.9
+"""Share of the largest way from which on frames of one tree move alike: then the likeliest name is taken."""
+
+PREFERRED = 1
+"""Which threshold is taken where they serve alike: low, so that no slow move is lost, and above the sway."""
+
+BRIDGE_S = 0.2
+"""s; a shorter dip in speed is a hesitation: people who stop on purpose do for longer."""
+
+SHORT_SHARE = 0.1
+"""Of the longest run of a demonstration, below which a run is short: idle, unless all have it."""
+
+PoseSource = str | TransformPose | JointPose
+KINDS = (str, TransformPose, JointPose)
+"""Sources of poses, the likeliest for the hand's first; a string is a topic of poses."""
+
+
+class HandPath(NamedTuple):
+    """Positions (T, 3) m and speeds (T,) m/s of one source of poses in one file, on a uniform clock.
+
+    `orientation` (T, 4) is None where a quaternion has norm 0.
+    """
+
+    dt: float
+    position: np.ndarray
+    speed: np.ndarray
+    orientation: np.ndarray | None
+    stamps: Stamps
+
+    @property
+    def extent_m(self) -> float:
+        """Diagonal of the box that holds it."""
+        return float(np.linalg.norm(np.ptp(self.position, axis=0)))
+
+
+def hand_path(stream: Stream) -> HandPath:
+    """The path of a stream of poses; stamps in disorder are sorted, and values that are no numbers left out.
+
+    Raises:
+        InputError: fewer than three samples are left, or stamps lie too far apart for a clock.
+    """
+    finite = np.isfinite(stream.values).all(axis=1)
+    stamps, places = np.unique(stream.stamps[finite], return_index=True)
+    values, topic = stream.values[finite][places], stream.topic
+    if len(stamps) < 3:
+        raise InputError(f"{topic} has {len(stamps)} samples, fewer than three")
+    dt = 1e-9 * float(np.median(np.diff(stamps)))
+    time = 1e-9 * (stamps - stamps[0])
+    if time[-1] > MOST_TICKS * dt:
+        raise InputError(f"{topic} has stamps that lie {time[-1]:.3g} s apart, {dt:.3g} s as a rule")
+    ticks = np.arange(int(time[-1] / dt) + 1) * dt
+    if len(ticks) < 3:
+        raise InputError(f"{topic} has samples at fewer than three ticks of {dt:.3g} s")
+    raw = np.stack([np.interp(ticks, time, column) for column in values[:, :3].T], axis=1)
+    position = signals.low_pass(raw, dt, SPEED_HZ)
+    speed = np.linalg.norm(signals.derivative(position, dt), axis=1)
+    norms = np.linalg.norm(values[:, 3:], axis=1)
+    turned = None
+    if (norms > 0.0).all():
+        turned = quaternion.interpolate(np.minimum(ticks, time[-1]), time, values[:, 3:] / norms[:, None])
+    return HandPath(dt, position, speed, turned, stamps_of(stream.stamps))
+
+
+class Candidate(NamedTuple):
+    """A source of poses with its paths by file, the medians of their extents and lengths in m."""
+
+    source: PoseSource
+    paths: dict[str, HandPath]
+    extent: float
+    travelled: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is more than sway."""
+        return self.extent >= LEAST_EXTENT_M
+
+
+def pose_words(source: PoseSource) -> str:
+    """A source of poses in words."""
+    if isinstance(source, TransformPose):
+        return f"{source.parent} -> {source.child} in {source.topic}"
+    return source if isinstance(source, str) else f"{source.tip} by the joints in {source.topic}"
+
+
+def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candidate]:
+    """All sources of poses that have a path in some file, the likeliest for the hand's first.
+
+    One that moves, in most of the files, comes before all others; then topics of poses before transforms and
+    those before joints; then what is in more files; then frames that are called like a hand; then what goes
+    the longer way.
+    """
+    found: dict[PoseSource, dict[str, HandPath]] = {}
+    for name, by_source in hands.items():
+        for source, path in by_source.items():
+            found.setdefault(source, {})[name] = path
+    every = []
+    for source, paths in found.items():
+        sizes = [(path.extent_m, float(path.speed.sum() * path.dt)) for path in paths.values()]
+        every.append(Candidate(source, paths, *np.median(sizes, axis=0).tolist()))
+
+    def rank(one: Candidate) -> tuple:
+        """Small is likely; the order in which sources of one kind were found, by their names, breaks ties."""
+        kind, way = type(one.source), one.travelled
+        farthest = max(other.travelled for other in every if type(other.source) is kind)
+        if kind is not str and way >= ALIKE * farthest:
+            way = farthest
+        named = isinstance(one.source, TransformPose) and HANDS.search(one.source.child)
+        unlikely = not one.moves or 2 * len(one.paths) <= len(hands)
+        return unlikely, KINDS.index(kind), -len(one.paths), not named, -way
+
+    return sorted(every, key=rank)
+
+
+class MotionRun(NamedTuple):
+    """Speed above a threshold from start to end (s since the first pose) over a distance in m."""
+
+    start_s: float
+    end_s: float
+    way: float
+    short: bool
+
+
+@dataclass(frozen=True)
+class MotionSurvey:
+    """Runs of motion of all demonstrations at the threshold (m/s) at which most agree.
+
+    `number` of runs in most of them, whose names are `agreeing`; `turns_deg`: by which the hand turns between
+    one of these runs and the next, medians; none where orientations are not known.
+    """
+
+    threshold: float
+    runs: Mapping[str, Sequence[MotionRun]]
+    with_short: bool
+    number: int
+    agreeing: tuple[str, ...]
+    turns_deg: tuple[float, ...] = ()
+
+    def counted(self, name: str) -> list[MotionRun]:
+        """Runs of a demonstration, without short ones where they do not count."""
+        return [run for run in self.runs[name] if self.with_short or not run.short]
+
+
+def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
+    """Runs of motion of demonstrations by name, and the number in which most agree."""
+    moved = [Motion(path.position, path.speed, path.speed, False) for path in paths.values()]
+    choices = []
+    for (place, fraction), with_short in product(enumerate(FRACTIONS), (True, False)):
+        threshold = fraction * pace(moved)
+        runs = {name: motion_runs(path, threshold) for name, path in paths.items()}
+        rows = {
+            name: tuple(run.short for run in its if with_short or not run.short) for name, its in runs.items()
+        }
+        row, count = max(Counter(rows.values()).items(), key=lambda item: (item[1], len(item[0])))
+        agreeing = tuple(name for name in rows if rows[name] == row)
+        rank = (count, len(row) > 0, with_short, -abs(place - PREFERRED))
+        choices.append((rank, MotionSurvey(threshold, runs, with_short, len(row), agreeing)))
+    best = max(choices, key=lambda choice: choice[0])[1]
+    turns = [turns_between(paths[name], best.counted(name)) for name in best.agreeing]
+    return replace(best, turns_deg=tuple(np.median(turns, axis=0).tolist()))
+
+
+def turns_between(path: HandPath, runs: Sequence[MotionRun]) -> list[float]:
+    """Degrees by which the hand turns from the end of each run to the start of the next."""
+    if path.orientation is None:
+        return []
+    ends = np.array([run.end_s for run in runs[:-1]]) / path.dt
+    starts = np.array([run.start_s for run in runs[1:]]) / path.dt
+    before, after = (path.orientation[np.round(at).astype(int)] for at in (ends, starts))
+    return np.degrees(quaternion.angle_between(before, after)).tolist()
+
+
+def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:
+    """Runs of a path's speed above a threshold, joined across hesitations, in their order."""
+    runs = runs_of_motion(path.speed, threshold, most=len(path.speed))
+    if not len(runs):
+        return []
+    pauses = np.flatnonzero((runs[1:, 0] - runs[:-1, 1]) * path.dt > BRIDGE_S)
+    first, last = runs[np.append(0, pauses + 1), 0], runs[np.append(pauses, len(runs) - 1), 1]
+    ways = [float(path.speed[a : b + 1].sum() * path.dt) for a, b in zip(first, last, strict=True)]
+    return [
+        MotionRun(float(a * path.dt), float(b * path.dt), way, way < SHORT_SHARE * max(ways))
+        for a, b, way in zip(first, last, ways, strict=True)
+    ]
