@@ -29,7 +29,7 @@ ifeq ($(wildcard data/code/main),)
 	@$(MAKE) --no-print-directory --jobs=2 $(TESTBEDS:%=stages-of-%)
 endif
 	$(IN_ENVIRONMENT) dvc repro
-	@$(BIN)/python -m structlearn.core.wall_clock
+	@$(BIN)/python -m structlearn.core.stage
 	@$(TABLE_OF_README)
 	@echo "reports/index.html is up to date"
 
@@ -56,7 +56,7 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
 	@$(TABLE_OF_README)
-	@$(BIN)/python -m structlearn.core.wall_clock
+	@$(BIN)/python -m structlearn.core.stage
 	@echo "reports/recorded/index.html is up to date"
 
 # Tasks of your own, as stages/tasks/own.yaml lists them, from bags to a checked skill: all, or `make own TASK=pick`.

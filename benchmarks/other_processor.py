@@ -18,14 +18,14 @@ from pathlib import Path
 import pandas as pd
 
 from structlearn.core.artefacts import publish, write_csv
-from structlearn.reporting.other_processor import (
+from structlearn.reporting.prose import counted
+from structlearn.reporting.verdicts import (
     FLIPPED,
     OUTCOMES,
     changes,
     compared,
     other_processor_page,
 )
-from structlearn.reporting.prose import counted
 
 SETTINGS = {"OPENBLAS_CORETYPE": "Nehalem", "ATEN_CPU_CAPABILITY": "default", "NUMBA_CPU_NAME": "generic"}
 TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing")

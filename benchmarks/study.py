@@ -17,39 +17,40 @@ import sys
 from fnmatch import fnmatch
 from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import dvc.api
 import pandas as pd
-import yaml
+from dvc.dependency.param import ParamsDependency
+from dvc.repo import Repo
 from tqdm import tqdm
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
+from structlearn.reporting.document import source_commit
 from structlearn.reporting.findings import read_findings, values_by_key
-from structlearn.reporting.source_commit import code_digests, source_commit
 from structlearn.reporting.studies import (
-    CODE,
     RESULTS,
     Changes,
     Description,
     Made,
     OverPopulation,
+    compare,
     digests,
+    processor,
     read_description,
     read_study,
     repeats,
+    run_part,
     stored_study,
     studies_page,
     study_names,
-    upstream_code,
-    upstream_parameters,
     write_made,
     write_study,
 )
-from structlearn.reporting.study_rerun import compare, processor, run_part
 
 PARAMETERS = Path("params.yaml")
+CODE = ("src", "stages")
+"""Folders of all sources."""
 
 
 def main() -> None:
@@ -81,12 +82,10 @@ def main() -> None:
 def run_study(name: str) -> None:
     """Run the experiments of one study that are missing, and write its table."""
     description = read_description(name)
-    pipeline = yaml.safe_load(Path("dvc.yaml").read_text(encoding="utf-8"))
-    keys = upstream_parameters(pipeline, description.target)
+    keys = upstream_parameters(description.target)
     if isinstance(description.repeats, OverPopulation):
-        keys.append(description.repeats.population)
-    made_with = digests(PARAMETERS, sorted(set(keys)))
-    made = made_now(made_with, pipeline, description.target)
+        keys.add(description.repeats.population)
+    made_with = digests(PARAMETERS, sorted(keys))
     known = set(_output(["dvc", "exp", "list", "--all-commits", "--name-only"]).split())
     work = [
         (variant, number, changes | repeated)
@@ -100,24 +99,23 @@ def run_study(name: str) -> None:
             run_experiment(experiment, description.target, changes)
         rows.append({"variant": variant, "repeat": number, **numbers(experiment, description)})
     table = pd.DataFrame(rows)
-    if description.rerun is not None:
-        found = run_part(name, description)
-        beside = {key: float(value) for key, value in found.items() if key not in table}
-        made = made.model_copy(update={"beside": beside})
-    write_study(table, made, RESULTS / name)
-
-
-def made_now(parameters: dict[str, str], pipeline: dict[str, Any], target: str) -> Made:
-    """How a study is made by the present code, before any of it was run again."""
-    return Made(
-        parameters=parameters,
-        code=code_digests(upstream_code(pipeline, target)),
+    part = run_part(name, description) if description.rerun else {}
+    made = Made(
+        parameters=made_with,
         commit=source_commit(CODE),
         processor=processor(),
         added={},
-        beside={},
+        beside={key: float(value) for key, value in part.items() if key not in table},
         rerun=None,
     )
+    write_study(table, made, RESULTS / name)
+
+
+def upstream_parameters(target: str) -> set[str]:
+    """Keys of `params.yaml` that a stage and all before it depend on."""
+    stages = Repo().stage.collect(target, with_deps=True)
+    deps = (dep for stage in stages for dep in stage.deps if isinstance(dep, ParamsDependency))
+    return {key.split(".")[0] for dep in deps for key in dep.params}
 
 
 def check_study(name: str) -> list[str]:

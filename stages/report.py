@@ -5,7 +5,7 @@ from pathlib import Path
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run
 from structlearn.reporting.claims import QUOTED
-from structlearn.reporting.document import Made
+from structlearn.reporting.document import Made, source_commit
 from structlearn.reporting.front import (
     RECORDED,
     findings_table,
@@ -13,7 +13,6 @@ from structlearn.reporting.front import (
     read_front_page,
     render_front,
 )
-from structlearn.reporting.source_commit import source_commit
 
 REPORTS = Path("reports")
 

@@ -8,7 +8,7 @@ import pandas as pd
 from committed import committed_entry
 
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS, URDF
-from structlearn.tasks.motion import drives_and_load as protocol
+from structlearn.tasks.motion import motion_parameters as protocol
 from structlearn.tasks.motion.motion_results import MotionResults
 
 DRAWS = 60
@@ -40,17 +40,15 @@ def made_up(name: str, good: bool = True) -> MotionResults:
     entry, joints = committed_entry(name), np.arange(1, JOINTS[name] + 1)
     parts = ("train", entry.test or "test") + (("20_01_31-unload",) if name == "ur10e" else ())
     tables = _errors(parts, MODELS | ({} if good else BAD), joints)
-    links = rows({"model": "cov"}, link=list("abcdefg"[: len(joints)]), true_mass_kg=1.0, mass_kg=1.5)
+    links = rows({"model": "cov"}, link=list("abcdefg"[: len(joints)]))
     links = links.assign(positive_mass=True, positive_definite=good, triangle=True)
-    links[[f"centre_{axis}_m" for axis in "xyz"]] = 0.1
-    rubbing = [
-        rows({"model": "cov", "term": term}, joint=joints, value=0.1) for term in ("viscous", "coulomb")
-    ]
+    parameters = ("mass_kg", "centre_x_m", "ixx_kg_m2", "viscous", "coulomb")
+    bodies = [rows({"parameter": one, "value": 1.5, "urdf": 1.0}, link=links["link"]) for one in parameters]
     traced = {"_".join(key).removesuffix("_none"): np.sin(np.arange(10.0 * len(joints))) for key in MODELS}
     logs = [entry.train or "exciting_traj", *parts[1:]]
     tables |= {
         "links": pd.concat([links.assign(friction=one) for one in ("coulomb", "offset")]),
-        "friction": pd.concat([its.assign(friction=one) for its in rubbing for one in ("coulomb", "offset")]),
+        "bodies": pd.concat(bodies).assign(half_width=0.1 if entry.body_draws else np.nan),
         "motions": rows({"start_s": 1.0, "end_s": 31.0, "length_s": 40.0, "tested_s": 30.0}, log=logs).assign(
             part="tested on", learned_s=[30.0] + [0.0] * (len(logs) - 1)
         ),
@@ -75,11 +73,6 @@ def made_up(name: str, good: bool = True) -> MotionResults:
         tables["choice"] = rows(its, kind=list(NETWORKS), nmse=0.3)
     if entry.drives is not None:
         tables |= _drives(entry, joints, good) | _load(entry, good)
-        parameters = ("mass_kg", "centre_x_m", "ixx_kg_m2", "viscous", "coulomb")
-        its = {"value": 1.5, "half_width": 0.1, "urdf": 1.0}
-        tables["bodies"] = pd.concat(
-            [rows({"parameter": one} | its, link=list("abcdef")) for one in parameters]
-        )
     return MotionResults(tables, entry)
 
 
@@ -136,7 +129,7 @@ def _load(entry, good) -> dict[str, pd.DataFrame]:
     loads, drawn, carried = [], [], []
     pairs = [pair[1] for pair in entry.load.pairs]
     for gains, mass in masses.items():
-        for pair in (*pairs, protocol.BOTH):
+        for pair in (*pairs, protocol.ALL_PAIRS):
             keys = {"pair": pair, "gains": gains}
             loads.append(rows(keys | {"blocks": 20}, mass_kg=[mass], **dict.fromkeys(CENTRE, 0.1)))
             drawn.append(rows(keys, draw=np.arange(DRAWS), mass_kg=mass * spread))

@@ -8,12 +8,11 @@ import pandas as pd
 from committed import committed
 from obstacles_unrolls import baseline
 
-from structlearn.avoidance.learned_models import AvoidanceModels
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.core.params import Population
 from structlearn.readers.demonstration import Demonstration
-from structlearn.testbeds.obstacles.files import Evaluation
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
+from structlearn.testbeds.obstacles.protocol.people import demonstration_scores
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 NEAR, FAR, BESIDE = [0.4, -0.15, 0.25], [0.4, -0.45, 0.6], [0.5, 0.15, 0.3]
@@ -61,20 +60,23 @@ def people():
 
 @cache
 def evaluation():
-    """All situations with models of every kind and origin, of three people who differ a little."""
+    """Scores and paths of all situations with models of every kind, of three people who differ a little.
+
+    With the scores of their demonstrations.
+    """
     own, found = own_scenarios(PLACES, PEOPLE), []
     for person in PEOPLE:
         strength = 1.0 + 0.01 * person
         shapes = {shape: Push(4.0 * strength) for shape in SHAPES}
-        models = AvoidanceModels(
-            networks={"setting": Push(5.0 * strength), "all": Push(3.0 * strength)} | shapes,
-            ensembles={"all": Push(3.5 * strength)} | shapes,
-            human_inspired={"setting": Push(9.0)} | shapes,
-            phase_modulated={"all": Push(2.0)} | shapes if person == POPULATION.shown else {},
-        )
+        models = {
+            "network": {"setting": Push(5.0 * strength), "all": Push(3.0 * strength)} | shapes,
+            "ensemble": {"all": Push(3.5 * strength)} | shapes,
+            "human_inspired": {"setting": Push(9.0)} | shapes,
+            "phase_modulated": {"all": Push(2.0)} | shapes if person == POPULATION.shown else {},
+        }
         learner = avoidance_protocols.Learner(person, PRIMITIVE, models, own[person])
         for one in avoidance_protocols.situations(PLACES, PRIMITIVE, TESTED):
             found.append(avoidance_protocols.evaluate((learner, one), TESTED, POPULATION.shown))
     scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*found, strict=True))
-    scored = avoidance_protocols.demonstration_scores([people()] * len(PLACES), PLACES, PRIMITIVE)
-    return Evaluation(scores, paths, pd.concat([scored.assign(person=person) for person in PEOPLE]))
+    scored = demonstration_scores([people()] * len(PLACES), PLACES, PRIMITIVE)
+    return scores, paths, pd.concat([scored.assign(person=person) for person in PEOPLE])

@@ -1,11 +1,11 @@
 """A small world of feedback results in memory, for the tests of the report."""
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pandas as pd
-from reporting_scraping import DT, ease
+from conftest import minimum_jerk
+from reporting_scraping import DT
 
 from structlearn.core import quaternion
 from structlearn.feedback.coupling_dataset import CouplingDataset
@@ -41,7 +41,7 @@ def execution(seed: int, setting: float = 0.0, corrected: float = 0.0) -> Demons
     """Five seconds on a board at `setting` degrees; the hand turns by `corrected` degrees in the second."""
     rng = np.random.default_rng(seed)
     time = DT * np.arange(round(SEGMENTS[-1, 1] / DT) + 1)
-    turned, pressed = ease((time - 1.0) / 1.5), ease((time - 0.9) / 0.2)
+    turned, pressed = minimum_jerk((time - 1.0) / 1.5), minimum_jerk((time - 0.9) / 0.2)
     hand = np.radians(corrected) * np.outer(turned, AXIS)
     gap = hand - np.radians(setting) * AXIS
     tactile = np.outer(pressed, [30.0, -20.0, 10.0, 5.0]) + rng.normal(0.0, 0.3, (len(time), CHANNELS))
@@ -193,8 +193,3 @@ def feedback_results() -> FeedbackResults:
         seen_deg=SEEN,
         board=board_results(),
     )
-
-
-def with_board(results: FeedbackResults, **changes: object) -> FeedbackResults:
-    """The same with other executions."""
-    return replace(results, board=replace(results.board, **changes))

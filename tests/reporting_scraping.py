@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 from committed import committed
+from conftest import minimum_jerk
 
 from structlearn.core import quaternion
 from structlearn.primitives import sequence
@@ -35,7 +36,7 @@ def demonstration(seed: int) -> Demonstration:
     rng = np.random.default_rng(seed)
     ends = np.cumsum(rng.uniform(0.8, 1.2, size=5))  # rest, down, turn, scrape, rest
     time = DT * np.arange(round(ends[-1] / DT))
-    down, turn, scrape = (ease((time - ends[i]) / (ends[i + 1] - ends[i])) for i in range(3))
+    down, turn, scrape = (minimum_jerk((time - ends[i]) / (ends[i + 1] - ends[i])) for i in range(3))
     position = np.column_stack([0.002 * scrape, 0.06 * scrape, -0.08 * down])
     return Demonstration(
         name=f"{seed:02d}",
@@ -47,12 +48,6 @@ def demonstration(seed: int) -> Demonstration:
         true_segments=np.column_stack([ends[:3], ends[1:4]]),
         provenance={"origin": "simulated"},
     )
-
-
-def ease(fraction: np.ndarray) -> np.ndarray:
-    """Minimum-jerk way from 0 to 1."""
-    s = np.clip(fraction, 0.0, 1.0)
-    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
 def noise_table(advantage_ms: float = 5.0) -> pd.DataFrame:

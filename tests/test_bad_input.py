@@ -114,9 +114,6 @@ def touchless(path: Path | str) -> None:
     write_runs([synchronise(one) for one in simulated(count=1)], path)
 
 
-CORRECTIONS = Path("data/runs/scraping/corrections")
-
-
 def test_corrections_that_cannot_be_learned_from(root, project, capsys):
     skill = scraping_skill()
     write_primitives(skill.primitives, "data/primitives/scraping/primitives.safetensors")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from structlearn.core.block_bootstrap import block_count, block_sums, blocks, drawn_counts, percentiles
+from structlearn.core.metrics import block_count, block_sums, blocks, drawn_counts, percentiles
 
 
 def test_blocks_are_long_enough_and_leave_nothing_out():

@@ -26,6 +26,7 @@ import test_tasks_obstacles
 import test_tasks_representations
 import test_touch_page
 import torch
+from committed import committed_entry
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
 from reporting_refinement import refinement_results
@@ -40,9 +41,9 @@ from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
-from structlearn.tasks.motion.motion_results import motion_findings
+from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.obstacles.representations_section import representation_findings
-from structlearn.tasks.obstacles.scene_section import scene_findings
+from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
@@ -155,8 +156,8 @@ def deaf_to_phase(results: Any) -> Any:
 
 
 FOLLOWS = {
-    "tables.links": {"positive_mass", "positive_definite", "triangle"},
-    "tables.gravity": {"limit_n_m"},
+    "links": {"positive_mass", "positive_definite", "triangle"},
+    "gravity": {"limit_n_m"},
 }
 """Columns of tables of arms that follow from how Cov writes a link, or from the URDF: not measured."""
 
@@ -206,7 +207,10 @@ PAGES = (
             lambda place: place == "comparison",
         ),
         "boxes": Page(
-            PUBLIC, f"{CLAIMS}/boxes.yaml", lambda get: [test_tasks_obstacles.made_up_ways()], scene_findings
+            PUBLIC,
+            f"{CLAIMS}/boxes.yaml",
+            lambda get: [test_tasks_obstacles.made_up_ways()],
+            lambda its: scene_findings(SceneWays(its)),
         ),
         "avoidance": Page(
             PUBLIC,
@@ -226,7 +230,7 @@ PAGES = (
             PUBLIC,
             f"{CLAIMS}/{name}.yaml",
             lambda get, name=name: [motion_tables.made_up(name)],
-            motion_findings,
+            lambda its, name=name: motion_findings(MotionResults(its, committed_entry(name))),
             known=partial(dict, FOLLOWS),
         )
         for name in motion_tables.JOINTS
@@ -347,7 +351,7 @@ def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[C
         yield from (
             change(how, names, table[label] == value) for value, how in product(values, (raised, lowered))
         )
-    yield from (change(how, [name]) for name, how in product(names, HOW))
+    yield from (change(how, [name]) for how, name in product(HOW[::-1], names))
 
 
 def with_other(how: Callable, every: Tables, columns: Mapping[str, Sequence[str]]) -> Change:

@@ -43,7 +43,7 @@ from test_tasks_representations import phase_dependent
 from structlearn.avoidance import scene_folds
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
-from structlearn.avoidance.scene_people import learn_past_obstacles
+from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import BACKEND
 from structlearn.feedback import feedback_models
@@ -417,7 +417,8 @@ def unhindered_reach(monkeypatch, tmp_path):
     sets = [people.demonstrations(place, scene, person) for place in (None, *scenarios(scene))]
 
     def learn(data):
-        monkeypatch.setattr(people, "_demonstrated", lambda *_: data)
+        recorded = iter(data)
+        monkeypatch.setattr(people, "read_runs", lambda _: next(recorded))
         return people.taught(person.seed, tmp_path, scene, person, parameters)[0]
 
     return Case(learn, sets, [sets[0], *(moved(its, 0) for its in sets[1:])], [moved(sets[0], 0), *sets[1:]])

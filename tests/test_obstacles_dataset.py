@@ -8,7 +8,6 @@ from structlearn.avoidance.avoidance_dataset import (
     baseline_axes,
     fit_baseline,
     from_table,
-    local_path,
     samples,
     smooth_path,
     to_local,
@@ -73,7 +72,7 @@ def test_unrolled_with_its_target_the_baseline_is_the_demonstration(baseline, se
     scenario, (demonstration, *_) = sets[0]
     # the coupling is held over a step
     own = committed(AvoidanceDataParameters, "obstacle_dataset", rate_hz=1000, keep_every=1)
-    path = local_path(smooth_path(demonstration, own), baseline)
+    path = smooth_path(demonstration, own).shifted(-baseline.start).turned(baseline_axes(baseline))
     one = samples(demonstration, scenario.obstacle.cloud(), baseline, own)
     ends, state = (path.position[0], path.position[-1]), (path.velocity[0], path.acceleration[0])
     coupling = {"coupling": lambda step, x, v: one.target[step]}

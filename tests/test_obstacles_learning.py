@@ -50,10 +50,10 @@ def test_errors_are_those_of_the_models_on_the_named_samples(learned, datasets):
     errors = errors[errors["part"] == "test"]
     errors = errors.set_index(["person", "model", "learned_from", "obstacle", "scenario"])
     for key, places, network in (
-        ((7, "network", "setting", "cube", 1), [2], models[7].networks["setting"].take([1])),
-        ((3, "network", "setting", "sphere", 2), [1], models[3].networks["setting"].take([0])),
-        ((3, "network", "sphere", "sphere", 0), [0, 1], models[3].networks["sphere"]),
-        ((7, "ensemble", "all", "cube", 0), [2, 3], models[7].ensembles["all"]),
+        ((7, "network", "setting", "cube", 1), [2], models[7]["network"]["setting"].take([1])),
+        ((3, "network", "setting", "sphere", 2), [1], models[3]["network"]["setting"].take([0])),
+        ((3, "network", "sphere", "sphere", 0), [0, 1], models[3]["network"]["sphere"]),
+        ((7, "ensemble", "all", "cube", 0), [2, 3], models[7]["ensemble"]["all"]),
     ):
         dataset = datasets[key[0]]
         its = dataset.where(np.isin(dataset.scenario, places) & held_out_rows(dataset, PARAMETERS.split))

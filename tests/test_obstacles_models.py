@@ -1,5 +1,3 @@
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from committed import committed
@@ -158,7 +156,7 @@ def test_demonstrations_that_validate_do_not_train(monkeypatch):
 
     def train(samples, hidden, training, validation=None, stream=()):
         seen.extend([samples, validation])
-        return SimpleNamespace(layers=())
+        return ()
 
     monkeypatch.setattr(network_training, "train", train)
     parameters = chosen(training={"rule": "validation"} | QUICK)

@@ -17,7 +17,7 @@ from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render
 from structlearn.testbeds.obstacles.page.findings import ObstacleResults, findings
 from structlearn.testbeds.obstacles.page.page import PACKAGE, document, read_published
-from structlearn.testbeds.obstacles.page.tables import people as hits_by_person
+from structlearn.testbeds.obstacles.page.page import people as hits_by_person
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
@@ -63,20 +63,20 @@ def parameters():
 @pytest.fixture(scope="module")
 def results():
     shown, baselines = dict.fromkeys(SHAPES, people()), dict.fromkeys(PEOPLE, PRIMITIVE)
-    return ObstacleResults(evaluation(), error_table(), baselines, PLACES, shown, POPULATION, parameters())
+    return ObstacleResults(*evaluation(), error_table(), baselines, PLACES, shown, POPULATION, parameters())
 
 
 def many(results, times=40):
     """The same with so many times as many reaches of everyone: rates have narrow intervals then."""
-    return replace(results, found=replace(results.found, scores=pd.concat([results.found.scores] * times)))
+    return replace(results, scores=pd.concat([results.scores] * times))
 
 
 def rare(results, column, value):
     """The same with a value in the first reach of every person with every model in every protocol alone."""
-    scores = results.found.scores.copy()
+    scores = results.scores.copy()
     first = ~scores.duplicated(["person", "protocol", "model", "learned_from", "rules"])
     scores.loc[first, column] = value
-    return replace(results, found=replace(results.found, scores=scores))
+    return replace(results, scores=scores)
 
 
 def verdicts(results):
@@ -89,12 +89,12 @@ def numbers(results):
 
 def with_scores(results, chosen=None, **columns):
     """The same with other values in the scores of some rows, given as wanted values by column."""
-    scores = results.found.scores.copy()
+    scores = results.scores.copy()
     mask = np.ones(len(scores), dtype=bool)
     for name, value in (chosen or {}).items():
         mask &= scores[name] == value
     scores.loc[mask, list(columns)] = list(columns.values())
-    return replace(results, found=replace(results.found, scores=scores))
+    return replace(results, scores=scores)
 
 
 def rendered(results):
@@ -107,7 +107,7 @@ def test_findings_are_those_of_the_scores(results):
     assert values["people"] == 2
     assert values["nmse_test_sphere"] == pytest.approx(0.044 * 1.115)  # the mean of the two
     assert values["nmse_test_ensemble_sphere"] == pytest.approx(0.088 * 1.115)
-    scores = results.found.scores
+    scores = results.scores
     limited = scores[(scores["rules"] == LIMITED) & (scores["person"] != 1)]
     assert values["goal_distance_max_m"] == limited["goal_distance_m"].max()
     assert values["hits_unseen_baseline"] == results.rows("unseen")["hit"].sum() > 0

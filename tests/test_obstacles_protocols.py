@@ -1,26 +1,22 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from committed import committed
 from obstacles_unrolls import DT, GOAL, START, baseline, beside_the_reach, random_network, spheres, unroll
 
 from structlearn.avoidance.avoiding_unroll import no_coupling
-from structlearn.avoidance.learned_models import AvoidanceModels
 from structlearn.avoidance.rai_2014 import HumanInspiredModels
 from structlearn.avoidance.shapes import SHAPES, constant_velocity, obstacle
-from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_scores import (
     closest_approaches,
-    demonstration_scores,
     scores,
-    summary,
     unitless_distance,
 )
+from structlearn.testbeds.obstacles.protocol.people import demonstration_scores
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 PARAMETERS = committed(
@@ -44,12 +40,8 @@ def steering(count, size=5.0):
     return HumanInspiredModels(size * np.linspace(1.0, 1.2, count)[:, None, None] * np.ones((1, 3, 50)))
 
 
-MODELS = AvoidanceModels(
-    networks={},
-    ensembles={},
-    phase_modulated={},
-    human_inspired={"setting": steering(4), "all": steering(1, 3.0)} | {name: steering(1) for name in SHAPES},
-)
+STEERING = {"setting": steering(4), "all": steering(1, 3.0)} | {name: steering(1) for name in SHAPES}
+MODELS = {"human_inspired": STEERING}
 
 
 LEARNER = avoidance_protocols.Learner(5, baseline(), MODELS, np.array([0, 1, 3, 4]))
@@ -102,7 +94,7 @@ def test_models_meet_what_they_are_for():
     assert named == [("none", ""), *(("human_inspired", source) for source in sources)]
     own = found[1]
     assert own.rows.tolist() == [False, True]
-    np.testing.assert_array_equal(own.coupling.weights, MODELS.human_inspired["setting"].weights[[2]])
+    np.testing.assert_array_equal(own.coupling.weights, STEERING["setting"].weights[[2]])
     assert all(one.rows.all() for one in (found[0], *found[2:]))
     unknown = avoidance_protocols.contenders(LEARNER, avoidance_protocols.unseen(baseline()))
     assert [one.learned_from for one in unknown] == ["", *SHAPES, "all"]
@@ -141,12 +133,13 @@ def test_demonstrations_are_scored_one_by_one():
     primitive = baseline()
     path = primitive.unroll(0.02)
     through = Demonstration("a", path.time, path.position)
-    beside = Demonstration("b", path.time, path.position + 0.3)
-    found = avoidance_protocols.demonstration_scores([[through, beside]] * 6, SCENARIOS, primitive)
+    beside = Demonstration("b", path.time[:-10], path.position[:-10] + 0.3)
+    found = demonstration_scores([[through, beside]] * 6, SCENARIOS, primitive)
     assert found[["obstacle", "scenario", "demonstration"]].drop_duplicates().shape == (12, 3)
     first = found[(found["obstacle"] == "sphere") & (found["scenario"] == 1)]
     assert first["hit"].tolist() == [True, False]
-    assert first["goal_distance_m"].tolist() == pytest.approx([0.0, 0.3 * np.sqrt(3)], abs=1e-3)
+    left = np.linalg.norm(path.position[-11] + 0.3 - primitive.goal)
+    assert first["goal_distance_m"].tolist() == pytest.approx([0.0, left], abs=1e-3)
 
 
 TIME = 0.01 * np.arange(101)
@@ -201,24 +194,3 @@ def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too()
         assert table["restrained"][b] == np.mean(changed)
     assert (table["hit"] == (table["obstacle_distance"] <= 0)).all()
     assert table["restrained"].gt(0).any()
-
-
-def test_demonstrations_of_any_length_are_scored():
-    obstacles = [spheres([[0.5, 0.15, 0.0]]), spheres([[0.2, 0.0, 0.0]])]
-    table = demonstration_scores([TIME, TIME[:61]], [LINE[0], LINE[0, :61]], [1.0, 0.0, 0.0], obstacles)
-    np.testing.assert_allclose(table["obstacle_distance"], [2.0, -1.0], atol=1e-9)
-    np.testing.assert_allclose(table["goal_distance_m"], [0.0, 0.4], atol=1e-12)
-    assert list(table["hit"]) == [False, True]
-
-
-def test_a_summary_has_the_columns_of_the_tables():
-    rows = pd.DataFrame({"obstacle_distance": [-0.2, 0.0, 4.2], "hit": [True, True, False]})
-    rows = rows.assign(clearance_m=[0.01, 0.0, 0.3], goal_distance_m=[0.01, 0.03, 0.02])
-    expected = {"goal_max": 0.03, "goal_mean": 0.02, "obstacle_min": -0.2, "obstacle_mean": 4 / 3, "hits": 2}
-    assert summary(rows) == pytest.approx(expected | {"clearance_min_m": 0.0})
-    unrolled = rows.assign(late_goal_distance_m=[0.001, 0.004, 0.002], detour_m=[0.1, 0.2, 0.3])
-    late = summary(unrolled, nmse_train=0.1, nmse_test=0.2)
-    assert (late["detour_mean"], late["detour_max"]) == pytest.approx((0.2, 0.3))
-    assert (late["late_goal_max"], late["nmse_train"], late["nmse_test"]) == (0.004, 0.1, 0.2)
-    with pytest.raises(InputError, match="no movements"):
-        summary(rows.iloc[:0])

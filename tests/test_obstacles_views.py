@@ -18,10 +18,14 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
     reaches_by_situation,
     without_avoidance,
 )
-from structlearn.testbeds.obstacles.views import avoidance_scene as drawn
-from structlearn.testbeds.obstacles.views.avoidance_scene import chosen_scenarios, shown_scenarios
-from structlearn.testbeds.obstacles.views.demonstrated_avoidance import write_trained_avoidance
+from structlearn.testbeds.obstacles.views import demonstrated_avoidance as drawn
+from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
+    chosen_scenarios,
+    shown_scenarios,
+    write_trained_avoidance,
+)
 from structlearn.testbeds.obstacles.views.unseen_avoidance import (
+    in_base_frame,
     shown_reaches,
     sphere_paths,
     write_unseen_avoidance,
@@ -32,13 +36,13 @@ UNSEEN = avoidance_protocols.unseen(PRIMITIVE)
 
 
 def own_scores():
-    scores = evaluation().scores
+    scores, _, _ = evaluation()
     return scores[scores["person"] == POPULATION.shown]
 
 
 @pytest.fixture(scope="module")
 def reaches():
-    return reaches_by_situation(evaluation().paths, own_scores(), PRIMITIVE)
+    return reaches_by_situation(evaluation()[1], own_scores(), PRIMITIVE)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +65,7 @@ def test_reaches_are_those_of_the_tables(reaches):
     for reach in its:
         row = scores.loc[(reach.model, reach.learned_from)]
         assert (reach.obstacle_distance, reach.hit) == (row["obstacle_distance"], row["hit"])
-    assert sum(len(reach.time) for group in reaches.values() for reach in group) == len(evaluation().paths)
+    assert sum(len(reach.time) for group in reaches.values() for reach in group) == len(evaluation()[1])
     x = (PRIMITIVE.goal - PRIMITIVE.start) / np.linalg.norm(PRIMITIVE.goal - PRIMITIVE.start)
     np.testing.assert_allclose(its[1].coupling_in_base @ x, its[1].coupling[:, 0], atol=1e-9)
     assert np.abs(its[1].coupling).max() > 0.1
@@ -141,4 +145,4 @@ def test_a_moving_sphere_is_in_the_way_of_the_bare_reach_just_then():
     nearest = np.linalg.norm(PRIMITIVE.unroll(0.04).position - path, axis=1).min()
     assert nearest < UNSEEN_RADIUS_M
     np.testing.assert_allclose(np.linalg.norm(np.diff(path, axis=0), axis=1), 0.1 * 0.04, rtol=1e-6)
-    assert drawn.in_base_frame(np.zeros(3), PRIMITIVE) == pytest.approx(PRIMITIVE.start)
+    assert in_base_frame(np.zeros(3), PRIMITIVE) == pytest.approx(PRIMITIVE.start)

@@ -2,13 +2,14 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
-from structlearn.reporting.claims import Evidence, claims_table, judge, quoted, read_claims
+from structlearn.reporting.claims import Evidence, claims_table, judge, read_claims
 from structlearn.reporting.document import environment
-from structlearn.reporting.other_processor import (
+from structlearn.reporting.verdicts import (
     DIGITS,
     FLIPPED,
     MARGIN,
@@ -66,7 +67,8 @@ def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
         "- {statement: read, source: IV, evidence: read, test: above}\n"
     )
     above = Evidence(1.0, 0.5, 1.5, 5)
-    found = {"ran": above} | quoted({"read": {"a": above, "b": above}}, "toy/people")
+    read = replace(above, study="toy/people")
+    found = {"ran": above, "read": {"a": read, "b": read}}
     claims = read_claims(tmp_path / "claims.yaml")
     table = claims_table(judge(claims, found, environment("structlearn.reporting"), {}))
     assert table["study"].tolist() == ["", "toy/people", "toy/people"]

@@ -19,7 +19,7 @@ from readers_bags import (
 
 from structlearn.core.errors import InputError
 from structlearn.readers import bag
-from structlearn.readers.transforms import TransformSeries
+from structlearn.readers.computed_pose import TransformSeries
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
 from structlearn.tasks.inspection.recordings_report import as_yaml, find_out, inspect

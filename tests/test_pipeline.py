@@ -14,7 +14,7 @@ import yaml
 from reduced_pipeline import artefacts, by_hand, clone, environment, repro
 from viewer_files import contents, values, view_names
 
-from structlearn.core.wall_clock import TIMES, read_times
+from structlearn.core.stage import TIMES, read_times
 from structlearn.reporting.document import words_in_view
 
 CUTTING = [

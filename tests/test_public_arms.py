@@ -17,8 +17,9 @@ from structlearn.readers.joint_log import DriveLog
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import environment
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
-from structlearn.tasks.motion import drives_and_load as protocol
+from structlearn.tasks.motion import motion_parameters as protocol
 from structlearn.tasks.motion import motion_results
+from structlearn.tasks.motion.drives_and_load import found_gains
 from structlearn.tasks.motion.joint_motion import CARRIES, arm_of, learn_motion, logs_that_are_there
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.motion.motion_section import motion_facts, motion_tables
@@ -62,7 +63,7 @@ def test_findings_are_those_of_the_tables_and_intervals_hold_them():
 
 
 def test_without_a_rest_or_a_load_the_remaining_findings_are_there(root):
-    tables = dict(made_up("ur10e").tables)
+    tables = dict(made_up("ur10e"))
     for name in ("drives", "drive_draws"):
         tables[name] = tables[name][tables[name]["quantity"] != protocol.AT_REST]
     tables["gains"] = tables["gains"].assign(assumed=False)
@@ -76,8 +77,6 @@ def test_without_a_rest_or_a_load_the_remaining_findings_are_there(root):
 
 
 def test_names_are_those_of_the_protocol():
-    names = (motion_results.LEARNED, motion_results.EMPTY, motion_results.CARRYING, motion_results.ALL_PAIRS)
-    assert names == (protocol.LEARNED, protocol.EMPTY, protocol.CARRYING, protocol.BOTH)
     assert {URDF, LEAST_SQUARES} < set(motion_results.MODELS)
     known = {(model, friction) for model in motion_results.MODELS for friction in motion_results.FRICTIONS}
     assert set(MODELS) <= known
@@ -88,11 +87,11 @@ def test_a_joint_without_a_gain_at_rest_has_that_of_its_motion():
     rests = drives["quantity"] == protocol.AT_REST
     drives.loc[rests & drives["joint"].isin([1, 3]), "value"] = np.nan
     drives.loc[drives["quantity"] == protocol.IN_MOTION, "value"] = 12.0
-    gains = protocol.found_gains(drives, PARAMETERS).set_index("joint")
+    gains = found_gains(drives, PARAMETERS).set_index("joint")
     assert gains["found"].tolist() == [11.0, 11.0, 12.0, 11.0, 11.0, 11.0]  # joint 2 stands in for 1
     assert gains.index[gains["assumed"]].tolist() == [1]
     never = PARAMETERS.model_copy(update={"drives": DRIVES.model_copy(update={"rest": None})})
-    assert protocol.found_gains(drives[~rests], never)["found"].eq(12.0).all()
+    assert found_gains(drives[~rests], never)["found"].eq(12.0).all()
 
 
 def logs_of(**lengths_s: float) -> dict[str, DriveLog]:
@@ -169,8 +168,8 @@ def test_the_recorded_arm_is_known_as_well_as_least_squares_know_it(loaded):
 
 def test_the_recorded_load_is_found(loaded):
     masses, known = loaded.loads.set_index(["pair", "gains"])["mass_kg"], loaded.chosen.load.known_kg
-    assert masses[protocol.BOTH, protocol.FOUND] == pytest.approx(known, rel=0.02)
-    assert masses[protocol.BOTH, protocol.QUOTED] > 1.05 * known
+    assert masses[protocol.ALL_PAIRS, protocol.FOUND] == pytest.approx(known, rel=0.02)
+    assert masses[protocol.ALL_PAIRS, protocol.QUOTED] > 1.05 * known
     carried = loaded.carried.query("stage == @protocol.CARRYING and since_s > 20.0")
     assert (carried["mass_kg"] / known - 1.0).abs().mean() < 0.05
 

@@ -4,7 +4,7 @@ from readers_bags import pose_rows
 
 from structlearn.core.errors import InputError
 from structlearn.readers import Recording, Stream
-from structlearn.readers.checks import at_row, check_recording
+from structlearn.readers.recording import at_row, check_recording
 
 STAMPS = np.array([1581238055_716234152 + row * 10**7 for row in range(6)])
 

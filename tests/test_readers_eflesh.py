@@ -12,12 +12,13 @@ START = 1_700_000_000.0
 
 
 def write_run(folder, kind, name, states, sensed):
-    """A run with given states (rows of numbers after the time) and times of readings, counts 1 to 15."""
+    """A run with given states (rows of numbers after the time) and times of readings, counts 1, 2, ..."""
     path = folder / eflesh.FOLDERS[kind] / name
     path.mkdir(parents=True)
     lines = [",".join(f"{value:.6f}" for value in (START + time, *rest)) for time, *rest in states]
     (path / "states.csv").write_text("\n".join(lines) + "\n")
-    counts = ",".join(str(float(channel)) for channel in range(1, 16))
+    channels = 30 if kind == eflesh.SHEAR else 15
+    counts = ",".join(str(float(channel)) for channel in range(1, channels + 1))
     (path / "sensor_post_baselines.csv").write_text(
         "".join(f"{START + time:.6f},{counts}\n" for time in sensed)
     )
@@ -30,6 +31,7 @@ def folder(tmp_path):
     write_run(
         tmp_path, eflesh.STROKES, "b", [(0, 1, 2, 3, 100), (1, 1, 2, 2, -1), (2, 1, 2, 1, 200)], [0, 1, 2]
     )
+    write_run(tmp_path, eflesh.SHEAR, "c", [(0, 1, 2, 3, 50), (1, 1, 2, 4, -1)], [0, 1])
     return tmp_path
 
 
@@ -40,7 +42,7 @@ def test_readings_take_the_state_of_the_nearest_time(folder):
     np.testing.assert_allclose(run.time, [0.0, 3.8])
     np.testing.assert_array_equal(run.counts[0], np.arange(1, 16))
     assert run.force is None
-    assert run.provenance["commit"] == eflesh.COMMIT
+    assert run.provenance["commit"] == eflesh.SOURCE.commit
 
 
 def test_the_scale_reads_newtons_and_misses_some(folder):
@@ -63,7 +65,8 @@ def test_a_table_holds_what_was_read(folder, tmp_path):
     for log, back in zip(read, read_touch_logs(tmp_path / "touches.parquet"), strict=True):
         for name in ("time", "place", "counts", "force"):
             np.testing.assert_array_equal(getattr(log, name), getattr(back, name))
-        assert (log.name, log.channels, log.provenance) == (back.name, eflesh.CHANNELS, back.provenance)
+        assert (log.name, log.channels, log.provenance) == (back.name, back.channels, back.provenance)
+    assert [log.channels for log in read] == [eflesh.CHANNELS] * 2 + [eflesh.TWO_SKINS]
     with pytest.raises(InputError, match=r"touches\.parquet: has no column 9q"):
         read_touch_table(tmp_path / "touches.parquet", ["1x", "9q"])
 

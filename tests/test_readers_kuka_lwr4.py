@@ -20,7 +20,7 @@ def test_arrays_go_to_joints_and_samples(tmp_path):
     assert (first.name, second.name, first.joints) == ("measurements_2", "measurements_10", kuka_lwr4.JOINTS)
     np.testing.assert_allclose(first.time, [0.0, 0.005, 0.01], atol=1e-6)
     np.testing.assert_array_equal(first.torques[1], np.arange(7.0, 14.0))
-    assert first.provenance["commit"] == kuka_lwr4.COMMIT
+    assert first.provenance["commit"] == kuka_lwr4.SOURCE.commit
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def test_numbers_go_to_joints_and_samples(folder):
     np.testing.assert_array_equal(log.positions, np.arange(1, 15).reshape(2, 7))
     np.testing.assert_array_equal(log.velocities[1], np.arange(108, 115))
     np.testing.assert_array_equal(log.torques[0], np.arange(201, 208))
-    assert log.provenance["commit"] == panda.COMMIT
+    assert log.provenance["commit"] == panda.SOURCE.commit
     assert log.provenance["files"].startswith("exciting_traj_time.txt ")
 
 

@@ -10,8 +10,7 @@ from structlearn.core.artefacts import write_arrow
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.recording import NamedShape
-from structlearn.readers.runs import read_runs, write_runs
-from structlearn.readers.series_table import UNIT
+from structlearn.readers.runs import UNIT, read_runs, write_runs
 
 
 def _runs() -> list[Demonstration]:

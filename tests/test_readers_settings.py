@@ -3,7 +3,7 @@ from pydantic import ValidationError
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
-from structlearn.readers.settings import Setting, setting_folders, setting_label
+from structlearn.readers.source import Setting, setting_folders, setting_label
 
 
 class Own(Parameters):

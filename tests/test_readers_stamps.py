@@ -11,7 +11,7 @@ from readers_bags import joint_messages, pose_messages, pose_rows, write_bag
 
 from structlearn.core.errors import InputError
 from structlearn.readers import StampPolicy, read_demonstrations, read_recording
-from structlearn.readers.stamps import AS_WRITTEN, in_order, longest_increase
+from structlearn.readers.clock import AS_WRITTEN, in_order, longest_increase
 
 DROP, SORT, LOG = (
     StampPolicy(clock=clock, disorder=disorder)

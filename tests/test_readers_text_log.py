@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from structlearn.core.errors import InputError
-from structlearn.readers.text_log import read_stamped_table, read_table, source_provenance, uniform_stamps
+from structlearn.readers.text_log import PublicSet, read_stamped_table, read_table, uniform_stamps
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def test_provenance_has_the_files_and_their_digests(tmp_path):
     files = [tmp_path / "set" / "1.txt", tmp_path / "set" / "2.txt"]
     for file in files:
         file.write_text(file.name)
-    provenance = source_provenance("https://example.org", "abc", "MIT", tmp_path, files)
+    provenance = PublicSet("https://example.org", "abc", "MIT").provenance(tmp_path, files)
     assert provenance["origin"] == "recorded"
     assert provenance["files"] == "set/1.txt set/2.txt"
     assert provenance["sha256"] == " ".join(hashlib.sha256(f.name.encode()).hexdigest() for f in files)

@@ -8,8 +8,6 @@ from structlearn.core.errors import InputError
 from structlearn.readers import ur10e
 from structlearn.readers.joint_log import DriveLog, on_clock
 
-FIELDS = (*ur10e.SIGNALS, "stamps")
-
 
 @pytest.fixture
 def folder(tmp_path):
@@ -26,7 +24,7 @@ def test_columns_go_to_signals_and_joints(folder):
     np.testing.assert_array_equal(first.stamps, [200_743_000_000, 200_755_000_000, 200_765_000_000])
     for place, name in enumerate(ur10e.SIGNALS):
         np.testing.assert_array_equal(getattr(first, name)[1], 100 + 6 * place + np.arange(6))
-    assert first.provenance["commit"] == ur10e.COMMIT
+    assert first.provenance["commit"] == ur10e.SOURCE.commit
     assert first.provenance["files"] == "ur-a.csv"
 
 

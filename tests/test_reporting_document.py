@@ -118,6 +118,7 @@ def test_a_report_has_the_same_bytes_every_time(package, tmp_path):
         "error": 1.5,
         "claims_yes": 1,
         "claims_no": 0,
+        "claims_no_difference": 0,
         "claims_undecided": 0,
         "claims_not_tested": 0,
         "claims_holds_by_construction": 0,

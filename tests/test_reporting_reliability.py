@@ -2,10 +2,10 @@
 
 import pandas as pd
 import pytest
+from faults.reliability import BROKEN_BY, keep, outcome_table, reliability_page
 
 from structlearn.core.artefacts import read_metrics
-from structlearn.reporting.reliability import BROKEN_BY, keep, outcome_table, reliability_page
-from structlearn.reporting.source_commit import source_commit
+from structlearn.reporting.document import source_commit
 
 FAULTS = outcome_table(
     [

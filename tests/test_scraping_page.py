@@ -303,7 +303,7 @@ def test_people_are_judged_where_they_were_studied(made, feedback, segmentation)
         text = render(page, AnyFigure())
         assert words_in_view(text) <= 1500
         head = text[text.index(">Verdicts</a></h2>") : text.index('<table class="claims">')]
-        assert "rest on the study scraping/people, made by unknown code, not re-run." in head
+        assert "rest on the study scraping/people, made by unknown code, not run again." in head
     assert "Over 5 people" in render(report.pages["feedback"], AnyFigure())
 
 

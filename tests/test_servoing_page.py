@@ -262,7 +262,7 @@ def test_controllers_that_fail_say_nothing_of_what_they_would_need(results):
     good = (*CONTROLLERS, "people_servo_contacts_lost", *gated, "geometry_aimed")
     assert {better[name] for name in good} == {"yes"}
     assert better["structure_serves"] == better["structure_serves_resting"] == better["loss_serves"] == "yes"
-    assert "rest on the study servoing/people, made by unknown code, not re-run." in rendered(
+    assert "rest on the study servoing/people, made by unknown code, not run again." in rendered(
         with_people(results, everything())
     )
     assert "rest on the study" not in rendered(results)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from committed import committed
+from conftest import minimum_jerk
 from scraping_motions import (
     FLAT,
     beside_contact,
@@ -265,11 +266,6 @@ def corrected(board, parameters=PLAIN, seed=0, seconds=5.0):
             parameters.stiffness_n_m_rad + parameters.damping_n_m_s_rad / DT
         )
     return path
-
-
-def minimum_jerk(s):
-    s = np.clip(s, 0.0, 1.0)
-    return 10 * s**3 - 15 * s**4 + 6 * s**5
 
 
 @pytest.mark.parametrize("first", [0, 500])

@@ -7,7 +7,6 @@ import time
 import pytest
 
 from structlearn.core import stage
-from structlearn.core.artefacts import filled
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import Parameters
 
@@ -75,10 +74,14 @@ def test_a_stage_without_its_data_leaves_an_empty_folder_and_says_why(tmp_path, 
     data.mkdir()
     target.mkdir()
     (target / "old.txt").write_text("of data that are gone")
-    stage.or_empty(lambda: filled(data), target)()
+
+    def read():
+        raise MissingInputError(f"{data}: holds no logs")
+
+    stage.or_empty(read, target)()
     assert list(target.iterdir()) == []
     (said,) = capsys.readouterr().out.splitlines()
-    assert said == f"{target}: left empty: {data} holds 0 files, 1 or more are needed"
+    assert said == f"{target}: left empty: {data}: holds no logs"
 
 
 def test_damaged_data_are_an_error_and_leave_what_was_there(tmp_path):
@@ -89,16 +92,6 @@ def test_damaged_data_are_an_error_and_leave_what_was_there(tmp_path):
     with pytest.raises(InputError, match="cut off"):
         stage.or_empty(damaged, tmp_path)()
     assert len(list(tmp_path.iterdir())) == 1
-
-
-def test_a_folder_is_filled_or_too_empty_or_not_there(tmp_path):
-    (tmp_path / "1.mcap").write_text("")
-    assert filled(tmp_path) == tmp_path
-    with pytest.raises(MissingInputError, match="holds 1 files, 2 or more are needed"):
-        filled(tmp_path, at_least=2)
-    with pytest.raises(InputError, match="no such folder; run the stage that writes it") as error:
-        filled(tmp_path / "none")
-    assert not isinstance(error.value, MissingInputError)
 
 
 HOLD = """

@@ -10,26 +10,27 @@ import pytest
 import yaml
 
 from structlearn.core.errors import InputError
-from structlearn.reporting.source_commit import ABSENT, UNKNOWN_COMMIT, code_digests, source_commit
+from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
 from structlearn.reporting.studies import (
     RESULTS,
+    TOLERANCE,
     Made,
     Rerun,
     Study,
+    compare,
     digests,
+    processor,
     provenance,
     read_description,
     read_study,
     repeats,
     rests_on,
+    run_part,
     stored_study,
     studies_page,
     study_names,
-    upstream_code,
-    upstream_parameters,
     write_study,
 )
-from structlearn.reporting.study_rerun import TOLERANCE, compare, processor, run_part
 
 DESCRIPTION = """
 question: Does more help?
@@ -41,35 +42,14 @@ variants: {less: {learn.steps: 1}, more: {learn.steps: 9}}
 repeats: [{learn.seed: 0}, {learn.seed: 1}]
 minutes: 3
 """
-PIPELINE = {
-    "stages": {
-        "record": {"cmd": "python record.py", "params": ["people", "robot.mass"], "outs": ["data/raw"]},
-        "learn": {
-            "cmd": "python learn.py",
-            "params": ["learn"],
-            "deps": ["data/raw/one.mcap"],
-            "outs": [{"data/model": {}}],
-        },
-        "report": {
-            "cmd": "python report.py",
-            "params": ["drawing"],
-            "deps": ["data/model", "reports/studies/toy"],
-            "metrics": [{"reports/m.json": {}}],
-        },
-        "front": {"cmd": "python front.py", "deps": ["reports/m.json"], "params": ["titles"]},
-    }
-}
 TABLE = pd.DataFrame(
     {"variant": ["less", "less", "more", "more"], "repeat": [0, 1, 0, 1], "cost_a": [4.0, 6.0, 1.0, 2.0]}
 )
 
 
-MADE = Made(
-    parameters={}, code={"src/a": ABSENT}, commit="a1b2c3d", processor="", added={}, beside={}, rerun=None
-)
+MADE = Made(parameters={}, commit="a1b2c3d", processor="", added={}, beside={}, rerun=None)
 RERUN = Rerun(
     commit="e4f5a6b",
-    code=MADE.code,
     processor="here",
     exact=True,
     covers="recordings of the first person",
@@ -113,46 +93,6 @@ def test_repeats_over_a_population_are_its_test_seeds(toy):
     assert found == [{"record.seed": 11, "sensor.seed": 11}, {"record.seed": 12, "sensor.seed": 12}]
 
 
-def test_a_stage_depends_on_the_parameters_of_all_before_it():
-    assert upstream_parameters(PIPELINE, "record") == ["people", "robot"]
-    assert upstream_parameters(PIPELINE, "front") == ["drawing", "learn", "people", "robot", "titles"]
-
-
-def test_a_stage_depends_on_the_sources_of_all_before_it(tmp_path):
-    for module in ("feedback/models/pca.py", "testbeds/toy/world/arm.py", "testbeds/toy/files.py"):
-        file = tmp_path / "src/structlearn" / module
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.touch()
-    (tmp_path / "record.py").write_text("from structlearn.testbeds.toy.world import arm")
-    (tmp_path / "learn.py").write_text(
-        "import structlearn.feedback.models.pca, structlearn.testbeds.toy.files"
-    )
-    assert upstream_code(PIPELINE, "learn", tmp_path) == [
-        "learn.py",
-        "record.py",
-        *("src/structlearn/feedback", "src/structlearn/testbeds/toy/files.py"),
-        "src/structlearn/testbeds/toy/world",
-    ]
-
-
-def test_a_digest_of_sources_is_of_their_names_and_contents(tmp_path):
-    folder = tmp_path / "src"
-    (folder / "deep").mkdir(parents=True)
-    (folder / "deep/one.py").write_text("x = 1")
-    first = code_digests(["src", "src/deep/one.py", "gone"], tmp_path)
-    assert first["gone"] == ABSENT
-    (folder / "page.jinja").write_text("words change no number")
-    (folder / "__pycache__").mkdir()
-    (folder / "__pycache__/one.pyc").write_bytes(b"compiled")
-    assert code_digests(first, tmp_path) == first
-    (folder / "deep/one.py").rename(folder / "deep/two.py")
-    assert code_digests(["src"], tmp_path)["src"] != first["src"]
-    (folder / "deep/two.py").rename(folder / "deep/one.py")
-    (folder / "deep/one.py").write_text("x = 2")
-    now = code_digests(first, tmp_path)
-    assert [key for key in first if now[key] != first[key]] == ["src", "src/deep/one.py"]
-
-
 def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monkeypatch):
     def git(*arguments):
         subprocess.run(["git", "-C", tmp_path, *arguments], check=True, capture_output=True)
@@ -175,32 +115,25 @@ def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monk
     assert source_commit(["src"], tmp_path) == UNKNOWN_COMMIT
 
 
-def test_a_study_says_by_whose_code_it_was_made_and_what_of_it_was_run_again(tmp_path):
+def test_a_study_says_by_whose_code_it_was_made_and_what_of_it_was_run_again():
     def words(**changes):
-        again = RERUN.model_copy(update=changes) if changes is not None else None
-        return provenance(Study(TABLE, MADE.model_copy(update={"rerun": again})), tmp_path)
+        made = MADE.model_copy(update={"rerun": RERUN.model_copy(update=changes)})
+        return provenance(Study(TABLE, made))
 
     study = Study(TABLE, MADE)
-    assert provenance(study, tmp_path) == "made by this code (commit a1b2c3d)"
+    assert provenance(study) == "made by commit a1b2c3d, not run again"
     assert rests_on("toy/steps", None) == ("", "")
-    (tmp_path / "src/a").mkdir(parents=True)
-    (tmp_path / "src/a/one.py").write_text("x = 1")
-    assert provenance(study, tmp_path) == "made by other code (commit a1b2c3d), not re-run"
-    assert rests_on("toy/steps", study, tmp_path) == (
-        f"Rows over people rest on the study toy/steps, {provenance(study, tmp_path)}.",
+    assert rests_on("toy/steps", study) == (
+        f"Rows over people rest on the study toy/steps, {provenance(study)}.",
         "",
     )
-    now = code_digests(MADE.code, tmp_path)
-    assert words(code=now) == (
-        "made by other code (commit a1b2c3d), part of one cell re-run on e4f5a6b: equal"
-    )
+    assert words() == "made by commit a1b2c3d, part of one cell run again by e4f5a6b: equal"
     assert rests_on("toy/steps", Study(TABLE, MADE.model_copy(update={"rerun": RERUN})))[1] == (
         "Run again: recordings of the first person, compared in 2 numbers of the table and 1 number that the "
         "table's code gives and the table lacks; nothing else of the study."
     )
-    assert "re-run on e4f5a6b, before other changes of code: equal" in words()
-    assert "re-run on e4f5a6b: 1 of 3 numbers differ" in words(code=now, different=["cost_a"])
-    assert "equal within 0.1 % on another processor" in words(code=now, exact=False)
+    assert "run again by e4f5a6b: 1 of 3 numbers differ" in words(different=["cost_a"])
+    assert "equal within 0.1 % on another processor" in words(exact=False)
 
 
 def test_a_study_that_does_not_say_by_which_code_it_was_made_is_refused(toy):
@@ -266,11 +199,8 @@ def test_a_study_is_quoted_only_with_its_parameters(toy):
 
 def test_the_page_has_a_row_per_variant_with_its_interval(toy):
     description = read_description("toy/steps", toy / "studies")
-    (toy / "src").mkdir()
-    (toy / "src/a").write_text("changed")
-    page = studies_page({"toy/steps": (description, Study(TABLE, MADE))}, toy)
-    assert "Made by other code (commit a1b2c3d), not re-run." in page
-    assert "<summary>changed since</summary>src/a<" in page
+    page = studies_page({"toy/steps": (description, Study(TABLE, MADE))})
+    assert "Made by commit a1b2c3d, not run again." in page
     assert "Does more help?" in page
     assert "make study NAME=toy/steps" in page
     assert "1.5 [-4.85, 7.85]" in page.replace(
@@ -310,7 +240,6 @@ def test_every_result_was_made_with_the_parameters_and_variants_of_now(name, roo
     assert study is not None, f"make study NAME={name}: parameters have changed since"
     assert set(study.table["variant"]) == set(description.variants)
     assert set(description.shown) <= set(study.table)
-    assert study.made.code
     assert study.made.rerun is None or study.made.rerun.different == []
     assert bool(study.made.rerun) == bool(description.rerun), f"make studies-check NAME={name}"
     assert f"{name}/table.csv" in (RESULTS / "index.html").read_text()

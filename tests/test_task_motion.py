@@ -118,8 +118,7 @@ def test_what_moves_is_found_and_predicts_the_last_log(several):
     rows = results.motions.set_index("log")
     assert rows.loc["log 2", "learned_s"] == 0.0
     assert rows.loc["log 2", "tested_s"] == pytest.approx(22.3, abs=0.5)  # without the rest before
-    rubbing = results.friction.query("model == 'cov' and friction == 'coulomb'")
-    found = rubbing.pivot_table(index="joint", columns="term", values="value")
+    found = results.bodies.pivot_table(index="link", columns="parameter", values="value").loc[list(JOINTS)]
     np.testing.assert_allclose(found[["viscous", "coulomb"]], FRICTION, atol=0.05)
 
 

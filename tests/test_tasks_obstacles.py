@@ -11,15 +11,17 @@ from committed import committed
 
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
-from structlearn.avoidance.scene_folds import MODELS, WAYS
-from structlearn.avoidance.scene_models import SCENE, TEXT, displaced_states, samples_of_scene, scene_states
-from structlearn.avoidance.scene_people import (
-    ScenePeopleParameters,
-    folds_of_people,
-    learn_past_obstacles,
-    reaches_past_obstacles,
+from structlearn.avoidance.scene_folds import MODELS, WAYS, folds_of_people, learn_past_obstacles
+from structlearn.avoidance.scene_models import (
+    SCENE,
+    TEXT,
+    displaced_states,
+    nearest_seen,
+    samples_of_scene,
+    scene_states,
+    unroll_through,
 )
-from structlearn.avoidance.scene_unroll import nearest_seen, unroll_through
+from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
@@ -33,7 +35,7 @@ from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings,
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
 QUICK = {"folds": 2, "network": {"members": 1, "training": {"iterations": 4}}}
 QUICK |= {"text_network": {"training": {"iterations": 4}}}
-PARAMETERS = committed(ScenePeopleParameters, "defaults.obstacles", tuned_on=["p0"], **BOXES, **QUICK)
+PARAMETERS = committed(SceneLearningParameters, "defaults.obstacles", tuned_on=["p0"], **BOXES, **QUICK)
 RATE_HZ, REST_S, MOVE_S = 90.0, 0.6, 1.5
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 WALLS = [
@@ -194,11 +196,11 @@ def test_the_text_sees_the_nearest_box():
     rng = np.random.default_rng(0)
     position, velocity = rng.normal(0.1, 0.1, (2, len(reaches), 3))
     clouds = np.stack([scenes.clouds[:, 0] + [0.0, 0.5, 0.0], scenes.clouds[:, 0]], axis=1)
-    seen = nearest_seen(position, velocity, clouds)
+    seen, x = nearest_seen(position, velocity, clouds)
     near = clouds[:, 1]
     expected = features(position, velocity, 1.0, near, near.mean(axis=1))
-    assert np.allclose(seen.features, expected)
-    assert np.allclose(seen.first_x, near[..., 0].min(axis=1))
+    assert np.allclose(seen, expected)
+    assert np.allclose(x, near[..., 0])
 
 
 def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstration():
@@ -269,7 +271,7 @@ def recordings():
 
 
 def test_reaches_of_a_task_are_learned_from_without_times_and_people():
-    parameters = committed(ScenePeopleParameters, "defaults.obstacles", **QUICK)
+    parameters = committed(SceneLearningParameters, "defaults.obstacles", **QUICK)
     rows = learn_past_obstacles(recordings(), parameters).reaches
     assert rows.groupby("way").size().eq(6).all()
     assert rows.groupby("person")["fold"].nunique().eq(1).all()
@@ -355,7 +357,7 @@ def test_claims_follow_the_tables(root):
 def test_where_no_reach_touches_an_obstacle_people_are_few(root):
     """Of 12 people none touches: up to 22 % of others may, however many reaches there were."""
     clean = made_up_ways()["reaches"].assign(hit=False)
-    found = SceneWays(made_up_ways().tables | {"reaches": clean})
+    found = SceneWays(made_up_ways() | {"reaches": clean})
     assert scene_findings(found)["hits"].high == pytest.approx(1 - 0.05 ** (1 / PEOPLE))
     words = verdicts(root, found)
     rates = {"text_hits", "hits", "hits_blocked", "text_hits_fewer", "text_hits_fewer_than_rai"}
@@ -371,11 +373,10 @@ def test_findings_pool_reaches_and_cluster_people():
     assert find["none_hits"].low < hits.mean() < find["none_hits"].high
     assert find["goal"].value == 3.0
     assert find["path"].value == pytest.approx(15.0 + 0.1 * np.arange(PEOPLE).mean())
-    assert find["nmse_x"].value == 0.5
 
 
 def test_one_person_alone_in_scenes_of_their_own_without_a_blocked_reach(root):
-    tables = dict(made_up_ways().tables)
+    tables = dict(made_up_ways())
     reaches = tables["reaches"].query("person == 'p1' and not blocked")
     tables |= {name: tables[name][:0] for name in ("people", "left_out", "paths", "shapes")}
     found = SceneWays(tables | {"reaches": reaches})

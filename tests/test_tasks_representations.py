@@ -100,11 +100,13 @@ def test_representations_are_compared_on_the_same_held_out_samples():
         pmnn_hidden=(8,),
     )
     results = coupling_representations.compare_representations(dataset, parameters)
-    pairs = list(dict.fromkeys(zip(results.scores["representation"], results.scores["inputs"], strict=True)))
+    pairs = list(
+        dict.fromkeys(zip(results["scores"]["representation"], results["scores"]["inputs"], strict=True))
+    )
     assert pairs == list(coupling_representations.REPRESENTATIONS)
-    scores = results.scores.set_index(["representation", "inputs", "axis"])
+    scores = results["scores"].set_index(["representation", "inputs", "axis"])
     # the pooled error is the mean over folds of the share of each, and ridge regression can be redone by hand
-    folds = results.folds.groupby(["representation", "inputs", "axis"])["nmse"].mean()
+    folds = results["folds"].groupby(["representation", "inputs", "axis"])["nmse"].mean()
     np.testing.assert_allclose(
         folds.loc["ridge", "features", "y"], scores.loc[("ridge", "features", "y"), "nmse"]
     )
@@ -119,7 +121,7 @@ def test_representations_are_compared_on_the_same_held_out_samples():
         squared += np.square(design[block] @ weights + offset - dataset.target[block, 1]).sum()
     expected = squared / (120 * dataset.target[:, 1].var())
     assert scores.loc[("ridge", "features", "y"), "nmse"] == pytest.approx(expected)
-    worth = results.phase_worth.set_index(["representation", "inputs", "axis"])
+    worth = results["phase_worth"].set_index(["representation", "inputs", "axis"])
     assert worth.loc[("ensemble", "phase_velocity", "y"), "gain"] > 0.0
 
 

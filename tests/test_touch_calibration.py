@@ -6,9 +6,9 @@ from committed import committed
 
 from structlearn.core.errors import InputError
 from structlearn.readers.recording import Recording, Stream
-from structlearn.tasks.touch import touch_calibration, touch_statistics
+from structlearn.tasks.touch import touch_calibration
+from structlearn.tasks.touch.touch_calibration import FingerTrace, finger_traces, joined
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE
-from structlearn.tasks.touch.touch_statistics import FingerTrace, finger_traces, joined
 
 RATE_HZ = 100.0
 NOTHING = np.zeros((100, 2))
@@ -44,14 +44,14 @@ def recording(name: str, counts: list[np.ndarray], rate_hz: float, segments=None
 
 def test_contact_change_is_the_difference_of_two_means():
     counts = np.vstack([np.full((50, 2), 7.0), np.full((50, 2), [10.0, -3.0])])
-    np.testing.assert_array_equal(touch_statistics.contact_change(counts, 100, 10), [3.0, -10.0])
-    np.testing.assert_array_equal(touch_statistics.contact_change(counts, 50, 10), [0.0, 0.0])
+    np.testing.assert_array_equal(touch_calibration.contact_change(counts, 100, 10), [3.0, -10.0])
+    np.testing.assert_array_equal(touch_calibration.contact_change(counts, 50, 10), [0.0, 0.0])
 
 
 def test_a_spike_is_no_range():
     counts = np.tile(np.linspace(0, 100, 1001)[:, None], 2)
     counts[500, 1] = 3000.0
-    np.testing.assert_allclose(touch_statistics.movement_range(counts), [99.0, 99.0], atol=0.6)
+    np.testing.assert_allclose(touch_calibration.movement_range(counts), [99.0, 99.0], atol=0.6)
 
 
 def test_noise_is_found_under_motion():
@@ -60,14 +60,14 @@ def test_noise_is_found_under_motion():
     motion = 200 * np.sin(2 * np.pi * 0.3 * time)
     counts = motion[:, None] + rng.standard_normal((len(time), 3)) * [0.5, 1.0, 2.0]
     counts[5000:5200] += 300 * rng.standard_normal((200, 3))  # a knock
-    np.testing.assert_allclose(touch_statistics.noise(counts, RATE_HZ), [0.5, 1.0, 2.0], rtol=0.05)
+    np.testing.assert_allclose(touch_calibration.noise(counts, RATE_HZ), [0.5, 1.0, 2.0], rtol=0.05)
 
 
 def test_spectrum_integrates_to_the_variance():
     rng = np.random.default_rng(0)
     time = np.arange(30_000) / RATE_HZ
     counts = np.column_stack([4 * np.sin(2 * np.pi * 12.5 * time), 3 * rng.standard_normal(len(time))])
-    frequency, density = touch_statistics.spectrum(counts, RATE_HZ, 2.56)
+    frequency, density = touch_calibration.spectrum(counts, RATE_HZ, 2.56)
     np.testing.assert_allclose(density.sum(axis=0) * frequency[1], [8.0, 9.0], rtol=0.03)
     assert frequency[density[:, 0].argmax()] == pytest.approx(12.5, abs=0.2)
 
@@ -75,10 +75,10 @@ def test_spectrum_integrates_to_the_variance():
 @pytest.mark.parametrize(
     ("statistic", "message"),
     [
-        (lambda: touch_statistics.contact_change(NOTHING, 101, 10), "contact at sample 101 and means of 10"),
-        (lambda: touch_statistics.contact_change(NOTHING, 15, 10), "contact at sample 15 and means of 10"),
-        (lambda: touch_statistics.noise(NOTHING[:20], RATE_HZ), "too short to measure noise"),
-        (lambda: touch_statistics.spectrum(NOTHING, RATE_HZ, 2.56), r"of 1 s has no window of 2\.56 s"),
+        (lambda: touch_calibration.contact_change(NOTHING, 101, 10), "contact at sample 101 and means of 10"),
+        (lambda: touch_calibration.contact_change(NOTHING, 15, 10), "contact at sample 15 and means of 10"),
+        (lambda: touch_calibration.noise(NOTHING[:20], RATE_HZ), "too short to measure noise"),
+        (lambda: touch_calibration.spectrum(NOTHING, RATE_HZ, 2.56), r"of 1 s has no window of 2\.56 s"),
     ],
 )
 def test_traces_that_are_too_short(statistic, message):
@@ -90,15 +90,15 @@ def test_components_of_a_known_mixture():
     rng = np.random.default_rng(0)
     sources = rng.standard_normal((5000, 3)) * [10.0, 3.0, 0.1]
     basis = np.linalg.qr(rng.standard_normal((19, 19)))[0][:3]
-    shares = touch_statistics.variance_shares(sources @ basis)
+    shares = touch_calibration.variance_shares(sources @ basis)
     np.testing.assert_allclose(shares[:2], np.array([100, 9]) / 109.01, rtol=0.1)
-    assert touch_statistics.pca_dimensions(sources @ basis, 0.99) == 2
-    assert touch_statistics.pca_dimensions(sources @ basis, 0.9) == 1
-    assert touch_statistics.pca_dimensions(sources @ basis, 0.99999) == 3
+    assert touch_calibration.pca_dimensions(sources @ basis, 0.99) == 2
+    assert touch_calibration.pca_dimensions(sources @ basis, 0.9) == 1
+    assert touch_calibration.pca_dimensions(sources @ basis, 0.99999) == 3
 
 
 def test_nothing_has_no_dimensions():
-    np.testing.assert_array_equal(touch_statistics.variance_shares(np.ones((50, 19))), np.zeros(19))
+    np.testing.assert_array_equal(touch_calibration.variance_shares(np.ones((50, 19))), np.zeros(19))
 
 
 def test_held_values_are_thinned_and_primitives_joined():

@@ -16,9 +16,8 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.viewer.diagram import Diagram, tick_step
 from structlearn.viewer.learned_primitives import write_primitives
-from structlearn.viewer.notes import legend, send_notes
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import GROUND, recording, send_primitive_lane, time_column
+from structlearn.viewer.rrd import GROUND, legend, recording, send_notes, send_primitive_lane, time_column
 
 THINNED = 2  # samples of 200 Hz per row in a recording
 
@@ -118,7 +117,7 @@ def test_notes_and_lanes(tmp_path):
     path = tmp_path / "lane.rrd"
     with recording(path, "Lane") as stream:
         send_notes(stream, legend({"the one": LIGHT_BLUE}))
-        send_primitive_lane(stream, "lane", [time_column(np.arange(3.0))], ["down", "turn", ""])
+        send_primitive_lane(stream, "lane", [time_column(np.arange(3.0))], ["down", "turn"])
         stream.send_blueprint(rr.blueprint.Blueprint(rr.blueprint.TextDocumentView()))
     assert contents(path)[0] == {"/lane": 3}
     assert values(path, "/lane", "StateConfiguration:values") == [["down", "turn"]]

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from structlearn.core.parallel import BACKEND
-from structlearn.core.wall_clock import RUN_BY_DVC, TIMES, StageTime, main, read_times, record
+from structlearn.core.stage import RUN_BY_DVC, TIMES, StageTime, main, read_times, record
 
 STAGE = """
 import sys, time

@@ -28,12 +28,14 @@ PARAMETERS = {
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     places = scenarios(parameters["obstacle_scene"])
-    found = files.read_evaluation()
+    scores = read_table(files.SCORES_FILE)
     population = stage_parameters("obstacle_people", Population)
-    setting = example_setting(found.scores, population.shown)
+    setting = example_setting(scores, population.shown)
     shown = [place for place in places if place.setting == setting]
     results = ObstacleResults(
-        found=found,
+        scores=scores,
+        paths=read_table(files.PATHS_FILE),
+        demonstration_scores=read_table(files.PEOPLE_FILE),
         errors=read_table(files.ERRORS_FILE),
         baselines=files.read_baselines(),
         scenarios=places,

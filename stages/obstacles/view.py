@@ -7,12 +7,10 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.runs import read_runs
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
-from structlearn.testbeds.obstacles.views.avoidance_scene import (
+from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     ObstacleViewParameters,
     chosen_scenarios,
     shown_scenarios,
-)
-from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     write_avoidance_demonstrations,
     write_trained_avoidance,
 )
@@ -30,9 +28,8 @@ def main() -> None:
     places = scenarios(stage_parameters("obstacle_scene", SceneParameters))
     person = stage_parameters("obstacle_people", Population).shown
     baseline = files.read_baselines()[person]
-    found = files.read_evaluation()
-    scores = found.scores[found.scores["person"] == person]
-    reaches = unrolled_reaches.reaches_by_situation(found.paths, scores, baseline)
+    scores = read_table(files.SCORES_FILE).query("person == @person")
+    reaches = unrolled_reaches.reaches_by_situation(read_table(files.PATHS_FILE), scores, baseline)
     chosen = chosen_scenarios(places, names)
     people = [read_runs(f"{files.RUNS}/{place.name}.parquet") for place in chosen.values()]
     samples = read_table(files.SAMPLES_FILE)

@@ -13,8 +13,8 @@ from structlearn.tasks.touch.touch_calibration import (
     CalibrationParameters,
     calibration_tables,
     calibration_traces,
+    in_sets,
 )
-from structlearn.tasks.touch.touch_statistics import in_sets
 
 SIMULATED = Path("data/raw/scraping/unrolls")
 

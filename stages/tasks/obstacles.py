@@ -3,7 +3,7 @@
 import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, from_table
-from structlearn.avoidance.scene_people import learn_past_obstacles
+from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import publish, write_table
 from structlearn.tasks.obstacles.coupling_representations import compare_representations, samples_of_reaches
 from structlearn.tasks.task_entry import ObstacleEntry
@@ -21,7 +21,7 @@ def main(files: TaskFiles) -> None:
         if parameters.representations is not None:
             samples = samples_of_reaches(reaches, parameters)
     if samples is not None and parameters.representations is not None:
-        results |= vars(compare_representations(samples, parameters.representations))
+        results |= compare_representations(samples, parameters.representations)
     with publish(files.folder / "obstacles") as folder:
         folder.mkdir()
         for name, table in results.items():

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from faults.reliability import keep
 from feedback_skills import POINTS, random_network, random_skill
 from primitives_movements import random_vectors
 
@@ -26,7 +27,6 @@ from structlearn.feedback.coupling import AXES, turns
 from structlearn.feedback.runtime import Controller, Status
 from structlearn.feedback.skill import Limits, ReactiveSkill, Workspace
 from structlearn.primitives import sequence
-from structlearn.reporting.reliability import keep
 
 READINGS = (
     "good",

@@ -18,7 +18,7 @@ import pandas as pd
 
 from structlearn.core.artefacts import write_csv, write_table, write_tensors
 from structlearn.core.publication import publish
-from structlearn.core.wall_clock import TIMES, StageTime, record
+from structlearn.core.stage import TIMES, StageTime, record
 
 ENDED = 9
 """Exit code of a process that ended before its step."""

@@ -25,12 +25,12 @@ import numpy as np
 import pandas as pd
 import yaml
 from faults.crashes import WORKS, outcomes
+from faults.reliability import keep, outcome_table
 from reduced_pipeline import artefacts, clone, environment
 from tqdm import tqdm
 
 from structlearn.core.parallel import PROCESSES
-from structlearn.core.wall_clock import RUN_BY_DVC, TIMES, read_times
-from structlearn.reporting.reliability import keep, outcome_table
+from structlearn.core.stage import RUN_BY_DVC, TIMES, read_times
 
 HEALED, NOT_KILLED = "healed", "ended before the kill"
 LIVES_ON, IN_MEMORY, FAILS = "processes live on", "shared memory stays", "fails when done again"

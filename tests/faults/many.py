@@ -11,11 +11,11 @@ from collections import Counter
 from functools import partial
 from pathlib import Path
 
+from faults.reliability import keep, outcome_table
 from faults.specimens import SPECIMENS
 from faults.trial import NAMED, OTHER, OUTCOMES, SAME, fingerprint, outcome
 
 from structlearn.core.parallel import parallel_map
-from structlearn.reporting.reliability import keep, outcome_table
 
 BATCH = 50
 """Mutants that a process takes at a time."""

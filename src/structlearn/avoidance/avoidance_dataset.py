@@ -7,7 +7,7 @@ is the difference to the baseline unrolled from its start to its end.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -25,6 +25,7 @@ from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.readers.demonstration import Demonstration
 
 AXES = "xyz"
+Samples = TypeVar("Samples")
 
 
 class AvoidanceDataParameters(Parameters):
@@ -76,8 +77,7 @@ def fit_baseline(
 def smooth_path(demonstration: Demonstration, parameters: AvoidanceDataParameters) -> Trajectory:
     """A recorded reach in the base frame on a finer clock, smoothed and differentiated twice.
 
-    Raises:
-        InputError: there are fewer than five samples.
+    Raises InputError: there are fewer than five samples.
     """
     from scipy.interpolate import CubicSpline
 
@@ -99,14 +99,6 @@ def baseline_axes(baseline: PositionPrimitive) -> np.ndarray:
     return local_frame(baseline.start, baseline.goal, baseline.frame)
 
 
-def local_path(path: Trajectory, baseline: PositionPrimitive) -> Trajectory:
-    """A path of the base frame, (T, 3) signals, in the local frame of the baseline."""
-    axes = baseline_axes(baseline)
-    return Trajectory(
-        path.time, to_local(path.position, baseline), path.velocity @ axes, path.acceleration @ axes
-    )
-
-
 def samples(
     demonstration: Demonstration,
     cloud: np.ndarray,
@@ -122,7 +114,7 @@ def samples(
     or the demonstration too short.
     """
     check_cloud(cloud)
-    path = local_path(smooth_path(demonstration, parameters), baseline)
+    path = smooth_path(demonstration, parameters).shifted(-baseline.start).turned(baseline_axes(baseline))
     tau = canonical.time_constant(path.duration)
     target = position_target(path, baseline.local, goal=path.position[-1])
     kept = slice(None, None, parameters.keep_every)
@@ -147,8 +139,7 @@ def avoidance_dataset(
 ) -> AvoidanceDataset:
     """Samples of all demonstrations; obstacles (scenarios) and demonstrations are numbered in their order.
 
-    Raises:
-        InputError: as `samples`, or there is no demonstration at all.
+    Raises InputError: as `samples`, or there is no demonstration at all.
     """
     parts = []
     for place, (obstacle, demonstrations) in enumerate(sets):
@@ -162,22 +153,25 @@ def avoidance_dataset(
     return concatenated(parts)
 
 
-def concatenated(parts: Sequence[AvoidanceDataset]) -> AvoidanceDataset:
-    """The samples of several datasets, one after the other."""
-    return AvoidanceDataset(
-        **{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
-    )
+def concatenated(parts: Sequence[Samples]) -> Samples:
+    """The samples of several dataclasses of arrays (S, ...), one after the other."""
+    names = vars(parts[0])
+    return type(parts[0])(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in names})
+
+
+KEYS = {
+    "scenario": "scenario",
+    "demonstration": "demonstration",
+    "time_s": "time",
+    "phase": "phase",
+    "phase_velocity": "phase_velocity",
+}
+"""Fields of a dataset by the column of its table."""
 
 
 def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:
     """One row per sample; targets are `target_x`, `target_y`, `target_z`, features have their names."""
-    keys = {
-        "scenario": dataset.scenario,
-        "demonstration": dataset.demonstration,
-        "time_s": dataset.time,
-        "phase": dataset.phase,
-        "phase_velocity": dataset.phase_velocity,
-    }
+    keys = {column: getattr(dataset, name) for column, name in KEYS.items()}
     targets = {f"target_{axis}": values for axis, values in zip(AXES, dataset.target.T, strict=True)}
     return pd.DataFrame(keys | targets | dict(zip(NAMES, dataset.features.T, strict=True)))
 
@@ -187,9 +181,5 @@ def from_table(table: pd.DataFrame) -> AvoidanceDataset:
     return AvoidanceDataset(
         features=table[list(NAMES)].to_numpy(float),
         target=table[[f"target_{axis}" for axis in AXES]].to_numpy(float),
-        phase=table["phase"].to_numpy(float),
-        phase_velocity=table["phase_velocity"].to_numpy(float),
-        scenario=table["scenario"].to_numpy(int),
-        demonstration=table["demonstration"].to_numpy(int),
-        time=table["time_s"].to_numpy(float),
+        **{name: table[column].to_numpy() for column, name in KEYS.items()},
     )

@@ -21,8 +21,6 @@ from scipy.linalg import block_diag
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 
-HIDDEN = (20, 10)  # nodes of the hidden layers (IV.8.1)
-
 FEATURES = tuple(range(17))
 """Columns that the dissertation's network sees; 17 and 18 are the phase and the phase velocity."""
 
@@ -149,8 +147,7 @@ def input_range(inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def output_scale(target: np.ndarray) -> np.ndarray:
     """Standard deviation (3,) of (S, 3) targets.
 
-    Raises:
-        InputError: an axis is constant.
+    Raises InputError: an axis is constant.
     """
     scale = target.std(axis=0)
     if not (scale > 0.0).all():
@@ -174,8 +171,8 @@ def write_avoidance_networks(networks: Mapping[str, AvoidanceNetworks], path: st
 def read_avoidance_networks(path: str | Path) -> dict[str, AvoidanceNetworks]:
     """Read the stacks of a file by name, in alphabetical order.
 
-    Raises:
-        InputError: the file is missing, no safetensors, or holds something else; or a weight is not finite.
+    Raises InputError: the file is missing, no safetensors, or holds something else; or a weight is not
+    finite.
     """
     tensors = read_tensors(path)
     with holding(path, "avoidance networks"):

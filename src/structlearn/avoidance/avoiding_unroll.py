@@ -58,9 +58,7 @@ class AvoidancePaths:
     @property
     def in_base_frame(self) -> Trajectory:
         """The paths (B, T, 3) in the base frame."""
-        signals = (self.path.position, self.path.velocity, self.path.acceleration)
-        position, velocity, acceleration = (signal @ np.swapaxes(self.frame, 1, 2) for signal in signals)
-        return Trajectory(self.path.time, self.start[:, None] + position, velocity, acceleration)
+        return self.path.turned(np.swapaxes(self.frame, 1, 2)).shifted(self.start[:, None])
 
 
 def unroll(
@@ -101,28 +99,14 @@ def unroll(
     forcing = primitive.local.forcing(time, np.zeros((batch, 1, 3)), goal[:, None], duration)
     feedback = _Feedback(model, obstacles, time, duration, postprocessing)
     change = len(time) - 1 if goal_change is None else _change_sample(goal_change, time)
-    velocity, acceleration = primitive.local.velocity / duration, primitive.local.acceleration / duration**2
-    path = transformation.unroll(
-        np.zeros((batch, 3)),
-        goal,
-        forcing[:, : change + 1],
-        dt,
-        tau,
-        velocity,
-        acceleration,
-        partial(feedback.at, 0, goal),
-    )
+    rates = primitive.local.velocity / duration, primitive.local.acceleration / duration**2
+    begun, coupling = forcing[:, : change + 1], partial(feedback.at, 0, goal)
+    path = transformation.unroll(np.zeros((batch, 3)), goal, begun, dt, tau, *rates, coupling)
     if goal_change is not None:  # with the acceleration it had the evolving goal goes on from where it was
         goal = _turned(np.subtract(goal_change.goals, starts), frames)
+        rates, coupling = (path.velocity[:, -1], path.acceleration[:, -1]), partial(feedback.at, change, goal)
         rest = transformation.unroll(
-            path.position[:, -1],
-            goal,
-            forcing[:, change:],
-            dt,
-            tau,
-            path.velocity[:, -1],
-            path.acceleration[:, -1],
-            partial(feedback.at, change, goal),
+            path.position[:, -1], goal, forcing[:, change:], dt, tau, *rates, coupling
         )
         path = _joined(path, rest, time)
     return AvoidancePaths(path, feedback.coupling, feedback.asked, goal, starts, frames, duration)

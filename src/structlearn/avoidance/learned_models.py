@@ -5,24 +5,16 @@ coupling term (eq. IV.27-IV.30), trained as one stack on the same draws. Where t
 coupling: such a model needs no post-processing to let a movement reach its goal.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
-from structlearn.avoidance.avoidance_network import (
-    AvoidanceNetworks,
-    read_avoidance_networks,
-    write_avoidance_networks,
-)
-from structlearn.avoidance.features import CouplingModel
-from structlearn.avoidance.rai_2014 import (
-    HumanInspiredModels,
-    read_human_inspired,
-    write_human_inspired,
-)
+from structlearn.avoidance.avoidance_network import read_avoidance_networks, write_avoidance_networks
+from structlearn.avoidance.rai_2014 import read_human_inspired, write_human_inspired
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, without_generalization
 from structlearn.feedback.coupling_model import CouplingModel as AxisModel
@@ -91,8 +83,7 @@ def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: s
 def read_phase_modulated(path: str | Path) -> dict[str, PhaseModulatedAvoidance]:
     """Read the models of a file by name, in alphabetical order.
 
-    Raises:
-        InputError: the file is missing, no safetensors, or a model lacks an axis.
+    Raises InputError: the file is missing, no safetensors, or a model lacks an axis.
     """
     networks = read_networks(path)
     names = sorted({name.rpartition(".")[0] for name in networks})
@@ -103,62 +94,33 @@ def read_phase_modulated(path: str | Path) -> dict[str, PhaseModulatedAvoidance]
     }
 
 
-@dataclass(frozen=True)
-class AvoidanceModels:
-    """Models of one person by what they learned from: a shape, `all`, or `setting`.
+AvoidanceModels = Mapping[str, Mapping[str, Any]]
+"""Coupling models of one person by their kind, then by what they learned from: a shape, `all`, or `setting`.
 
-    The latter are stacks with a model for each of some scenarios.
-    """
+The latter are stacks with a model for each of some scenarios. Phase-modulated networks may be left out.
+"""
 
-    networks: Mapping[str, AvoidanceNetworks]  # the avoidance network, a single one as in the text
-    ensembles: Mapping[str, AvoidanceNetworks]  # means of several (`network_training.EnsembleParameters`)
-    human_inspired: Mapping[str, HumanInspiredModels]  # the model of Rai et al.
-    phase_modulated: Mapping[str, PhaseModulatedAvoidance]  # the phase-modulated network; may be left out
-
-    @property
-    def kinds(self) -> dict[str, Mapping[str, CouplingModel]]:
-        """The models by their kind."""
-        return {
-            NETWORK: self.networks,
-            ENSEMBLE: self.ensembles,
-            HUMAN_INSPIRED: self.human_inspired,
-            PHASE_MODULATED: self.phase_modulated,
-        }
-
-    @property
-    def per_scenario(self) -> dict[str, AvoidanceNetworks | HumanInspiredModels]:
-        """The stacks that learned single scenarios, by their kind; not every kind has one."""
-        stacked: dict[str, Mapping[str, AvoidanceNetworks | HumanInspiredModels]] = {
-            NETWORK: self.networks,
-            ENSEMBLE: self.ensembles,
-            HUMAN_INSPIRED: self.human_inspired,
-        }
-        return {kind: found[SETTING] for kind, found in stacked.items() if SETTING in found}
+FORMATS: dict[str, tuple[Callable[..., dict[str, Any]], Callable[..., None]]] = {
+    NETWORK: (read_avoidance_networks, write_avoidance_networks),
+    ENSEMBLE: (read_avoidance_networks, write_avoidance_networks),
+    HUMAN_INSPIRED: (read_human_inspired, write_human_inspired),
+    PHASE_MODULATED: (read_phase_modulated, write_phase_modulated),
+}
+"""How the models of each kind are read and written."""
 
 
 def write_models(models: AvoidanceModels, folder: str | Path) -> None:
     """Write one safetensors file per kind of model into a folder."""
-    write_avoidance_networks(models.networks, _file(folder, NETWORK))
-    write_avoidance_networks(models.ensembles, _file(folder, ENSEMBLE))
-    write_human_inspired(models.human_inspired, _file(folder, HUMAN_INSPIRED))
-    if models.phase_modulated:
-        write_phase_modulated(models.phase_modulated, _file(folder, PHASE_MODULATED))
+    for kind, (_, write) in FORMATS.items():
+        if kind != PHASE_MODULATED or models.get(kind):
+            write(models.get(kind, {}), Path(folder, f"{kind}.safetensors"))
 
 
 def read_models(folder: str | Path) -> AvoidanceModels:
     """Read what `write_models` wrote.
 
-    Raises:
-        InputError: a file is missing or holds something else.
+    Raises InputError: a file is missing or holds something else.
     """
-    modulated = _file(folder, PHASE_MODULATED)
-    return AvoidanceModels(
-        networks=read_avoidance_networks(_file(folder, NETWORK)),
-        ensembles=read_avoidance_networks(_file(folder, ENSEMBLE)),
-        human_inspired=read_human_inspired(_file(folder, HUMAN_INSPIRED)),
-        phase_modulated=read_phase_modulated(modulated) if modulated.exists() else {},
-    )
-
-
-def _file(folder: str | Path, kind: str) -> Path:
-    return Path(folder) / f"{kind}.safetensors"
+    files = {kind: Path(folder, f"{kind}.safetensors") for kind in FORMATS}
+    wanted = [kind for kind, file in files.items() if kind != PHASE_MODULATED or file.exists()]
+    return {kind: FORMATS[kind][0](files[kind]) for kind in wanted}

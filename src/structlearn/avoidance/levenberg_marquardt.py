@@ -175,25 +175,14 @@ class LevenbergMarquardtParameters(Parameters):
     seed: int = Field(ge=0)
 
 
-@dataclass(frozen=True)
-class TrainedLayers:
-    """What training gives."""
-
-    layers: tuple[np.ndarray, ...]  # the weights
-    train_error: float  # mean squared error on the training samples, in units of the target's scale
-    validation_error: float  # likewise on the validation samples; NaN with `evidence`
-    iterations: int  # accepted steps
-    determined_weights: float  # how many weights the data determine; NaN with `validation`
-
-
 def train(
     samples: Samples,
     hidden: Sequence[int],
     parameters: LevenbergMarquardtParameters,
     validation: Samples | None = None,
     stream: Sequence[int] = (),
-) -> TrainedLayers:
-    """Train one network from random initial weights.
+) -> tuple[np.ndarray, ...]:
+    """Layers of one network, trained from random initial weights.
 
     `validation`: samples that say when to stop; needed by that rule, and only by it; `stream`: which random
     numbers are this network's own. Raises ValueError: validation samples are missing, or given for nothing.
@@ -222,8 +211,8 @@ def train_from(
     samples: Samples,
     parameters: LevenbergMarquardtParameters,
     validation: Samples | None = None,
-) -> TrainedLayers:
-    """Train one network from given layers; arguments as `train`."""
+) -> tuple[np.ndarray, ...]:
+    """Layers of one network, trained from given ones; arguments as `train`."""
     shapes = [layer.shape for layer in layers]
     weights = np.concatenate([layer.ravel() for layer in layers])
     error = squared_error(layers, samples)
@@ -246,23 +235,15 @@ def train_from(
             failures = 0 if found < best_error else failures + 1
             if failures == 0:
                 best, best_error = weights, found
-    kept = _layers(weights if validation is None else best, shapes)
-    return TrainedLayers(
-        layers=tuple(kept),
-        train_error=squared_error(kept, samples) / samples.target.size,
-        validation_error=float("nan") if validation is None else best_error,
-        iterations=iterations,
-        determined_weights=prior.determined,
-    )
+    return tuple(_layers(weights if validation is None else best, shapes))
 
 
 @dataclass(frozen=True)
 class _Prior:
-    """Weights of the two terms of the objective, and how many weights the data determine."""
+    """Weights of the two terms of the objective."""
 
     decay: float
     precision: float
-    determined: float = float("nan")
 
     def objective(self, weights: np.ndarray, error: float) -> float:
         return self.precision * error + self.decay * float(weights @ weights)
@@ -277,7 +258,7 @@ class _Prior:
         root, _ = lapack.dtrtri(factor, lower=1)
         determined = len(weights) - self.decay * float(np.square(root).sum())  # trace of the inverse
         left = max(count - determined, 1.0)
-        return _Prior(determined / float(weights @ weights), left / error, determined)
+        return _Prior(determined / float(weights @ weights), left / error)
 
 
 def _accepted_step(

@@ -128,19 +128,12 @@ def scene_features(
 ) -> np.ndarray:
     """What a model sees of a scene and of its own movement, in the local frame of the reach.
 
-    Args:
-        scene: cheapest ways, base frame.
-        position: (N, 3) m, local frame, relative to the start.
-        scaled_velocity: (N, 3) tau v, m.
-        start: (3,) m, base frame.
-        frame: (3, 3) local to base.
-        goal: (3,) m, local frame.
-        ahead: (L,) distances along the way, m.
-
-    Returns:
-        (N, 2 L + 9): along x and y of the local frame how far the way leads within each distance; by how much
-        the way to the goal is dearer than a straight one in the open; what is left to the goal; tau v; how
-        far the hand is off the straight line along y and z.
+    `scene`: cheapest ways, base frame; `position` (N, 3) m, local frame, relative to the start;
+    `scaled_velocity` (N, 3) tau v, m; `start` (3,) m, base frame; `frame` (3, 3) local to base; `goal` (3,)
+    m, local frame; `ahead` (L,) distances along the way, m. Returns (N, 2 L + 9): along x and y of the local
+    frame how far the way leads within each distance; by how much the way to the goal is dearer than a
+    straight one in the open; what is left to the goal; tau v; how far the hand is off the straight line along
+    y and z.
     """
     here = (position @ frame.T + start)[:, :2]
     way = scene.ways(here, ahead) - here[:, None]

@@ -88,8 +88,7 @@ class SplitParameters(Parameters):
 def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.ndarray:
     """Mask (S,) of the samples whose demonstrations test, the same share of every scenario.
 
-    Raises:
-        InputError: a scenario has one demonstration only.
+    Raises InputError: a scenario has one demonstration only.
     """
     mask = np.zeros(len(dataset), dtype=bool)
     for scenario in np.unique(dataset.scenario):
@@ -172,16 +171,15 @@ def train_member(
     )
     training = parameters.training
     if training.rule != VALIDATION:
-        return train(samples, parameters.hidden, training, stream=stream).layers
+        return train(samples, parameters.hidden, training, stream=stream)
     held = _validation_rows(seen, training, stream)
-    return train(samples.where(~held), parameters.hidden, training, samples.where(held), stream).layers
+    return train(samples.where(~held), parameters.hidden, training, samples.where(held), stream)
 
 
 def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description: str) -> HumanInspiredModels:
     """Fit one model of Rai et al. per dataset, over processes.
 
-    Raises:
-        InputError: there are too few samples.
+    Raises InputError: there are too few samples.
     """
     models = parallel_map(_steered, datasets, description)
     return HumanInspiredModels(np.concatenate([model.weights for model in models]))
@@ -264,8 +262,7 @@ def _validation_rows(
 ) -> np.ndarray:
     """Mask (S,) of whole demonstrations that say when to stop.
 
-    Raises:
-        InputError: there is only one demonstration.
+    Raises InputError: there is only one demonstration.
     """
     which = _demonstrations(dataset)
     number = int(which.max()) + 1

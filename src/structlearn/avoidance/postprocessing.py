@@ -40,8 +40,6 @@ from pydantic import Field
 from structlearn.core.params import Parameters
 from structlearn.primitives.transformation import step_matrix
 
-PUBLISHED_DECAY_PER_M2 = 10.0  # k of the dissertation in 1/m^2
-
 
 class PostprocessingParameters(Parameters):
     """What acts of a model's coupling term. Fields: `params.yaml`, `obstacle_evaluation.postprocessing`."""
@@ -54,11 +52,7 @@ class PostprocessingParameters(Parameters):
 
 
 TEXT_ONLY = PostprocessingParameters(
-    passed_decay_per_m2=PUBLISHED_DECAY_PER_M2,
-    end_limit_m=None,
-    late_limit_m=None,
-    late_factor=1.5,
-    return_coupling=20.0,
+    passed_decay_per_m2=10.0, end_limit_m=None, late_limit_m=None, late_factor=1.5, return_coupling=20.0
 )
 """The dissertation's rules and nothing else."""
 
@@ -73,16 +67,9 @@ def post_processed(
 ) -> np.ndarray:
     """Coupling term after the rules above, in the local frame.
 
-    Args:
-        coupling: (..., 3) output of the model.
-        x: (...) of the end-effector in m.
-        first_x: (...) smallest x of the obstacle's points in m.
-        last_x: (...) largest x of the obstacle's points in m.
-        goal_x: (...) m.
-        passed_decay_per_m2: k in 1/m^2.
-
-    Returns:
-        (..., 3) coupling term, never longer than what came in.
+    `coupling` (..., 3) output of the model; `x` (...) of the end-effector in m; `first_x` (...) smallest x of
+    the obstacle's points in m; `last_x` (...) largest x of the obstacle's points in m; `goal_x` (...) m;
+    `passed_decay_per_m2`: k in 1/m^2. Returns (..., 3) coupling term, never longer than what came in.
     """
     passed = np.maximum(np.subtract(x, last_x), 0.0)
     factor = np.where(np.less(goal_x, first_x), 0.0, np.exp(-passed_decay_per_m2 * passed**2))
@@ -100,21 +87,14 @@ class Deadline:
 class GoalReach:
     """Deviation of a batch of coupled movements from their baselines, and what may still be added to it.
 
-    Of several deadlines the next one counts.
-
-    Attributes:
-        deviation: (2, B, D) of the position and of tau v, both in m.
+    Of several deadlines the next one counts. `batch` (B, D); `step`: dt / tau, dimensionless;
+    `return_coupling`: length r of the coupling term that is trusted to bring a movement back.
     """
 
     def __init__(
         self, batch: tuple[int, int], step: float, deadlines: Sequence[Deadline], return_coupling: float
     ) -> None:
-        """Start without deviation.
-
-        `batch` (B, D); `step`: dt / tau, dimensionless; `return_coupling`: length r of the coupling term that
-        is trusted to bring a movement back.
-        """
-        self.deviation = np.zeros((2, *batch))
+        self.deviation = np.zeros((2, *batch))  # (2, B, D) of the position and of tau v, both in m
         self._matrix, self._step, self._return = step_matrix(step), step, return_coupling
         self._deadlines = sorted(deadlines, key=lambda deadline: deadline.sample)
 

@@ -50,8 +50,7 @@ class HumanInspiredModels:
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
         """Coupling terms (B, 3): of model b for sample b, or of the only model for all samples.
 
-        Raises:
-            ValueError: there are several models, and not as many as samples.
+        Raises ValueError: there are several models, and not as many as samples.
         """
         if len(self) not in (1, len(features)):
             raise ValueError(f"{len(features)} samples for {len(self)} models")
@@ -126,8 +125,8 @@ def write_human_inspired(models: Mapping[str, HumanInspiredModels], path: str | 
 def read_human_inspired(path: str | Path) -> dict[str, HumanInspiredModels]:
     """Read the stacks of a file by name, in alphabetical order.
 
-    Raises:
-        InputError: the file is missing, no safetensors, or holds something else; or a weight is not finite.
+    Raises InputError: the file is missing, no safetensors, or holds something else; or a weight is not
+    finite.
     """
     tensors = read_tensors(path)
     with holding(path, "human-inspired models"):

@@ -5,6 +5,7 @@ People are left out in turn, so a model is judged in scenes, and beside paths, o
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, combinations
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from structlearn.avoidance.scene_models import (
     SCENE,
     TEXT,
     Learned,
+    Scenes,
     learn,
     reach_scenes,
     reach_through,
@@ -26,10 +28,15 @@ from structlearn.avoidance.scene_models import (
     samples_of_scene,
     scene_states,
 )
-from structlearn.avoidance.scene_unroll import SceneLearningParameters, SceneReach, Scenes
+from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach, reaches_past_obstacles
+from structlearn.core.errors import MissingInputError
+from structlearn.readers.demonstration import Demonstration
 
 MODELS = (HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE)
 WAYS = (NONE, *MODELS, PLANNED)  # in the order of tables
+
+SAME_END_M = 0.1  # starts, and goals, of two reaches through one scene are the same within this
+SHOWN = 6  # reaches in pictures and recordings
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,37 @@ class SceneResults:
     # of these reaches: `reach`, whether an obstacle (`box`) or a wall, its centre `x_m`, `y_m`, `z_m` and
     # extent `width_m`, `depth_m`, `height_m`
     shapes: pd.DataFrame
+
+
+def learn_past_obstacles(runs: Sequence[Demonstration], parameters: SceneLearningParameters) -> SceneResults:
+    """Cut the reaches, learn fold by fold, and try everything in the scenes left out.
+
+    Raises InputError: as `reaches_past_obstacles`. Raises MissingInputError: people are too few.
+    """
+    reaches, left_out = reaches_past_obstacles(runs, parameters)
+    return judge_folds(reaches, left_out, folds_of_people(reaches, parameters), parameters)
+
+
+def folds_of_people(reaches: Sequence[SceneReach], parameters: SceneLearningParameters) -> list[list[str]]:
+    """People on whom nothing was chosen, dealt out in turn; fewer are fewer folds.
+
+    Where all are judged they are dealt out by how far their straightest reach leaves the straight line, so
+    that all folds have straight reaches, of which the baseline is learned, if there are enough. Others are
+    dealt out by name, since those who are always learned from have straight ones. Raises MissingInputError:
+    there is nobody to judge, or nobody else to learn from.
+    """
+    bends: dict[str, float] = {}
+    for reach in reaches:
+        bends[reach.person] = min(reach.bend, bends.get(reach.person, np.inf))
+    people = sorted(bends) if parameters.tuned_on else sorted(bends, key=bends.__getitem__)
+    judged = [person for person in people if person not in parameters.tuned_on]
+    if not judged or len(people) < 2:
+        raise MissingInputError(
+            f"reaches of {len(people)} people, {len(judged)} of them on whom nothing was chosen: one is "
+            "needed to be judged, and another person to learn from"
+        )
+    count = min(parameters.folds, len(judged))
+    return [judged[number::count] for number in range(count)]
 
 
 def judge_folds(
@@ -134,24 +172,12 @@ def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
         solids = np.round([[*one.centre, *one.half_size] for one in reach.obstacles], 3)
         groups.setdefault(solids[np.lexsort(solids.T)].tobytes(), []).append(reach)
     rows = []
-    for its in groups.values():
-        for place, first in enumerate(its):
-            for second in its[place + 1 :]:
-                if first.person != second.person and _same_ends(first, second):
-                    pair = (first.person, second.person, second.name)
-                    rows.append((*pair, *_beside(second, first.in_base_frame, second.in_base_frame)))
+    for first, second in chain.from_iterable(combinations(its, 2) for its in groups.values()):
+        apart = np.subtract(first.in_base_frame[[0, -1]], second.in_base_frame[[0, -1]])
+        if first.person != second.person and (np.linalg.norm(apart, axis=1) < SAME_END_M).all():
+            pair = (first.person, second.person, second.name)
+            rows.append((*pair, *_beside(second, first.in_base_frame, second.in_base_frame)))
     return pd.DataFrame(rows, columns=["first", "second", "reach", "path_mm", "same_gaps"])
-
-
-SAME_END_M = 0.1  # starts, and goals, of two reaches through one scene are the same within this
-
-
-def _same_ends(first: SceneReach, second: SceneReach) -> bool:
-    ends = np.subtract(first.in_base_frame[[0, -1]], second.in_base_frame[[0, -1]])
-    return bool((np.linalg.norm(ends, axis=1) < SAME_END_M).all())
-
-
-SHOWN = 6  # reaches in pictures and recordings
 
 
 def shown_reaches(table: pd.DataFrame) -> list[str]:
@@ -167,10 +193,8 @@ def _pictures(
     """`SceneResults.paths` and `shapes` of some reaches."""
     paths, shapes = [], []
     for reach in reaches:
-        for way, path in [
-            ("recorded", reach.in_base_frame),
-            *((way, unrolled[reach.name, way]) for way in WAYS),
-        ]:
+        drawn = {"recorded": reach.in_base_frame} | {way: unrolled[reach.name, way] for way in WAYS}
+        for way, path in drawn.items():
             columns = dict(zip(("x_m", "y_m", "z_m"), path.T, strict=True))
             time = reach.duration_s * reach.path.time
             paths.append(pd.DataFrame({"reach": reach.name, "way": way, "time_s": time, **columns}))

@@ -1,4 +1,4 @@
-"""What is learned from some people's reaches through scenes, and what all of it does in others' scenes.
+"""What is learned from some people's reaches through scenes, and what it does in others' scenes (IV.8.4).
 
 Members of the ensemble see every sample from elsewhere too, as in `network_training`, or the loop is only as
 good as its hand keeps to a path that was shown. With the coupling of the demonstration the displacement dies
@@ -8,7 +8,7 @@ there leads back by a stiffness more:
     c(x + dx, v + dv) = c(x, v) - k dx
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -16,31 +16,23 @@ import numpy as np
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, concatenated
 from structlearn.avoidance.avoidance_network import averaged
-from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel
+from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel, features
 from structlearn.avoidance.levenberg_marquardt import LESSON
-from structlearn.avoidance.look_ahead import cost_to_go, mirror_signs, scene_features
+from structlearn.avoidance.look_ahead import CostToGo, cost_to_go, mirror_signs, scene_features
 from structlearn.avoidance.network_training import (
     EnsembleParameters,
     NetworkParameters,
     stacked,
     train_member,
 )
+from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
 from structlearn.avoidance.rai_2014 import fit_human_inspired
-from structlearn.avoidance.scene_unroll import (
-    TAU,
-    SceneLearningParameters,
-    SceneReach,
-    Scenes,
-    feedback_of_nearest,
-    feedback_of_scene,
-    local_clouds,
-    nearest_seen,
-    unroll_through,
-)
+from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
+from structlearn.avoidance.shapes import Obstacle
 from structlearn.core.minimum_jerk import progress
 from structlearn.core.parallel import parallel_map
 from structlearn.feedback.coupling import position_target
-from structlearn.primitives import canonical
+from structlearn.primitives import canonical, transformation
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
@@ -58,6 +50,36 @@ training; the scene's features with the same network and training; the planned w
 
 PLANNED_STEP_M = 0.005
 PLANNED_MOST_M = 2.0  # spacing and greatest length of a planned way
+
+
+TAU = canonical.time_constant(1.0)  # time constant in durations
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """B scenes as models see them."""
+
+    start: np.ndarray  # (B, 3) m, base frame
+    frame: np.ndarray  # (B, 3, 3) local to base
+    goal: np.ndarray  # (B, 3) m, local frame
+    # (B, O, P, 3) m, local frame, surfaces of the obstacles; a scene with fewer has one repeatedly
+    clouds: np.ndarray
+    ways: Sequence[CostToGo]  # of each scene
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def take(self, places: Sequence[int]) -> Self:
+        """Some of the scenes, in their order and as often as named."""
+        arrays = (self.start[places], self.frame[places], self.goal[places], self.clouds[places])
+        return type(self)(*arrays, [self.ways[place] for place in places])
+
+    def features(
+        self, scene: int, position: np.ndarray, scaled_velocity: np.ndarray, ahead: Sequence[float]
+    ) -> np.ndarray:
+        """`look_ahead.scene_features` of states (N, 3), (N, 3) in one of the scenes."""
+        place = (self.start[scene], self.frame[scene], self.goal[scene])
+        return scene_features(self.ways[scene], position, scaled_velocity, *place, ahead)
 
 
 @dataclass(frozen=True)
@@ -92,9 +114,7 @@ def scene_states(paths: Sequence[Trajectory], baseline: VectorPrimitive, keep_ev
         )
         for place, path in enumerate(paths)
     ]
-    return SceneStates(
-        **{name: np.concatenate([vars(one)[name] for one in parts]) for name in vars(parts[0])}
-    )
+    return concatenated(parts)
 
 
 def displaced_states(
@@ -116,23 +136,13 @@ def displaced_states(
         scaled_velocity=seen.scaled_velocity + faster,
         target=seen.target - stiffness * off,
     )
-    return SceneStates(
-        **{name: np.concatenate([values, vars(beside)[name]]) for name, values in vars(seen).items()}
-    )
+    return concatenated([seen, beside])
 
 
 def samples_of_scene(states: SceneStates, scenes: Scenes, ahead: Sequence[float]) -> AvoidanceDataset:
     """The states with the features of their scenes (`look_ahead.scene_features`)."""
     columns = [
-        scene_features(
-            scenes.ways[b],
-            states.position[rows],
-            states.scaled_velocity[rows],
-            scenes.start[b],
-            scenes.frame[b],
-            scenes.goal[b],
-            ahead,
-        )
+        scenes.features(b, states.position[rows], states.scaled_velocity[rows], ahead)
         for b, rows in _rows_by_scene(states)
     ]
     return _dataset(states, columns)
@@ -152,7 +162,7 @@ def samples_of_nearest(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
     columns = []
     for b, rows in _rows_by_scene(states):
         clouds = np.broadcast_to(scenes.clouds[b], (len(rows), *scenes.clouds[b].shape))
-        columns.append(nearest_seen(states.position[rows], states.scaled_velocity[rows], clouds).features)
+        columns.append(nearest_seen(states.position[rows], states.scaled_velocity[rows], clouds)[0])
     return _dataset(states, columns)
 
 
@@ -168,6 +178,20 @@ def _dataset(states: SceneStates, columns: Sequence[np.ndarray]) -> AvoidanceDat
     p, u = canonical.phase(states.time, TAU)
     none = np.zeros(len(order), dtype=int)
     return AvoidanceDataset(features, states.target, p, u, none, states.scene, states.time)
+
+
+def nearest_seen(
+    position: np.ndarray, scaled_velocity: np.ndarray, clouds: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The text's features of the obstacle whose surface is nearest to the hand.
+
+    `position` (B, 3) m; `scaled_velocity` (B, 3) tau v, m; `clouds` (B, O, P, 3) m. Returns (B, 17) features,
+    and (B, P) x of that obstacle's points in m.
+    """
+    every = features(position[:, None], scaled_velocity[:, None], 1.0, clouds, clouds.mean(axis=2))
+    nearest = np.linalg.norm(every[..., [3, 6, 9]], axis=-1).argmin(axis=1)
+    rows = np.arange(len(position))
+    return every[rows, nearest], clouds[rows, nearest, :, 0]
 
 
 @dataclass(frozen=True)
@@ -188,10 +212,25 @@ def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParamet
         goal=np.array([reach.goal for reach in reaches]),
         clouds=local_clouds([reach.obstacles for reach in reaches], start, frame, parameters.cloud_count),
         ways=[
-            cost_to_go(reach.shapes, reach.start, goal, parameters.look_ahead)
+            cost_to_go([*reach.obstacles, *reach.walls], reach.start, goal, parameters.look_ahead)
             for reach, goal in zip(reaches, goals, strict=True)
         ],
     )
+
+
+def local_clouds(
+    obstacles: Sequence[Sequence[Obstacle]], start: np.ndarray, frame: np.ndarray, count: int
+) -> np.ndarray:
+    """Surfaces of the obstacles of B scenes in their local frames, `Scenes.clouds`.
+
+    `obstacles`: of each scene, at least one; `start` (B, 3) m, base frame; `frame` (B, 3, 3) local to base.
+    """
+    most = max(map(len, obstacles))
+    clouds = [
+        [(one.cloud(count) - origin) @ axes for one in (*its, *[its[0]] * (most - len(its)))]
+        for its, origin, axes in zip(obstacles, start, frame, strict=True)
+    ]
+    return np.array(clouds)
 
 
 def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> VectorPrimitive:
@@ -199,9 +238,8 @@ def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> V
 
     Its forcing grows with their length.
     """
-    away = [np.linalg.norm(reach.path.position[:, 1:], axis=1).max() / reach.goal[0] for reach in reaches]
-    most = max(straight_share, min(away))
-    straight = [reach.path for reach, its in zip(reaches, away, strict=True) if its <= most]
+    most = max(straight_share, min(reach.bend for reach in reaches))
+    straight = [reach.path for reach in reaches if reach.bend <= most]
     return fit_position(straight, scaled=(True, False, False)).local
 
 
@@ -211,10 +249,7 @@ def learn(
     parts: Sequence[Sequence[int]],
     parameters: SceneLearningParameters,
 ) -> list[Learned]:
-    """Learn from each of some sets of reaches.
-
-    Returns what was learned of each set.
-    """
+    """What is learned from each of some sets of reaches."""
     taught = [
         _lessons([reaches[place] for place in places], scenes.take(places), number, parameters)
         for number, places in enumerate(parts)
@@ -316,3 +351,76 @@ def planned_path(scenes: Scenes, place: int, samples: int) -> np.ndarray:
     share = progress(np.linspace(0.0, 1.0, samples))
     x, y = (np.interp(share * length[-1], length, column) for column in way.T)
     return np.column_stack([x, y, start[2] + share * (goal[2] - start[2])])
+
+
+Feedback = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
+"""Sample, position (B, 3) m, tau v (B, 3) m -> coupling term (B, 3) m."""
+
+
+def feedback_of_nearest(model: CouplingModel, scenes: Scenes, samples: int, decay_per_m2: float) -> Feedback:
+    """A model of the text's features, with the text's post-processing, for the nearest obstacle.
+
+    `model`: of features, phase and phase velocity; `scenes`: B of them; `decay_per_m2`: k past the obstacle
+    (`postprocessing`).
+    """
+    phase = phases(samples)
+
+    def at(k: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
+        seen, x = nearest_seen(position, scaled_velocity, scenes.clouds)
+        wanted = model(seen, *(np.full(len(position), values[k]) for values in phase))
+        bounds = (x.min(axis=1), x.max(axis=1), scenes.goal[:, 0])
+        return post_processed(wanted, position[:, 0], *bounds, decay_per_m2)
+
+    return at
+
+
+def feedback_of_scene(model: CouplingModel, scenes: Scenes, samples: int, ahead: Sequence[float]) -> Feedback:
+    """A model of the scene's features; arguments as `feedback_of_nearest`, `ahead` as `scene_features`."""
+    phase = phases(samples)
+
+    def at(k: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
+        rows = [
+            scenes.features(b, position[b : b + 1], scaled_velocity[b : b + 1], ahead)
+            for b in range(len(position))
+        ]
+        return model(np.concatenate(rows), *(np.full(len(position), values[k]) for values in phase))
+
+    return at
+
+
+def phases(samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Phase and phase velocity (T,) of a movement of so many samples."""
+    return canonical.phase(np.linspace(0.0, 1.0, samples), TAU)
+
+
+def unroll_through(
+    primitive: VectorPrimitive,
+    goals: np.ndarray,
+    feedback: Feedback | None,
+    samples: int,
+    end_limit_m: float | None = None,
+    return_coupling: float = 0.0,
+) -> Trajectory:
+    """Unroll a primitive of duration one from the origin to B goals.
+
+    As in `avoiding_unroll` the feedback begins with the second sample. `primitive`: in the local frame;
+    `goals` (B, 3) m, local frame; `feedback`: None for the primitive alone; `samples`: T, from the start to
+    the prescribed end; `end_limit_m`, `return_coupling`: how far off the primitive's own end feedback may
+    leave the hand, and the coupling term that is trusted to bring it back (`GoalReach`). Returns (B, T, 3)
+    positions relative to the start, velocities and accelerations per duration.
+    """
+    time = np.linspace(0.0, 1.0, samples)
+    forcing = primitive.forcing(time, np.zeros((len(goals), 1, 3)), goals[:, None], 1.0)
+    deadlines = [] if end_limit_m is None else [Deadline(samples - 1, end_limit_m)]
+    reach = GoalReach(goals.shape, time[1] / TAU, deadlines, return_coupling)
+
+    def coupling(k: int, x: np.ndarray, xd: np.ndarray) -> np.ndarray:
+        if k == 0 or feedback is None:
+            return np.zeros(goals.shape)
+        wanted = feedback(k, x, TAU * xd)
+        acts = reach.admissible(k, wanted) if deadlines else wanted
+        reach.advance(acts)
+        return acts
+
+    state = (primitive.velocity, primitive.acceleration)
+    return transformation.unroll(np.zeros(goals.shape), goals, forcing, time[1], TAU, *state, coupling)

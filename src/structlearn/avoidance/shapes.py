@@ -8,7 +8,7 @@ meets obstacles as point clouds, one per scenario, at rest or moving.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -121,8 +121,7 @@ def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
 def recorded_obstacle(shape: NamedShape) -> Obstacle:
     """A shape of a recording as an obstacle.
 
-    Raises:
-        InputError: it is not as round as its form says.
+    Raises InputError: it is not as round as its form says.
     """
     half = 0.5 * np.asarray(shape.size, dtype=float)
     return Obstacle(shape.form, shape.position, half, quaternion.matrix(shape.orientation))
@@ -131,8 +130,7 @@ def recorded_obstacle(shape: NamedShape) -> Obstacle:
 def virtual_radius(cloud: np.ndarray) -> np.ndarray | float:
     """Mean distance of the points of a cloud (..., P, 3) to their mean, (...) m.
 
-    Raises:
-        InputError: the cloud is empty.
+    Raises InputError: the cloud is empty.
     """
     check_cloud(cloud)
     return np.linalg.norm(cloud - cloud.mean(axis=-2, keepdims=True), axis=-1).mean(axis=-1)
@@ -250,6 +248,10 @@ class CloudBatch:
     radius: np.ndarray  # (B,) virtual radius in m
     motion: Motion | None = None  # displacement over time; None for obstacles at rest
 
+    def where(self, rows: np.ndarray) -> Self:
+        """The obstacles at rest of some scenarios, by a mask (B,) or indices."""
+        return type(self)(self.points[rows], self.centre[rows], self.radius[rows])
+
     def displacement(self, time: float) -> np.ndarray:
         """(B, 3) displacement in m since the start, at a time in s."""
         if self.motion is None:
@@ -272,15 +274,10 @@ def cloud_batch(
 ) -> CloudBatch:
     """Clouds of B scenarios; what is not known of the obstacles is taken from their points.
 
-    Args:
-        points: (B, P, 3) m.
-        centre: (B, 3) m; default the mean point.
-        radius: (B,) or one for all, m; default the mean distance of the points to their mean.
-        motion: displacement over time; default at rest.
-
-    Raises:
-        InputError: there are no points, or they are not (B, P, 3) or not finite; centres likewise; a radius
-            is not positive.
+    `points` (B, P, 3) m; `centre` (B, 3) m; default the mean point; `radius` (B,) or one for all, m; default
+    the mean distance of the points to their mean; `motion`: displacement over time; default at rest. Raises
+    InputError: there are no points, or they are not (B, P, 3) or not finite; centres likewise; a radius is
+    not positive.
     """
     points = np.asarray(points, dtype=float)
     check_cloud(points)

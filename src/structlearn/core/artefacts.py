@@ -20,25 +20,10 @@ import pyarrow.parquet
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save
 
-from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.errors import InputError
 from structlearn.core.publication import publish
 
 Metrics = dict[str, float | int | str | bool | None]  # flat key figures
-
-
-def filled(folder: str | Path, at_least: int = 1) -> Path:
-    """A folder written by an earlier stage, which is empty where its data are missing.
-
-    `at_least`: files that are needed. Returns the folder. Raises MissingInputError: it holds fewer. Raises
-    InputError: it does not exist.
-    """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; run the stage that writes it")
-    count = len(list(folder.iterdir()))
-    if count < at_least:
-        raise MissingInputError(f"{folder} holds {count} files, {at_least} or more are needed")
-    return folder
 
 
 def write_table(frame: pd.DataFrame, target: str | Path) -> None:
@@ -77,8 +62,7 @@ def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
 def read_arrow(path: str | Path) -> pyarrow.Table:
     """Read a table of Arrow that `write_arrow` or `write_table` wrote.
 
-    Raises:
-        InputError: the file is missing, truncated, of another kind or not as it was written.
+    Raises InputError: the file is missing, truncated, of another kind or not as it was written.
     """
     with _readable(path, "readable Parquet", pyarrow.ArrowException, OSError):  # OSError: damaged pages
         table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
@@ -114,9 +98,8 @@ def write_tensors(tensors: Mapping[str, np.ndarray], target: str | Path, descrip
 def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
     """Read named arrays from a safetensors file.
 
-    Raises:
-        InputError: the file is missing, truncated, of another kind or not as it was written, or a value is
-            NaN or infinite.
+    Raises InputError: the file is missing, truncated, of another kind or not as it was written, or a value is
+    NaN or infinite.
     """
     description, digest = _signed(path)
     kinds = (SafetensorError, KeyError, AttributeError, TypeError)  # also of numbers that numpy lacks
@@ -133,8 +116,7 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
 def read_description(path: str | Path) -> str:
     """The description that a safetensors file was written with; whoever needs it reads the tensors too.
 
-    Raises:
-        InputError: the file is missing, truncated or of another kind.
+    Raises InputError: the file is missing, truncated or of another kind.
     """
     return _signed(path)[0]
 
@@ -211,8 +193,7 @@ def _rounded(key: str, value: float | int | str | bool | None) -> float | int | 
 def read_metrics(path: str | Path) -> Metrics:
     """Read a flat JSON of metrics.
 
-    Raises:
-        InputError: the file is missing or no JSON of names and values.
+    Raises InputError: the file is missing or no JSON of names and values.
     """
     with _readable(path, "JSON", ValueError, RecursionError):  # also no text, or a number without end
         found = json.loads(Path(path).read_text())
@@ -230,8 +211,7 @@ def write_csv(frame: pd.DataFrame, target: str | Path) -> None:
 def read_csv(path: str | Path, **options: Any) -> pd.DataFrame:
     """Read a table that `write_csv` wrote; options are those of pandas' reader.
 
-    Raises:
-        InputError: the file is missing or no table.
+    Raises InputError: the file is missing or no table.
     """
     try:
         return pd.read_csv(path, **options)

@@ -37,18 +37,9 @@ def local_frame(
     x points from start to goal. `up`: z is orthogonal to x and closest to up, y = z cross x (IV.6.1).
     `side`: y is orthogonal to x and closest to `side`, z = x cross y. `world`: the base frame itself.
 
-    Args:
-        start: (3,) m.
-        goal: (3,) m.
-        kind: which definition, see `frame_kind`.
-        up: (3,) opposite of gravity.
-        side: (3,) anchor of y for steep reaches.
-
-    Returns:
-        (3, 3) local to base: `base = frame @ local`.
-
-    Raises:
-        ValueError: start and goal coincide, or the reach is parallel to the anchor.
+    `start`, `goal` (3,) m; `kind`: see `frame_kind`; `up` (3,) opposite of gravity; `side` (3,) anchor of y
+    for steep reaches. Returns (3, 3) local to base, `base = frame @ local`. Raises ValueError: start and goal
+    coincide, or the reach is parallel to the anchor.
     """
     if kind == "world":
         return np.eye(3)

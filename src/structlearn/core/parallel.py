@@ -142,8 +142,8 @@ def _end_with(parent: int) -> None:
 def _cluster() -> tuple[Executor, type[Exception]]:
     """The cluster, connected at the first call, and its error where a worker's process has died four times.
 
-    Raises:
-        InputError: Dask is not installed, the scheduler has no address or does not answer, or has no workers.
+    Raises InputError: Dask is not installed, the scheduler has no address or does not answer, or has no
+    workers.
     """
     try:
         import dask

@@ -71,8 +71,7 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
 def value_at(path: str | Path, key: str) -> Any:
     """Value at one key of a YAML file, not yet checked; read-only.
 
-    Raises:
-        InputError: as `read_values`, or the key is absent.
+    Raises InputError: as `read_values`, or the key is absent.
     """
     values = read_values(path)
     for part in key.split("."):
@@ -85,8 +84,7 @@ def value_at(path: str | Path, key: str) -> Any:
 def read_values(path: str | Path) -> Any:
     """Contents of a YAML file, not yet checked; read-only.
 
-    Raises:
-        InputError: the file is missing or no YAML, or a key stands twice.
+    Raises InputError: the file is missing or no YAML, or a key stands twice.
     """
     path = Path(path)
     try:
@@ -109,8 +107,7 @@ def read_values(path: str | Path) -> Any:
 def home_path(path: str | Path) -> Path:
     """A path as a user writes it, with `~` for the home folder.
 
-    Raises:
-        InputError: it begins with `~NAME`, and there is no such user.
+    Raises InputError: it begins with `~NAME`, and there is no such user.
     """
     try:
         return Path(path).expanduser()
@@ -121,8 +118,7 @@ def home_path(path: str | Path) -> Path:
 def checked(values: Any, model: type[ParametersType], path: str | Path, key: str) -> ParametersType:
     """Values as their model has them.
 
-    Raises:
-        InputError: a value is missing, unknown, of the wrong type or out of range.
+    Raises InputError: a value is missing, unknown, of the wrong type or out of range.
     """
     try:
         return model.model_validate(values)
@@ -190,9 +186,7 @@ def _reasons(key: str, error: ValidationError) -> list[str]:
         where = ".".join([key, *(str(part) for part in fault["loc"])])
         if fault["type"] == "extra_forbidden":
             reasons.append(f"{where}: unknown parameter")
-        elif isinstance(fault["input"], dict) and "error" in fault.get(
-            "ctx", {}
-        ):  # of several values together
+        elif isinstance(fault["input"], dict) and "error" in fault.get("ctx", {}):  # of several values
             reasons.append(f"{where}: {fault['ctx']['error']}")
         else:
             reasons.append(f"{where}: {fault['msg']} (got {reprlib.repr(fault['input'])})")

@@ -19,17 +19,9 @@ from structlearn.core.errors import InputError
 def publish(target: str | Path) -> Iterator[Path]:
     """Give a temporary path beside `target`; move what was written there in place on success.
 
-    The caller writes a file at the path, or makes a folder of it. Nothing appears at `target` when the body
-    raises, and what stood there before stays.
-
-    Args:
-        target: the final path; parent folders are made.
-
-    Yields:
-        The temporary path; it has the target's suffix, for writers that look at it.
-
-    Raises:
-        InputError: the disk is full or may not be written on, or another process publishes the same target.
+    The caller writes a file at the path, which has the target's suffix, or makes a folder of it. Parent
+    folders are made. Nothing appears at `target` when the body raises, and what stood there before stays.
+    Raises InputError: the disk is full or may not be written on, or another process publishes the target.
     """
     target = Path(target)
     with _writable(target):
@@ -81,8 +73,7 @@ _locks: set[int] = set()  # open files by which this process holds its workspace
 def alone_in(workspace: Path, complaint: str) -> Iterator[None]:
     """Lock a folder against other processes; it is made, or taken over from a killed process.
 
-    Raises:
-        InputError: another process has locked it, with the complaint as its message.
+    Raises InputError: another process has locked it, with the complaint as its message.
     """
     while True:
         workspace.mkdir(exist_ok=True)

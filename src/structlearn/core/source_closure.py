@@ -30,10 +30,8 @@ class SourceTree:
 
         A module counts as imported where a string is its name, all of a package where a string is its name
         and a dot, or where `package.__name__` is asked for. Data files beside a module come with it. A name
-        from the face of a package (`lazy_loader`, the stub beside `__init__.py`) is its module's.
-
-        Raises:
-            SyntaxError: a file is no Python, or imports relatively.
+        from the face of a package (`lazy_loader`, the stub beside `__init__.py`) is its module's. Raises
+        SyntaxError: a file is no Python, or imports relatively.
         """
         found: dict[Path, str] = {}
         waiting = self._file(script)[1] - _data_files(script.parent)  # entries of tasks lie beside scripts

@@ -31,7 +31,7 @@ from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.transformation import ALPHA, BETA, step_matrix
-from structlearn.readers.settings import setting_label
+from structlearn.readers.source import setting_label
 
 PHASE_TOLERANCE = 0.02
 """A demonstration's phase may differ so much from that of one uniform movement from start to end."""

@@ -15,17 +15,11 @@ Layers = Sequence[tuple[np.ndarray, np.ndarray]]
 
 
 class PackedNetworks(NamedTuple):
-    """Several networks in a row.
+    """Several networks in a row."""
 
-    Attributes:
-        values: all numbers; of each network mean (D,), scale (D,), then per layer W^T and b.
-        first: (P,) where each network begins in `values`.
-        sizes: (P, L + 1) inputs, then width of each layer.
-    """
-
-    values: np.ndarray
-    first: np.ndarray
-    sizes: np.ndarray
+    values: np.ndarray  # all numbers; of each network mean (D,), scale (D,), then per layer W^T and b
+    first: np.ndarray  # (P,) where each network begins in `values`
+    sizes: np.ndarray  # (P, L + 1) inputs, then width of each layer
 
 
 def pack(networks: Sequence[tuple[np.ndarray, np.ndarray, Layers]]) -> PackedNetworks:
@@ -53,16 +47,9 @@ def hidden_layers(
 ) -> int:
     """Write the standardised inputs and the values of the first `layers` layers, all tanh, into rows of work.
 
-    Args:
-        values: of packed networks.
-        begin: where the network begins.
-        layers: how many of its layers.
-        sizes: (L + 1,) its sizes.
-        inputs: (D,) a sample.
-        work: of `layer_values`; row k is layer k's.
-
-    Returns:
-        Where the next layer begins in `values`.
+    `values`: of packed networks; `begin`: where the network begins; `layers`: how many of its layers; `sizes`
+    (L + 1,) its sizes; `inputs` (D,) a sample; `work`: of `layer_values`; row k is layer k's. Returns where
+    the next layer begins in `values`.
     """
     count = sizes[0]
     for i in range(count):

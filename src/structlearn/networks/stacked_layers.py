@@ -18,24 +18,16 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-MOMENTUM = 0.1
-"""Of the running mean and variance of batch normalisation."""
-
-VARIANCE_FLOOR = 1e-5
-"""Added to the variance in batch normalisation."""
+MOMENTUM = 0.1  # of the running mean and variance of batch normalisation
+VARIANCE_FLOOR = 1e-5  # added to the variance in batch normalisation
 
 
 @dataclass(frozen=True)
 class Dropout:
-    """Nodes left out of a training step.
+    """Nodes left out of a training step."""
 
-    Attributes:
-        share: probability with which a hidden node is left out.
-        generator: source of the masks.
-    """
-
-    share: float
-    generator: torch.Generator
+    share: float  # probability with which a hidden node is left out
+    generator: torch.Generator  # source of the masks
 
     def mask(self, shape: Sequence[int]) -> Tensor:
         """One mask for all models: a model's must not depend on who else is in the stack.
@@ -51,23 +43,15 @@ class StackedLayers:
     """M fully connected networks: tanh in every hidden layer, linear output.
 
     With batch normalisation before every tanh, its shifts take the place of the hidden layers' biases.
-
-    Attributes:
-        weights: (M, after, before) per layer.
-        biases: (M, after, 1) per layer.
-        scales: (M, nodes) per hidden layer, of batch normalisation; empty without.
-        means: (M, nodes) per hidden layer, running; updated in place.
-        variances: (M, nodes) per hidden layer, running; updated in place.
     """
 
-    weights: tuple[Tensor, ...]
-    biases: tuple[Tensor, ...]
-    scales: tuple[Tensor, ...] = ()
-    means: tuple[Tensor, ...] = ()
-    variances: tuple[Tensor, ...] = ()
+    weights: tuple[Tensor, ...]  # (M, after, before) per layer
+    biases: tuple[Tensor, ...]  # (M, after, 1) per layer
+    scales: tuple[Tensor, ...] = ()  # (M, nodes) per hidden layer, of batch normalisation; empty without
+    means: tuple[Tensor, ...] = ()  # (M, nodes) per hidden layer, running; updated in place
+    variances: tuple[Tensor, ...] = ()  # likewise
 
-    rows: ClassVar[bool] = False
-    """Whether a sample is a row, not a column."""
+    rows: ClassVar[bool] = False  # whether a sample is a row, not a column
 
     @classmethod
     def initial(
@@ -75,11 +59,9 @@ class StackedLayers:
     ) -> Self:
         """Networks to be trained; activations keep their size from layer to layer.
 
-        Args:
-            models: number of networks M.
-            sizes: number of inputs, nodes of each hidden layer, number of outputs.
-            generator: source of the weights, normal of variance 1 / inputs of their layer; biases are 0.
-            normalised: with batch normalisation.
+        `models`: number of networks M; `sizes`: number of inputs, nodes of each hidden layer, number of
+        outputs; `generator`: source of the weights, normal of variance 1 / inputs of their layer; biases are
+        0; `normalised`: with batch normalisation.
         """
         hidden = [(models, size) for size in sizes[1:-1]] if normalised else []
         return cls(
@@ -97,11 +79,9 @@ class StackedLayers:
     def uniform(cls, sizes: Sequence[int], generators: Sequence[torch.Generator]) -> Self:
         """Networks to be trained whose weights and biases are uniform in +-1 / sqrt(inputs of the layer).
 
-        It is torch's own default, which the dissertation's models of dynamics start from.
-
-        Args:
-            sizes: number of inputs, nodes of each hidden layer, number of outputs.
-            generators: one per model, so that its start does not depend on the others.
+        It is torch's own default, which the dissertation's models of dynamics start from. `sizes`: number of
+        inputs, nodes of each hidden layer, number of outputs; `generators`: one per model, so that its start
+        does not depend on the others.
         """
         drawn = [
             [
@@ -134,10 +114,8 @@ class StackedLayers:
     ) -> list[Tensor]:
         """Values (M, nodes, B) of each hidden layer at inputs (M, D, B).
 
-        Args:
-            inputs: a batch.
-            training: whether nodes are dropped, and batch statistics are used and kept.
-            dropout: what is dropped in training.
+        `inputs`: a batch; `training`: whether nodes are dropped, and batch statistics are used and kept;
+        `dropout`: what is dropped in training.
         """
         values = []
         dropping = dropout if training and dropout is not None and dropout.share > 0.0 else None
@@ -184,8 +162,7 @@ class StackedLayers:
     def from_arrays(cls, arrays: Mapping[str, Tensor], prefix: str = "") -> Self:
         """The inverse of `to_arrays`; arrays with other prefixes may be among them.
 
-        Raises:
-            KeyError: the arrays hold no such layers.
+        Raises KeyError: the arrays hold no such layers.
         """
         found = {}
         for name in (field.name for field in fields(cls)):

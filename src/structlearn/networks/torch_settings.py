@@ -40,20 +40,16 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-SMALLEST_ROOT = 1e-8
-"""Added to the root mean square of a gradient: a weight without gradient stays where it is."""
+SMALLEST_ROOT = 1e-8  # added to the root mean square of a gradient: without one a weight stays where it is
 
 
 class RootMeanSquarePropagation:
     """RMSProp: a step of the learning rate, divided by the running root mean square of each gradient.
 
     The rule is torch's, on all weights as one vector: for many small tensors, torch's own optimiser spends a
-    fifth of a training step in calls.
-
-    Args:
-        parameters: leaves that gradients are taken for; they become views of the vector.
-        rate: step of a weight whose gradient keeps its size; it may be changed between steps.
-        decay: of the running mean of squared gradients, per step.
+    fifth of a training step in calls. `parameters`: leaves that gradients are taken for; they become views of
+    the vector; `rate`: step of a weight whose gradient keeps its size; it may be changed between steps;
+    `decay`: of the running mean of squared gradients, per step.
     """
 
     def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float):

@@ -1,24 +1,12 @@
-from .canonical import (
-    phase as phase,
-    time_constant as time_constant,
-)
+from .canonical import phase as phase, time_constant as time_constant
 from .fitting import (
     FitParameters as FitParameters,
     cross_validation as cross_validation,
     learn_sequence as learn_sequence,
 )
-from .orientation import (
-    QuaternionPrimitive as QuaternionPrimitive,
-    fit_quaternion as fit_quaternion,
-)
-from .position import (
-    PositionPrimitive as PositionPrimitive,
-    fit_position as fit_position,
-)
-from .primitive_files import (
-    read_primitives as read_primitives,
-    write_primitives as write_primitives,
-)
+from .orientation import QuaternionPrimitive as QuaternionPrimitive, fit_quaternion as fit_quaternion
+from .position import PositionPrimitive as PositionPrimitive, fit_position as fit_position
+from .primitive_files import read_primitives as read_primitives, write_primitives as write_primitives
 from .sequence import (
     PoseGoal as PoseGoal,
     PosePrimitive as PosePrimitive,
@@ -31,10 +19,7 @@ from .trajectory import (
     Trajectory as Trajectory,
     differentiated as differentiated,
 )
-from .twist_swing import (
-    TwistSwingPrimitive as TwistSwingPrimitive,
-    fit_twist_swing as fit_twist_swing,
-)
+from .twist_swing import TwistSwingPrimitive as TwistSwingPrimitive, fit_twist_swing as fit_twist_swing
 from .vector import (
     VectorPrimitive as VectorPrimitive,
     expected_traces as expected_traces,

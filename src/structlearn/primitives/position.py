@@ -58,9 +58,7 @@ class PositionPrimitive:
             coupling=coupling,
             until=until,
         )
-        return Trajectory(
-            path.time, start + path.position @ axes.T, path.velocity @ axes.T, path.acceleration @ axes.T
-        )
+        return path.turned(axes.T).shifted(start)
 
 
 def fit_position(
@@ -89,9 +87,4 @@ def in_local_frame(trajectory: Trajectory, kind: FrameKind) -> Trajectory:
 
 def from_start(trajectory: Trajectory, axes: np.ndarray) -> Trajectory:
     """A position path relative to its start, along the columns of axes (3, 3)."""
-    return Trajectory(
-        trajectory.time,
-        (trajectory.position - trajectory.position[0]) @ axes,
-        trajectory.velocity @ axes,
-        trajectory.acceleration @ axes,
-    )
+    return trajectory.shifted(-trajectory.position[0]).turned(axes)

@@ -67,19 +67,29 @@ def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, lis
     tensors: Tensors = {}
     kinds: list[Kind] = []
     for primitive in primitives:
-        tensors |= prefixed(f"{primitive.name}.position", _position_tensors(primitive.position))
+        tensors |= prefixed(f"{primitive.name}.position", _tensors(primitive.position))
         form: Literal["quaternion", "twist_swing"] | None = None
         if primitive.orientation is not None:
             form = "quaternion" if isinstance(primitive.orientation, QuaternionPrimitive) else "twist_swing"
-            orientation = _orientation_tensors(primitive.orientation)
-            tensors |= prefixed(f"{primitive.name}.orientation", orientation)
+            tensors |= prefixed(f"{primitive.name}.orientation", _tensors(primitive.orientation))
         kinds.append({"name": primitive.name, "frame": primitive.position.frame, "orientation": form})
     return tensors, kinds
 
 
 def pose_primitives(kinds: Sequence[Kind], tensors: Tensors) -> list[PosePrimitive]:
     """The inverse of `primitive_tensors`; KeyError where an array is missing."""
-    return [_pose_primitive(kind, tensors) for kind in kinds]
+    primitives = []
+    for kind in kinds:
+        name, frame = kind["name"], kind["frame"]
+        position = part(f"{name}.position", tensors)
+        local, start, goal = vector_primitive(part("local", position)), position["start"], position["goal"]
+        if {local.goal.shape, start.shape, goal.shape} != {(3,)}:
+            raise InputError(f"'{name}': a position has three coordinates")
+        if frame not in get_args(FrameKind):
+            raise InputError(f"'{name}': there is no frame '{frame}'")
+        orientation = _orientation_primitive(kind["orientation"], part(f"{name}.orientation", tensors))
+        primitives.append(PosePrimitive(name, PositionPrimitive(local, frame, start, goal), orientation))
+    return primitives
 
 
 def vector_tensors(primitive: VectorPrimitive) -> Tensors:
@@ -105,37 +115,15 @@ def part(prefix: str, tensors: Tensors) -> Tensors:
     return {name.removeprefix(start): array for name, array in tensors.items() if name.startswith(start)}
 
 
-def _position_tensors(primitive: PositionPrimitive) -> Tensors:
-    return {
-        **prefixed("local", vector_tensors(primitive.local)),
-        "start": primitive.start,
-        "goal": primitive.goal,
-    }
-
-
-def _orientation_tensors(primitive: OrientationPrimitive) -> Tensors:
-    if isinstance(primitive, QuaternionPrimitive):
-        return {name: np.asarray(value) for name, value in vars(primitive).items()}
-    return {
-        **prefixed("chart", vector_tensors(primitive.chart)),
-        "axes": primitive.axes,
-        "start": primitive.start,
-        "goal": primitive.goal,
-    }
-
-
-def _pose_primitive(kind: Kind, tensors: Tensors) -> PosePrimitive:
-    position = part(f"{kind['name']}.position", tensors)
-    local = vector_primitive(part("local", position))
-    if {local.goal.shape, position["start"].shape, position["goal"].shape} != {(3,)}:
-        raise InputError(f"'{kind['name']}': a position has three coordinates")
-    if kind["frame"] not in get_args(FrameKind):
-        raise InputError(f"'{kind['name']}': there is no frame '{kind['frame']}'")
-    return PosePrimitive(
-        name=kind["name"],
-        position=PositionPrimitive(local, kind["frame"], position["start"], position["goal"]),
-        orientation=_orientation_primitive(kind["orientation"], part(f"{kind['name']}.orientation", tensors)),
-    )
+def _tensors(primitive: PositionPrimitive | OrientationPrimitive) -> Tensors:
+    """Arrays of a primitive by name; of a vector primitive within it, as `<field>.<name>`."""
+    tensors: Tensors = {}
+    for name, value in vars(primitive).items():
+        if isinstance(value, VectorPrimitive):
+            tensors |= prefixed(name, vector_tensors(value))
+        elif not isinstance(value, str):
+            tensors[name] = np.asarray(value)
+    return tensors
 
 
 def _orientation_primitive(form: str | None, tensors: Tensors) -> OrientationPrimitive | None:

@@ -1,6 +1,6 @@
 """Paths with their derivatives: what primitives are fitted to and what they unroll."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
@@ -37,6 +37,15 @@ class Trajectory(Path):
     position: np.ndarray  # (..., T, D)
     velocity: np.ndarray  # (..., T, D) per s
     acceleration: np.ndarray  # (..., T, D) per s^2
+
+    def turned(self, axes: np.ndarray) -> Self:
+        """The signals along the columns of axes (..., D, D)."""
+        turned = (self.position @ axes, self.velocity @ axes, self.acceleration @ axes)
+        return type(self)(self.time, *turned)
+
+    def shifted(self, offset: np.ndarray) -> Self:
+        """The same path elsewhere, by an offset (..., D)."""
+        return replace(self, position=self.position + offset)
 
 
 @dataclass(frozen=True)

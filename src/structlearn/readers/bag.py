@@ -143,8 +143,7 @@ def write_bag(
 def read_bag(path: Path, topics: Collection[str]) -> Bag:
     """Read the messages of some topics of an MCAP file, as `ros2 bag record -s mcap` or `write_bag` left it.
 
-    Raises:
-        InputError: the file is missing, not an MCAP file, cut off or damaged; the message names it.
+    Raises InputError: the file is missing, not an MCAP file, cut off or damaged; the message names it.
     """
     try:
         budget = Budget(path)
@@ -160,8 +159,8 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
 def unpacked_file(path: Path, budget: Budget) -> Iterator[Path]:
     """The file, or where it is one zstd frame, as `ros2 bag` leaves it, another one with its content.
 
-    Raises:
-        InputError: the frame is damaged or cut off, grows beyond the budget, or the disk has no room for it.
+    Raises InputError: the frame is damaged or cut off, grows beyond the budget, or the disk has no room for
+    it.
     """
     if path.suffix != COMPRESSED:
         yield path

@@ -35,6 +35,7 @@ from structlearn.readers.bag import (
     unpacked_file,
 )
 from structlearn.readers.pose_table import SHAPE_FILE, read_pose_table
+from structlearn.readers.text_log import natural_order
 
 Format = Literal["mcap", "db3", "bag", "table"]
 
@@ -54,8 +55,7 @@ HEADER = "std_msgs/msg/Header"
 def read_db3(path: Path, topics: Collection[str]) -> Bag:
     """Read a .db3 file; files older than ROS 2 Iron lack definitions, those of the library stand in.
 
-    Raises:
-        InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
+    Raises InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
     """
     with _library_named(path), unpacked_file(path, budget := Budget(path)) as plain:
         from rosbags.highlevel import AnyReader
@@ -155,10 +155,8 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
 
     A source is one file; a folder of files; a ROS 2 bag (folder with metadata.yaml); or a folder of such
     bags. `~` is the home folder. Hidden and other files are passed over, and tables where there are bags.
-
-    Raises:
-        InputError: there is no such source or nothing in it, a file of a bag is missing, a bag has files of
-            several kinds, or two recordings have one name or one that can be no name; the message names it.
+    Raises InputError: there is no such source or nothing in it, a file of a bag is missing, a bag has files
+    of several kinds, or two recordings have one name or one that can be no name; the message names it.
     """
     source = home_path(source)
     if not source.exists():
@@ -169,9 +167,7 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
     found = [file for folder in folders for file in _bags(folder)] or _files(source, ("table",))
     if not found:
         raise InputError(f"{source}: holds no bag (.mcap, .db3, .bag) and no table (.csv, .parquet)")
-    for file in found:
-        check_name(file.name, str(file.path))
-    check_unique([file.name for file in found], str(source))
+    check_names([file.name for file in found], str(source))
     return sorted(found, key=lambda file: natural_order(file.name))
 
 
@@ -185,8 +181,7 @@ def as_recording_file(path: Path) -> RecordingFile:
 def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
     """Topics with their types, and messages (ROS 2, CDR) of those that are wanted, of a file of any format.
 
-    Raises:
-        InputError: the file cannot be read, is damaged, or needs the extra `bags`, which is not installed.
+    Raises InputError: the file cannot be read, is damaged, or needs the extra `bags`, which is not installed.
     """
     for path in file.paths:
         if path.exists() and not path.is_file():  # a pipe would be waited for
@@ -196,22 +191,14 @@ def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
     return joined([READERS[file.format](path, topics) for path in file.paths])
 
 
-def natural_order(name: str) -> list[str | int]:
-    """Key that sorts runs of digits in a name as numbers; odd places are numbers, so keys compare."""
-    return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"(\d+)", name))]
-
-
-def check_name(name: str, where: str) -> None:
-    """Refuse what can be no name of a recording."""
-    if not re.fullmatch(NAME, name):
-        raise InputError(
-            f"{where}: '{name}' cannot be a name: it needs a letter or digit first, then such, spaces and "
-            "_ . + - ( )"
-        )
-
-
-def check_unique(names: Sequence[str], where: str) -> None:
-    """Refuse names that several recordings have."""
+def check_names(names: Sequence[str], where: str) -> None:
+    """Refuse names that several recordings have, and what can be no name of one."""
+    for name in names:
+        if not re.fullmatch(NAME, name):
+            raise InputError(
+                f"{where}: '{name}' cannot be a name: it needs a letter or digit first, then such, spaces "
+                "and _ . + - ( )"
+            )
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise InputError(f"{where}: several recordings have the name {', '.join(repeated)}")

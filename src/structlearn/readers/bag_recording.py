@@ -12,22 +12,18 @@ from structlearn.readers.bag import Bag, RawMessages, damage_named, write_bag
 from structlearn.readers.bag_files import (
     RecordingFile,
     as_recording_file,
-    check_name,
-    check_unique,
+    check_names,
     open_bag,
     recording_files,
 )
-from structlearn.readers.checks import check_recording
-from structlearn.readers.clock import MAX_GAP_S, synchronise
+from structlearn.readers.clock import AS_WRITTEN, MAX_GAP_S, StampPolicy, synchronise
+from structlearn.readers.computed_pose import joint_pose, transform_pose
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.forward_kinematics import joint_pose
-from structlearn.readers.joint_series import JointSeries, chosen, joint_series
+from structlearn.readers.joint_log import JointSeries, chosen, joint_series
 from structlearn.readers.messages import check_readable, shapes_message, to_messages, to_shapes, to_stream
 from structlearn.readers.pose_table import read_shapes, shape_file
-from structlearn.readers.recording import JOINT_KINDS, NamedShape, Recording, Stream
-from structlearn.readers.stamps import AS_WRITTEN, StampPolicy
+from structlearn.readers.recording import JOINT_KINDS, NamedShape, Recording, Stream, check_recording
 from structlearn.readers.topics import MAX_FINGERS, OWN_TOPICS, JointPose, Role, TopicMap, TransformPose
-from structlearn.readers.transforms import transform_pose
 
 _TOPICS: dict[str, str] = {role: topic for topic, role in OWN_TOPICS.roles()}
 _TOPICS.update(zip(JOINT_KINDS, OWN_TOPICS.joint_states, strict=True))
@@ -39,11 +35,9 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     Log and publish time are the stamp. Shapes stand in one message at the first of all stamps. The same
     recording gives the same bytes. Tactile counts are written as float32 (whole numbers up to 2^24 are
     exact), everything else as float64. The name is that of the file. It is written in place: whoever calls
-    publishes it or the folder that it is in (`structlearn.core.artefacts.publish`).
-
-    Raises:
-        InputError: the recording fails `check_recording`, a stamp is negative or after 2^31 s, a tactile
-            count is beyond float32, or there are more than `MAX_FINGERS` tactile streams.
+    publishes it or the folder that it is in (`structlearn.core.artefacts.publish`). Raises InputError: the
+    recording fails `check_recording`, a stamp is negative or after 2^31 s, a tactile count is beyond float32,
+    or there are more than `MAX_FINGERS` tactile streams.
     """
     check_recording(recording)
     if sum(stream.kind == "tactile" for stream in recording.streams) > MAX_FINGERS:
@@ -134,8 +128,7 @@ def read_recordings(
 ) -> list[Recording]:
     """Read recordings as they are, each stream with its own clock; arguments as of `read_demonstrations`.
 
-    Raises:
-        InputError: as `read_demonstrations`, but for the clock; or a recording fails `check_recording`.
+    Raises InputError: as `read_demonstrations`, but for the clock; or a recording fails `check_recording`.
     """
     found = []
     for file in recording_files(source):
@@ -150,17 +143,13 @@ def read_recordings(
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
     """Write recordings as folder/NAME.mcap; numbers as names are padded with zeros to equal length.
 
-    The folder is made if missing. Publish it as a whole.
-
-    Raises:
-        InputError: names repeat or are no file names, or a recording fails `write_recording`.
+    The folder is made if missing. Publish it as a whole. Raises InputError: names repeat or are no file
+    names, or a recording fails `write_recording`.
     """
     names = [recording.name for recording in recordings]
     digits = max((len(name) for name in names if name.isdecimal()), default=0)
     stems = [name.zfill(digits) if name.isdecimal() else name for name in names]
-    check_unique(stems, str(folder))
-    for stem in stems:
-        check_name(stem, str(folder))
+    check_names(stems, str(folder))
     Path(folder).mkdir(parents=True, exist_ok=True)
     for recording, stem in zip(recordings, stems, strict=True):
         write_recording(recording, Path(folder) / f"{stem}.mcap")

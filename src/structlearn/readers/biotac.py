@@ -16,9 +16,7 @@ from structlearn.readers.recording import Recording
 def read_touch(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
     """The first `entry.part` slides over each material, all logs of unscrewing, an execution of scraping.
 
-    Raises:
-        MissingInputError: there is none of these.
-        InputError: a file cannot be read.
+    Raises MissingInputError: there is none of these. Raises InputError: a file cannot be read.
     """
     readers: dict[str, Callable[[], list[Recording]]] = {
         "scraping": lambda: clmc.read_scraping_execution(folder / "clmc"),

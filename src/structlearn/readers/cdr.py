@@ -20,8 +20,8 @@ from mcap.well_known import MessageEncoding
 
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages, damage_named
-from structlearn.readers.checks import at_row
-from structlearn.readers.stamps import StampPolicy
+from structlearn.readers.clock import StampPolicy
+from structlearn.readers.recording import at_row
 
 MOST_LAYOUTS = 50
 """Layouts of one length that are looked for: frames of a robot have some, texts that change have no end."""
@@ -121,8 +121,7 @@ def table(
 ) -> np.ndarray:
     """(T, D) float64 of what was read from groups of messages: their rows, and D columns or numbers.
 
-    Raises:
-        InputError: a message has another number of values than the first; its row is named.
+    Raises InputError: a message has another number of values than the first; its row is named.
     """
     width = len(parts[0][1])
     odd = [(int(rows[0]), len(values)) for rows, values in parts if len(values) != width]

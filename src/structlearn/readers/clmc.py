@@ -12,25 +12,26 @@ from typing import Any
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.bag_files import natural_order
 from structlearn.readers.recording import Recording, Stream
 from structlearn.readers.text_log import (
+    PublicSet,
+    natural_order,
     read_each,
     read_stamped_table,
     read_table,
-    source_provenance,
     uniform_stamps,
 )
 
-REPOSITORY = "https://github.com/gsutanto/dmp"
-COMMIT = "4f4492cf4295d9c3fe0ba9ce2fb726bf37be40df"
-LICENCE = "MIT, Copyright (c) 2021 Giovanni Sutanto"
+SOURCE = PublicSet(
+    "https://github.com/gsutanto/dmp",
+    "4f4492cf4295d9c3fe0ba9ce2fb726bf37be40df",
+    "MIT, Copyright (c) 2021 Giovanni Sutanto",
+)
 
 ROBOT_RATE_HZ = 300.0
 """Control rate of the unscrewing and scraping logs."""
 
-ELECTRODES = 19
-"""Electrodes of one BioTac finger."""
+ELECTRODES = 19  # of one BioTac finger
 
 
 def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
@@ -61,16 +62,16 @@ def read_reaches(
     in `cart_coord_dmp`, or in a folder there; of several that a pattern means, the first by the alphabet.
     `left_out`: see `text_log.read_each`.
 
-    Raises:
-        MissingInputError: there are no numbered files.
-        InputError: a file is not a table of 10 columns.
+    Raises MissingInputError: there are no numbered files. Raises InputError: a file is not a table of 10
+    columns.
     """
     reaches = Path(folder) / "cart_coord_dmp" / dataset
     reaches = next(iter(sorted(reaches.parent.rglob(dataset))), reaches)
-    files = [path for path in reaches.glob("*.txt") if path.stem.isdecimal()]
+    files = sorted(
+        (path for path in reaches.glob("*.txt") if path.stem.isdecimal()), key=lambda path: int(path.stem)
+    )
     if not files:
         raise MissingInputError(f"{reaches}: holds no reaches (1.txt, 2.txt, ...)")
-    files = sorted(files, key=lambda path: int(path.stem))
     return read_each(partial(_reach, Path(folder)), files, left_out)
 
 
@@ -80,9 +81,8 @@ def read_unscrewing(folder: str | Path, left_out: dict[str, str] | None = None) 
     Times are printed with five digits, up to 0.03 ms off the 300 Hz at which the robot ran; the exact times
     are restored.
 
-    Raises:
-        MissingInputError: there is no file.
-        InputError: a file is not a table of 93 columns whose times are those of 300 Hz.
+    Raises MissingInputError: there is no file. Raises InputError: a file is not a table of 93 columns whose
+    times are those of 300 Hz.
     """
     logs = Path(folder) / "quat_dmp_unscrewing"
     files = sorted(logs.rglob("*.txt"), key=lambda path: natural_order(path.stem))
@@ -97,10 +97,8 @@ def read_scraping_execution(folder: str | Path, trial: str | None = None) -> lis
     Recordings "prim1", "prim2", ... have pose, twist, joint positions and two fingers' electrodes (left,
     right); each starts at time 0. `trial` is a folder in `scraping`; None: the first that holds primitives.
 
-    Raises:
-        MissingInputError: there is no such execution.
-        InputError: a file of a primitive is missing, is not a table of its columns, or has another number of
-            rows than its fellows.
+    Raises MissingInputError: there is no such execution. Raises InputError: a file of a primitive is missing,
+    is not a table of its columns, or has another number of rows than its fellows.
     """
     scraping = Path(folder) / "scraping"
     found = [path for path in scraping.glob(f"{trial or '*'}/prim*") if path.is_dir()]
@@ -118,7 +116,7 @@ def _reach(folder: Path, path: Path) -> Recording:
         Stream("/pose", "pose", stamps, np.hstack([values[:, :3], identity])),
         Stream("/twist", "twist", stamps, np.hstack([values[:, 3:6], np.zeros((len(stamps), 3))])),
     )
-    provenance = _provenance(folder, [path]) | {"orientation": "not recorded"}
+    provenance = SOURCE.provenance(folder, [path]) | {"orientation": "not recorded"}
     return Recording(path.stem, streams, provenance=provenance)
 
 
@@ -138,7 +136,7 @@ def _unscrewing(folder: Path, path: Path) -> Recording:
         Stream("/wrench", "wrench", stamps, values[:, 19:25]),
         Stream("/tactile/0", "tactile", stamps, values[:, 25 : 25 + ELECTRODES]),
     )
-    provenance = _provenance(folder, [path]) | {"clock": "300 Hz, restored from five printed digits"}
+    provenance = SOURCE.provenance(folder, [path]) | {"clock": "300 Hz, restored from five printed digits"}
     return Recording(path.stem, streams, provenance=provenance)
 
 
@@ -158,11 +156,6 @@ def _primitive(folder: Path, primitive: Path) -> Recording:
         Stream("/tactile/0", "tactile", stamps, left),
         Stream("/tactile/1", "tactile", stamps, right),
     )
-    provenance = _provenance(folder, [primitive / name for name in columns]) | {
-        "clock": "300 Hz, no times in log"
-    }
+    provenance = SOURCE.provenance(folder, [primitive / name for name in columns])
+    provenance["clock"] = "300 Hz, no times in log"
     return Recording(primitive.name, streams, provenance=provenance)
-
-
-def _provenance(folder: Path, files: list[Path]) -> dict[str, str]:
-    return source_provenance(REPOSITORY, COMMIT, LICENCE, folder, files)

@@ -1,14 +1,24 @@
-"""Several streams with clocks of their own, put on one uniform clock."""
+"""Stamps of messages put in order, and streams with clocks of their own put on one uniform clock."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.readers.checks import at_row, check_recording, check_speed
+from structlearn.core.params import Parameters
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import Kind, Recording, Stream
+from structlearn.readers.recording import (
+    Kind,
+    Recording,
+    Stream,
+    at_row,
+    check_recording,
+    check_speed,
+    disorder,
+)
 
 MAX_GAP_S = 0.2
 """Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
@@ -16,6 +26,61 @@ recorders drop out for 0.15 s now and then, a hole of more than that hides a mov
 
 FASTEST_HZ = 10_000.0
 """No robot reports its pose more often; a faster clock is one whose stamps say nothing."""
+
+
+class StampPolicy(Parameters):
+    """How the stamps of a user's messages are taken."""
+
+    # `header`: when a sample was taken; the log time where no message of a topic says so. `log`: when the
+    # recorder got it
+    clock: Literal["header", "log"]
+    # where a stamp repeats or runs back, `error`: refuse the recording; `drop`: leave out as few samples as
+    # possible; `sort`: put them in order. Of several with one stamp the first stays
+    disorder: Literal["error", "drop", "sort"]
+
+
+AS_WRITTEN = StampPolicy(clock="header", disorder="error")
+"""How our own files are read: whoever wrote them had the stamps in order."""
+
+
+def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:
+    """Rows (M,) of samples whose stamps (T,) in ns increase, and what was done in words; None: nothing was.
+
+    Raises InputError: the stamps do not increase and the policy is `error`; the message names the row.
+    """
+    fault = disorder(stamps)
+    if fault is None:
+        return np.arange(len(stamps)), None
+    if policy.disorder == "error":
+        raise InputError(f"{where}: {fault}; with `disorder: drop` or `sort` under `stamps` it is mended")
+    if policy.disorder == "drop":
+        rows = longest_increase(stamps)
+        return rows, f"{len(stamps) - len(rows)} dropped of {len(stamps)}"
+    rows = np.argsort(stamps, kind="stable")
+    rows = rows[np.append(True, np.diff(stamps[rows]) > 0)]
+    moved = int(np.sum(stamps < np.maximum.accumulate(stamps)))
+    return rows, f"{moved} moved and {len(stamps) - len(rows)} dropped of {len(stamps)}"
+
+
+def longest_increase(stamps: np.ndarray) -> np.ndarray:
+    """Places (M,) of the longest strictly increasing subsequence of (T,) numbers, by patience sorting.
+
+    Dropping all that is not later than the latest so far would lose everything behind one far stamp.
+    """
+    ends: list[int] = []  # smallest last stamp of an increase of each length ...
+    places: list[int] = []  # ... and where it is
+    before = np.full(len(stamps), -1)
+    for place, stamp in enumerate(stamps.tolist()):
+        length = bisect_left(ends, stamp)
+        if length:
+            before[place] = places[length - 1]
+        ends[length : length + 1], places[length : length + 1] = [stamp], [place]
+    rows = np.empty(len(ends), dtype=int)
+    place = places[-1]
+    for row in reversed(range(len(rows))):
+        rows[row] = place
+        place = before[place]
+    return rows
 
 
 def synchronise(
@@ -34,11 +99,9 @@ def synchronise(
     neighbouring samples `gap` apart the error is at most gap^2 / 8 * max|x''|: at 150 Hz and 10 m/s^2 that is
     0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied: a signal sampled down keeps its noise.
 
-    Args:
-        recording: streams with stamps in ns.
-        rate_hz: ticks per second; None: one over the median step of the pose stream.
-        max_gap_s: longest step between neighbouring samples of a stream within the clock's time.
-        refuse_jumps: False for whoever looks at speeds himself, and leaves out what the sensor lost.
+    `rate_hz`: ticks per second; None: one over the median step of the pose stream. `max_gap_s`: longest step
+    between neighbouring samples of a stream within the clock's time. `refuse_jumps`: False for whoever looks
+    at speeds himself, and leaves out what the sensor lost.
 
     Returns:
         All signals at (T,) ticks. Orientations have unit norm and no jumps between Q and -Q. Several tactile
@@ -51,13 +114,11 @@ def synchronise(
             `max_gap_s`, the pose fails `check_speed`, or the streams do not share at least two ticks.
     """
     check_recording(recording)
-    start, end = _shared_time(recording.name, recording.streams)
     pose = next(stream for stream in recording.streams if stream.kind == "pose")
-    for stream in recording.streams:  # before the ticks: one far stamp would ask for terabytes of them
-        _check_gaps(recording.name, stream, start, end, max_gap_s)
+    start, duration = _shared_time(recording.name, recording.streams, max_gap_s)
     if refuse_jumps:
         check_speed(recording.name, pose)
-    ticks = _ticks(recording.name, end - start, _rate(recording.name, pose, rate_hz))
+    ticks = _ticks(recording.name, duration, pose, rate_hz)
     signals: dict[str, np.ndarray] = {}
     side_by_side: dict[Kind, list[np.ndarray]] = {}
     for stream in recording.streams:
@@ -80,11 +141,14 @@ def synchronise(
     if recording.provenance.get("orientation") == "not recorded":
         signals.pop("orientation")
         signals.pop("angular_velocity", None)
-    time = ticks * 1e-9
+    time, segments = ticks * 1e-9, recording.true_segments
+    if segments is not None:
+        late = (start - int(pose.stamps[0])) * 1e-9
+        segments = np.clip(np.asarray(segments, dtype=float) - late, 0.0, time[-1])
     return Demonstration(
         name=recording.name,
         time=time,
-        true_segments=_shifted(recording.true_segments, (start - int(pose.stamps[0])) * 1e-9, time[-1]),
+        true_segments=segments,
         provenance=dict(recording.provenance),
         shapes=recording.shapes,
         joint_names=recording.joint_names,
@@ -103,10 +167,8 @@ def on_one_clock(
     Raises:
         InputError: as `synchronise`, but that values are not looked at.
     """
-    start, end = _shared_time(name, streams)
-    for stream in streams:
-        _check_gaps(name, stream, start, end, max_gap_s)
-    ticks = _ticks(name, end - start, _rate(name, streams[0], rate_hz))
+    start, duration = _shared_time(name, streams, max_gap_s)
+    ticks = _ticks(name, duration, streams[0], rate_hz)
     sampled = [linear(ticks, (stream.stamps - start).astype(float), stream.values) for stream in streams]
     return ticks * 1e-9, sampled
 
@@ -160,8 +222,8 @@ def slerp(ticks: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.ndarray
     return quaternion.sign_continuous(quaternion.normalised(quaternion.interpolate(ticks, stamps, path)))
 
 
-def _rate(name: str, pose: Stream, rate_hz: float | None) -> float:
-    """Ticks per s."""
+def _ticks(name: str, duration: int, pose: Stream, rate_hz: float | None) -> np.ndarray:
+    """(T,) ticks in ns from 0 to `duration`; a tick at most 1e-6 steps after the end still counts."""
     if rate_hz is None:
         rate_hz = 1e9 / float(np.median(np.diff(pose.stamps)))
         if rate_hz > FASTEST_HZ:
@@ -170,11 +232,6 @@ def _rate(name: str, pose: Stream, rate_hz: float | None) -> float:
             )
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise InputError(f"{name}: rate_hz must be positive, is {rate_hz}")
-    return rate_hz
-
-
-def _ticks(name: str, duration: int, rate_hz: float) -> np.ndarray:
-    """(T,) ticks in ns from 0 to `duration`; a tick at most 1e-6 steps after the end still counts."""
     count = int(np.floor(duration * 1e-9 * rate_hz + 1e-6)) + 1
     if count < 2:
         raise InputError(
@@ -183,21 +240,11 @@ def _ticks(name: str, duration: int, rate_hz: float) -> np.ndarray:
     return np.arange(count) * (1e9 / rate_hz)
 
 
-def _check_gaps(name: str, stream: Stream, start: int, end: int, max_gap_s: float) -> None:
-    """Raise if a step that the clock crosses is too long; before start and after end nothing is needed."""
-    before, after = stream.stamps[:-1], stream.stamps[1:]
-    gaps = (after - before) * 1e-9
-    too_long = (gaps > max_gap_s * (1 + 1e-9)) & (after > start) & (before < end)
-    if too_long.any():
-        row = int(np.argmax(too_long))
-        raise InputError(
-            f"{name}: {stream.topic}: {at_row(row, stream.stamps)} is followed by a gap of "
-            f"{gaps[row]:.6g} s, longer than {max_gap_s:g} s"
-        )
+def _shared_time(name: str, streams: Sequence[Stream], max_gap_s: float) -> tuple[int, int]:
+    """First ns that all streams cover, and for how many ns; raise if a step that is crossed is too long.
 
-
-def _shared_time(name: str, streams: Sequence[Stream]) -> tuple[int, int]:
-    """First and last ns that all streams cover."""
+    Gaps are looked at before there are ticks: one far stamp would ask for terabytes of them.
+    """
     late = max(streams, key=lambda stream: int(stream.stamps[0]))
     early = min(streams, key=lambda stream: int(stream.stamps[-1]))
     start, end = int(late.stamps[0]), int(early.stamps[-1])
@@ -207,9 +254,14 @@ def _shared_time(name: str, streams: Sequence[Stream]) -> tuple[int, int]:
             f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin, which "
             "`clock: log` under `stamps` gives them"
         )
-    return start, end
-
-
-def _shifted(segments: np.ndarray | None, shift: float, end: float) -> np.ndarray | None:
-    """True segments (P, 2) in s, counted from `shift` later and clipped to [0, end]."""
-    return None if segments is None else np.clip(np.asarray(segments, dtype=float) - shift, 0.0, end)
+    for stream in streams:
+        before, after = stream.stamps[:-1], stream.stamps[1:]
+        gaps = (after - before) * 1e-9
+        too_long = (gaps > max_gap_s * (1 + 1e-9)) & (after > start) & (before < end)
+        if too_long.any():
+            row = int(np.argmax(too_long))
+            raise InputError(
+                f"{name}: {stream.topic}: {at_row(row, stream.stamps)} is followed by a gap of "
+                f"{gaps[row]:.6g} s, longer than {max_gap_s:g} s"
+            )
+    return start, end - start

@@ -42,7 +42,7 @@ class Demonstration:
         length = len(self.time)
         if length < 2:
             raise InputError(f"{self.name}: needs at least two samples, has {length}")
-        for signal in SIGNALS:
+        for signal in SIGNAL_UNITS:
             values = getattr(self, signal)
             if values is not None and len(values) != length:
                 raise InputError(f"{self.name}: {signal} has {len(values)} samples, the clock has {length}")
@@ -53,10 +53,9 @@ class Demonstration:
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
     def signal(self, name: str) -> np.ndarray:
-        """One of `SIGNALS`.
+        """One of `SIGNAL_UNITS`.
 
-        Raises:
-            InputError: it was not recorded.
+        Raises InputError: it was not recorded.
         """
         values = getattr(self, name)
         if values is None:
@@ -69,16 +68,16 @@ class Demonstration:
         return self.provenance.get("origin") == "simulated"
 
 
-SIGNALS = (
-    "position",
-    "orientation",
-    "velocity",
-    "angular_velocity",
-    "joint_positions",
-    "joint_velocities",
-    "joint_torques",
-    "wrench",
-    "tactile",
-    "tool_to_board",
-)
-"""Names of the sampled signals of a demonstration."""
+SIGNAL_UNITS = {
+    "position": "m",
+    "orientation": "",
+    "velocity": "m/s",
+    "angular_velocity": "rad/s",
+    "joint_positions": "rad",
+    "joint_velocities": "rad/s",
+    "joint_torques": "N m",
+    "wrench": "N, N m",
+    "tactile": "counts",
+    "tool_to_board": "",
+}
+"""Sampled signals of a demonstration; quaternions w, x, y, z have no unit, a wrench is force, then torque."""

@@ -10,19 +10,24 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.text_log import check_rising, read_each, read_stamped_table, source_provenance
+from structlearn.readers.text_log import PublicSet, check_rising, read_each, read_stamped_table
 from structlearn.readers.touch_log import TouchLog
 
-REPOSITORY = "https://github.com/notvenky/eFlesh"
-COMMIT = "ab5ca56a87df7cbf59264138998bf74efc216b13"
-LICENCE = "MIT"
+SOURCE = PublicSet(
+    "https://github.com/notvenky/eFlesh",
+    "ab5ca56a87df7cbf59264138998bf74efc216b13",
+    "MIT",
+)
 
 CHANNELS = tuple(f"{magnetometer}{axis}" for magnetometer in range(1, 6) for axis in "xyz")
 """Five magnetometers, three axes each, in the order of the columns."""
 
-PRESSES, STROKES = "presses", "strokes"
-FOLDERS = {PRESSES: "spatial_resolution", STROKES: "normal_force"}
-"""Kinds of runs: over a grid of places, and up and down at one place on a scale."""
+TWO_SKINS = tuple(f"{magnetometer}{axis}" for magnetometer in range(1, 11) for axis in "xyz")
+"""Of two skins side by side."""
+
+PRESSES, STROKES, SHEAR = "presses", "strokes", "shear"
+FOLDERS = {PRESSES: "spatial_resolution", STROKES: "normal_force", SHEAR: "shear_force"}
+"""Kinds of runs: over a grid of places, and on a scale up and down at one place, or along the skin."""
 
 STANDARD_GRAVITY = 9.80665
 """m/s^2: the scale weighs in grams."""
@@ -32,11 +37,9 @@ MISSING = -1.0
 
 
 def read_touch(folder: Path, entry: object, left_out: dict[str, str]) -> list[TouchLog]:
-    """All runs, over places and on a scale, each in the order of their names, which are times.
+    """All runs, over places and on a scale, each kind in the order of their names, which are times.
 
-    Raises:
-        MissingInputError: there is no run over places.
-        InputError: see `read_run`.
+    Raises MissingInputError: there is no run over places. Raises InputError: see `read_run`.
     """
     found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
     if not found[PRESSES]:
@@ -45,24 +48,23 @@ def read_touch(folder: Path, entry: object, left_out: dict[str, str]) -> list[To
 
 
 def read_runs(folder: str | Path, kind: str, left_out: dict[str, str] | None = None) -> list[TouchLog]:
-    """All runs of one kind, `PRESSES` or `STROKES`, in the order of their names."""
+    """All runs of one kind, a key of `FOLDERS`, in the order of their names."""
     folder = Path(folder)
     paths = sorted(path.parent for path in (folder / FOLDERS[kind]).glob("*/states.csv"))
-    return read_each(lambda path: read_run(path, folder, kind == STROKES), paths, left_out)
+    return read_each(lambda path: read_run(path, folder, kind), paths, left_out)
 
 
-def read_run(path: Path, root: Path, on_scale: bool) -> TouchLog:
-    """One run from a folder below the data set's; `on_scale`: its states end with a scale's reading.
+def read_run(path: Path, root: Path, kind: str) -> TouchLog:
+    """One run of a kind from a folder below the data set's; on a scale, states end with its reading.
 
-    Counts are less the resting reading; the place is the commanded one, z pointing away from the skin.
-
-    Raises:
-        InputError: a file is missing or no table of its columns, times do not rise, a reading has no state
-            near it, or the scale reads a negative weight that does not stand for a missing one.
+    Counts are less the resting reading; the place is the commanded one, z pointing away from the skin. Raises
+    InputError: a file is missing or no table of its columns, times do not rise, a reading has no state near
+    it, or the scale reads a negative weight that does not stand for a missing one.
     """
     files = [path / "states.csv", path / "sensor_post_baselines.csv"]
-    stamps, states = read_stamped_table(files[0], 5 if on_scale else 4, separator=",")
-    sensed, counts = read_stamped_table(files[1], 1 + len(CHANNELS), separator=",")
+    channels = TWO_SKINS if kind == SHEAR else CHANNELS
+    stamps, states = read_stamped_table(files[0], 4 if kind == PRESSES else 5, separator=",")
+    sensed, counts = read_stamped_table(files[1], 1 + len(channels), separator=",")
     for file, times in zip(files, (stamps, sensed), strict=True):
         check_rising(file, times)
     rows = nearest_rows(stamps, sensed)
@@ -73,7 +75,7 @@ def read_run(path: Path, root: Path, on_scale: bool) -> TouchLog:
             f"{files[1]}: line {row + 1} is {away[row] * 1e-9:.3f} s from any state in {files[0]}"
         )
     force = None
-    if on_scale:
+    if kind != PRESSES:
         grams = states[rows, 3]
         wrong = np.flatnonzero((grams < 0) & (grams != MISSING))
         if len(wrong):
@@ -81,12 +83,12 @@ def read_run(path: Path, root: Path, on_scale: bool) -> TouchLog:
         force = np.where(grams == MISSING, np.nan, 1e-3 * STANDARD_GRAVITY * grams)
     return TouchLog(
         name=path.name,
-        channels=CHANNELS,
+        channels=channels,
         counts=counts,
         place=1e-3 * states[rows, :3],
         time=(sensed - sensed[0]) * 1e-9,
         force=force,
-        provenance=source_provenance(REPOSITORY, COMMIT, LICENCE, root, files),
+        provenance=SOURCE.provenance(root, files),
     )
 
 

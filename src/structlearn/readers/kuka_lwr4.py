@@ -11,14 +11,15 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.bag_files import natural_order
+from structlearn.core.errors import InputError
 from structlearn.readers.joint_log import JointLog, signals_of
-from structlearn.readers.text_log import read_each, source_provenance
+from structlearn.readers.text_log import PublicSet, read_each
 
-REPOSITORY = "https://github.com/kjyv/FloBaRoID"
-COMMIT = "e6c077ea5c09bceb49840f49e83450bb5979029b"
-LICENCE = "LGPL-3.0"
+SOURCE = PublicSet(
+    "https://github.com/kjyv/FloBaRoID",
+    "e6c077ea5c09bceb49840f49e83450bb5979029b",
+    "LGPL-3.0",
+)
 
 JOINTS = tuple(f"lwr_{number}_joint" for number in range(7))
 """Names in the arm's URDF."""
@@ -29,14 +30,11 @@ def read_motion(
 ) -> list[JointLog]:
     """All logs `measurements_*.npz` of a folder, or of folders there, about 200 Hz and uneven.
 
-    Raises:
-        MissingInputError: there is no log.
-        InputError: a file is no archive of arrays, or an array is missing or of another shape.
+    Raises MissingInputError: there is no log. Raises InputError: a file is no archive of arrays, or an array
+    is missing or of another shape.
     """
     folder = Path(folder)
-    found = sorted(folder.rglob("measurements_*.npz"), key=lambda path: natural_order(path.as_posix()))
-    if not found:
-        raise MissingInputError(f"{folder}: holds no logs (measurements_1.npz, ...)")
+    found = SOURCE.files(folder, "measurements_*.npz", "logs (measurements_1.npz, ...)")
     return read_each(partial(_read, folder), found, left_out)
 
 
@@ -53,5 +51,5 @@ def _read(folder: Path, path: Path) -> JointLog:
         raise InputError(f"{path}: times are no times in s")
     stamps = np.round(1e9 * times).astype(np.int64)
     name = "_".join(path.relative_to(folder).with_suffix("").parts)
-    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [path])
+    provenance = SOURCE.provenance(folder, [path])
     return JointLog(name, JOINTS, stamps, *signals, provenance=provenance)

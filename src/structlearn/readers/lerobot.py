@@ -18,10 +18,9 @@ import pyarrow
 import pyarrow.parquet
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.checks import check_recording
-from structlearn.readers.forward_kinematics import joint_pose
-from structlearn.readers.joint_series import JointSeries
-from structlearn.readers.recording import Kind, Recording, Stream
+from structlearn.readers.computed_pose import joint_pose
+from structlearn.readers.joint_log import JointSeries
+from structlearn.readers.recording import Kind, Recording, Stream, check_recording
 from structlearn.readers.topics import JointPose
 
 VERSION = "v3."

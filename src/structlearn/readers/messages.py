@@ -3,12 +3,12 @@
 Stamps. A topic whose messages have a header is stamped by the header: when the sample was taken. Where no
 header stamp of the topic is set (all are zero), for types without a header, and where the user says so, the
 log time stands in: when the recorder got it. The choice is made per topic, so that a simulator's clock may
-start at zero. Joint states are told apart by joint, see `joint_series`.
+start at zero. Joint states are told apart by joint, see `joint_log`.
 
 Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Its first message counts.
 
 Frames. Poses, twists and wrenches are taken as published; that their frame is the robot's base is up to the
-user, unless the pose is named by its frames (see `transforms`).
+user, unless the pose is named by its frames (see `computed_pose`).
 """
 
 import re
@@ -35,8 +35,8 @@ from structlearn.readers.cdr import (
     short_name,
     table,
 )
+from structlearn.readers.clock import StampPolicy, in_order
 from structlearn.readers.recording import JOINT_KINDS, Form, Kind, NamedShape, Stream
-from structlearn.readers.stamps import StampPolicy, in_order
 from structlearn.readers.topics import Role
 
 FRAME = "base"
@@ -50,11 +50,9 @@ FIELDS: Mapping[Kind, str] = dict(zip(JOINT_KINDS, ("position", "velocity", "eff
 
 
 MESSAGE_TYPES: Mapping[Kind, str] = {
+    **dict.fromkeys(JOINT_KINDS, "sensor_msgs/msg/JointState"),
     "pose": "geometry_msgs/msg/PoseStamped",
     "twist": "geometry_msgs/msg/TwistStamped",
-    "joint_positions": "sensor_msgs/msg/JointState",
-    "joint_velocities": "sensor_msgs/msg/JointState",
-    "joint_torques": "sensor_msgs/msg/JointState",
     "wrench": "geometry_msgs/msg/WrenchStamped",
     "tactile": "std_msgs/msg/Float32MultiArray",
     "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
@@ -80,9 +78,8 @@ def to_stream(
 ) -> tuple[Stream, str | None]:
     """Stream of one topic, neither of joint states nor of shapes, and what was done about its stamps.
 
-    Raises:
-        InputError: a message cannot be decoded, lacks a field of its type or has another length than the
-            first one, or stamps do not increase; the error names the row.
+    Raises InputError: a message cannot be decoded, lacks a field of its type or has another length than the
+    first one, or stamps do not increase; the error names the row.
     """
     groups = decoded(where, messages)
     short = _type_of(messages)
@@ -107,10 +104,8 @@ def to_messages(where: str, stream: Stream) -> RawMessages:
     """Messages of a stream, one per row.
 
     Counts of tactile sensors are float32: whole numbers up to 2^24 are exact. All other values keep their 64
-    bits. The stamp goes into the header where the type has one.
-
-    Raises:
-        InputError: a stamp is negative or beyond what a header holds, a tactile count beyond float32.
+    bits. The stamp goes into the header where the type has one. Raises InputError: a stamp is negative or
+    beyond what a header holds, a tactile count beyond float32.
     """
     values = stream.values
     if stream.kind in JOINT_KINDS:
@@ -137,8 +132,7 @@ def joint_messages(
 ) -> RawMessages:
     """Joint states, one per row: (T,) int64 ns, and (T, J) of each kind that is filled.
 
-    Raises:
-        InputError: a stamp is negative or beyond what a header holds.
+    Raises InputError: a stamp is negative or beyond what a header holds.
     """
     message_type = MESSAGE_TYPES["joint_positions"]
     lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
@@ -152,11 +146,8 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     """Shapes of the first message of a topic of markers, in their order.
 
     A marker is named by its namespace, with its number behind it where several have the same. Markers of
-    other types (arrows, text, meshes) are passed over.
-
-    Raises:
-        InputError: a message cannot be decoded or lacks a field of its type, or a shape is not finite, has no
-            extent, or no orientation.
+    other types (arrows, text, meshes) are passed over. Raises InputError: a message cannot be decoded or
+    lacks a field of its type, or a shape is not finite, has no extent, or no orientation.
     """
     (first,) = decoded(where, replace(messages, kinds=messages.kinds[:1], data=messages.data[:1]))
     with fields_named(where):

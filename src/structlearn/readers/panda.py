@@ -9,14 +9,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.bag_files import natural_order
+from structlearn.core.errors import InputError
 from structlearn.readers.joint_log import JointLog
-from structlearn.readers.text_log import read_each, read_stamped_table, read_table, source_provenance
+from structlearn.readers.text_log import PublicSet, read_each, read_stamped_table, read_table
 
-REPOSITORY = "https://github.com/marcocognetti/FrankaEmikaPandaDynModel"
-COMMIT = "24d85ce4e648e2e894c832bfeee9b16711eb1a1a"
-LICENCE = "GPL-3.0"
+SOURCE = PublicSet(
+    "https://github.com/marcocognetti/FrankaEmikaPandaDynModel",
+    "24d85ce4e648e2e894c832bfeee9b16711eb1a1a",
+    "GPL-3.0",
+)
 
 JOINTS = tuple(f"panda_joint{number}" for number in range(1, 8))
 """Names in the arm's URDF."""
@@ -33,14 +34,11 @@ def read_motion(
     The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six
     significant digits. Names of folders stand before those of their motions. `left_out`: see `read_each`.
 
-    Raises:
-        MissingInputError: there is no file of positions.
-        InputError: a file is missing, no table of numbers or not of the length that the times ask for.
+    Raises MissingInputError: there is no file of positions. Raises InputError: a file is missing, no table of
+    numbers or not of the length that the times ask for.
     """
     folder = Path(folder)
-    found = sorted(folder.rglob("*_positions.txt"), key=lambda path: natural_order(path.as_posix()))
-    if not found:
-        raise MissingInputError(f"{folder}: holds no motion (exciting_traj_positions.txt, ...)")
+    found = SOURCE.files(folder, "*_positions.txt", "motion (exciting_traj_positions.txt, ...)")
     return read_each(partial(_read, folder), found, left_out)
 
 
@@ -58,6 +56,6 @@ def _read(folder: Path, positions: Path) -> JointLog:
                 f"times in {times.name}"
             )
         signals[signal] = values.reshape(len(stamps), len(JOINTS))
-    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [times, *paths.values()])
+    provenance = SOURCE.provenance(folder, [times, *paths.values()])
     whole_name = "_".join([*times.parent.relative_to(folder).parts, name])
     return JointLog(whole_name, JOINTS, stamps, **signals, provenance=provenance)

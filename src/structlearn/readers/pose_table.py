@@ -28,9 +28,8 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import Bag
-from structlearn.readers.checks import NORM_TOLERANCE
 from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
-from structlearn.readers.recording import FORMS, NamedShape, Stream
+from structlearn.readers.recording import FORMS, NORM_TOLERANCE, NamedShape, Stream
 from structlearn.readers.text_log import LARGEST, finite_numbers, read_rows, read_stamped_table, read_text
 
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
@@ -50,9 +49,8 @@ SHAPE_NUMBERS = ("x", "y", "z", "qw", "qx", "qy", "qz", "sx", "sy", "sz")
 def read_pose_table(path: Path) -> Bag:
     """Read a table.
 
-    Raises:
-        InputError: the file is missing, or is no CSV or Parquet file; a column is missing, unknown or stands
-            twice, joints have not the same fields, or a value is no finite number or time.
+    Raises InputError: the file is missing, or is no CSV or Parquet file; a column is missing, unknown or
+    stands twice, joints have not the same fields, or a value is no finite number or time.
     """
     names, stamps, values = (_of_parquet if path.suffix == ".parquet" else _of_csv)(path)
     if (stamps < 0).any() or (stamps > LAST_STAMP).any():
@@ -181,9 +179,8 @@ def shape_file(path: Path, name: str) -> Path | None:
 def read_shapes(path: Path) -> tuple[NamedShape, ...]:
     """Read a table of shapes.
 
-    Raises:
-        InputError: the file is no text or lacks a column, or a line has a form that is not known, something
-            that is no finite number, no unit quaternion, or no positive size; the message names the line.
+    Raises InputError: the file is no text or lacks a column, or a line has a form that is not known,
+    something that is no finite number, no unit quaternion, or no positive size; the message names the line.
     """
     shapes = []
     for where, row in read_rows(path, ("name", "form", *SHAPE_NUMBERS)):

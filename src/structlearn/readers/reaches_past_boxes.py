@@ -13,20 +13,22 @@ import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.bag_files import natural_order
 from structlearn.readers.recording import Form, NamedShape, Recording, Stream
 from structlearn.readers.text_log import (
+    PublicSet,
     check_rising,
     finite_numbers,
+    natural_order,
     read_each,
     read_rows,
     read_stamped_table,
-    source_provenance,
 )
 
-REPOSITORY = "https://github.com/m-hasan-n/hlp"
-COMMIT = "5c1d5f29c3550391376da7e98e27a0006bb67ea5"
-LICENCE = "MIT, see LICENSE.md beside the files"
+SOURCE = PublicSet(
+    "https://github.com/m-hasan-n/hlp",
+    "5c1d5f29c3550391376da7e98e27a0006bb67ea5",
+    "MIT, see LICENSE.md beside the files",
+)
 
 TRIALS = "trials.csv"
 TRIAL_COLUMNS = ("participant", "trial", "type", "start_moved_time", "target_reached_time")
@@ -50,9 +52,8 @@ def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str] | None = N
     any part of the data set: trials whose folder is missing are passed over. `entry` is not used; `left_out`:
     see `text_log.read_each`.
 
-    Raises:
-        MissingInputError: there is no table of trials, or none of its trials.
-        InputError: a file is missing, or a row is not what it should be; the message names file and line.
+    Raises MissingInputError: there is no table of trials, or none of its trials. Raises InputError: a file is
+    missing, or a row is not what it should be; the message names file and line.
     """
     if not (folder / TRIALS).is_file():
         raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")
@@ -98,7 +99,7 @@ def _trial(folder: Path, trial: Path, row: dict[str, str], times: list[float]) -
     stamps, values = read_stamped_table(hand, HAND_COLUMNS, separator=",", header_lines=1)
     check_rising(hand, stamps)
     pose = np.hstack([unity_to_base(values[:, :3]), unity_rotation(values[:, 3:])])
-    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [hand, boxes, scene])
+    provenance = SOURCE.provenance(folder, [hand, boxes, scene])
     provenance |= {
         "person": row["participant"],
         "trial": row["trial"],

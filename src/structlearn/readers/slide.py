@@ -11,15 +11,16 @@ import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import MissingInputError
-from structlearn.readers.bag_files import natural_order
 from structlearn.readers.clock import synchronise
 from structlearn.readers.joint_log import JointLog
 from structlearn.readers.recording import Recording, Stream
-from structlearn.readers.text_log import read_each, read_stamped_table, source_provenance
+from structlearn.readers.text_log import PublicSet, natural_order, read_each, read_stamped_table
 
-REPOSITORY = "https://github.com/dexrob/BioTac_slide_20_50"
-COMMIT = "c19638b040791b7b32f2fcf12eee315ca901f80a"
-LICENCE = "none stated: for tests and evaluation, not for redistribution"
+SOURCE = PublicSet(
+    "https://github.com/dexrob/BioTac_slide_20_50",
+    "c19638b040791b7b32f2fcf12eee315ca901f80a",
+    "none stated: for tests and evaluation, not for redistribution",
+)
 
 JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
 """Names in the URDF of the arm."""
@@ -44,9 +45,8 @@ def read_slides(
     The folder holds MATERIAL_TRIAL_STREAM.csv files, or folders of them; recordings are named like "mat9_1".
     `left_out`: see `read_each`.
 
-    Raises:
-        MissingInputError: there is no trial.
-        InputError: a stream is missing or not a table of its columns.
+    Raises MissingInputError: there is no trial. Raises InputError: a stream is missing or not a table of its
+    columns.
     """
     found = {path.stem.removesuffix("_cp"): path.parent for path in Path(folder).rglob("*_*_cp.csv")}
     by_material: dict[str, list[str]] = {}
@@ -91,5 +91,5 @@ def read_slide(folder: Path, name: str) -> Recording:
         Stream("/wrench", "wrench", *tables["cw"]),
         Stream("/tactile/0", "tactile", tactile_stamps, tactile[:, FIRST_ELECTRODE:]),
     )
-    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, list(files.values()))
+    provenance = SOURCE.provenance(folder, list(files.values()))
     return Recording(name, streams, provenance=provenance)

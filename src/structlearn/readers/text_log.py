@@ -2,28 +2,60 @@
 
 import csv
 import hashlib
+import re
 import stat
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from structlearn.core.errors import InputError
+from structlearn.core.errors import InputError, MissingInputError
 
 T = TypeVar("T")
-
 
 LARGEST = 2**30
 """Largest size in bytes of a text log, and of the numbers of a Parquet table."""
 
 
+@dataclass(frozen=True)
+class PublicSet:
+    """Where and how a set of recordings was published."""
+
+    repository: str
+    commit: str
+    licence: str
+
+    def files(self, folder: Path, pattern: str, kind: str) -> list[Path]:
+        """Files below a folder in natural order of their paths; without any a MissingInputError."""
+        found = sorted(folder.rglob(pattern), key=lambda path: natural_order(path.as_posix()))
+        if not found:
+            raise MissingInputError(f"{folder}: holds no {kind}")
+        return found
+
+    def provenance(self, root: Path, files: Sequence[Path]) -> dict[str, str]:
+        """Origin "recorded", the set, the files of a recording below the root, and their SHA-256."""
+        return {
+            "origin": "recorded",
+            "source": self.repository,
+            "commit": self.commit,
+            "licence": self.licence,
+            "files": " ".join(path.relative_to(root).as_posix() for path in files),
+            "sha256": " ".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in files),
+        }
+
+
+def natural_order(name: str) -> list[str | int]:
+    """Key that sorts runs of digits in a name as numbers; odd places are numbers, so keys compare."""
+    return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"(\d+)", name))]
+
+
 def read_text(path: Path) -> str:
     """A whole text file, without a mark of its byte order.
 
-    Raises:
-        InputError: the file is missing, a pipe, larger than `LARGEST`, or no text.
+    Raises InputError: the file is missing, a pipe, larger than `LARGEST`, or no text.
     """
     try:
         state = path.stat()
@@ -43,11 +75,9 @@ def read_table(
 ) -> np.ndarray:
     """(T, columns) float64 of a text file; blank lines are skipped.
 
-    Numbers stand apart by the separator, None: by white space; a line may end with one.
-
-    Raises:
-        InputError: the file is missing, no text or has no rows; a line has another number of columns, or
-            something that is not a finite number.
+    Numbers stand apart by the separator, None: by white space; a line may end with one. Raises InputError:
+    the file is missing, no text or has no rows; a line has another number of columns, or something that is
+    not a finite number.
     """
     path = Path(path)
     return _numbers(path, _lines(path, separator, header_lines), columns, separator)
@@ -72,8 +102,7 @@ def read_stamped_table(
 def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
     """Rows of a CSV file with headings, as words, each with its file and line.
 
-    Raises:
-        InputError: the file is missing, no text, or lacks a column; a line is longer or shorter.
+    Raises InputError: the file is missing, no text, or lacks a column; a line is longer or shorter.
     """
     try:
         header, *rows = list(csv.reader(read_text(path).splitlines(keepends=True))) or [[]]
@@ -129,20 +158,6 @@ def check_rising(path: Path, stamps: np.ndarray) -> None:
         raise InputError(
             f"{path}: line {int(np.argmax(steps <= 0)) + 2} does not come after the one before it"
         )
-
-
-def source_provenance(
-    repository: str, commit: str, licence: str, root: Path, files: Sequence[Path]
-) -> dict[str, str]:
-    """Origin "recorded", where and how a set was published, its files below the root, their SHA-256."""
-    return {
-        "origin": "recorded",
-        "source": repository,
-        "commit": commit,
-        "licence": licence,
-        "files": " ".join(path.relative_to(root).as_posix() for path in files),
-        "sha256": " ".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in files),
-    }
 
 
 def _lines(path: Path, separator: str | None, header_lines: int) -> dict[int, str]:

@@ -100,12 +100,14 @@ class TopicMap(Parameters):
 
     def roles(self) -> list[tuple[str, Role]]:
         """Every topic that is a signal by itself with what it is read as, in a fixed order."""
-        pose = self.pose if isinstance(self.pose, str) else None
-        pairs: list[tuple[str | None, Role]] = [(pose, "pose"), (self.twist, "twist")]
-        pairs += [(topic, "joint_states") for topic in self.joint_states]
-        pairs += [(self.wrench, "wrench")]
-        pairs += [(topic, "tactile") for topic in self.tactile]
-        pairs += [(self.tool_to_board, "tool_to_board")]
+        pairs: list[tuple[str | None, Role]] = [
+            (self.pose if isinstance(self.pose, str) else None, "pose"),
+            (self.twist, "twist"),
+            *((topic, "joint_states") for topic in self.joint_states),
+            (self.wrench, "wrench"),
+            *((topic, "tactile") for topic in self.tactile),
+            (self.tool_to_board, "tool_to_board"),
+        ]
         return [(topic, role) for topic, role in pairs if topic is not None]
 
 

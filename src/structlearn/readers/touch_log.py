@@ -16,10 +16,9 @@ import pandas as pd
 import pyarrow
 
 from structlearn.core.errors import InputError
-from structlearn.readers.bag_files import natural_order
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.series_table import Series, read_series, write_series
-from structlearn.readers.text_log import LARGEST
+from structlearn.readers.runs import Series, read_series, write_series
+from structlearn.readers.text_log import LARGEST, natural_order
 
 PLACE, HEIGHT, TIME, FORCE, RUN = ("x_m", "y_m"), "z_m", "time_s", "force_n", "run"
 UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys((*PLACE, HEIGHT), "m")
@@ -91,9 +90,8 @@ def read_touch_logs(path: str | Path) -> list[TouchLog]:
 def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLog]:
     """Read the recordings of one table; channels None: all columns but place, time, force and run.
 
-    Raises:
-        InputError: it cannot be read, lacks a channel or has none, or holds something that is not a finite
-            number; the message names file, row (from 0) and column.
+    Raises InputError: it cannot be read, lacks a channel or has none, or holds something that is not a finite
+    number; the message names file, row (from 0) and column.
     """
     if path.stat().st_size > LARGEST:
         raise InputError(f"{path}: has {path.stat().st_size} bytes, more than {LARGEST}")

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.bag_files import check_unique
+from structlearn.readers.bag_files import check_names
 from structlearn.readers.joint_log import DriveLog, signals_of
-from structlearn.readers.text_log import check_rising, read_each, read_stamped_table, source_provenance
+from structlearn.readers.text_log import PublicSet, check_rising, read_each, read_stamped_table
 
-REPOSITORY = "https://github.com/shamilmamedov/dynamic_calibration"
-COMMIT = "11af40e7deb758ec080a175fed8fcdd6c99aca29"
-LICENCE = "none stated: for tests and evaluation, not for redistribution"
+SOURCE = PublicSet(
+    "https://github.com/shamilmamedov/dynamic_calibration",
+    "11af40e7deb758ec080a175fed8fcdd6c99aca29",
+    "none stated: for tests and evaluation, not for redistribution",
+)
 
 JOINTS = (
     "shoulder_pan_joint",
@@ -43,10 +45,8 @@ def read_motion(
 
     They have no header; time in s, then the columns of `SIGNALS`. `left_out`: see `read_each`.
 
-    Raises:
-        MissingInputError: there is no log.
-        InputError: a name comes twice; one is no table of 31 numbers per line, or its times do not
-            increase; the message names file and line.
+    Raises MissingInputError: there is no log. Raises InputError: a name comes twice; one is no table of 31
+    numbers per line, or its times do not increase; the message names file and line.
     """
     folder = Path(folder)
     found = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.stem)
@@ -55,7 +55,7 @@ def read_motion(
         print(f"ur10e: left aside, without what the controller asked for: {', '.join(older)}")
     if not paths:
         raise MissingInputError(f"{folder}: holds no logs (ur-*.csv)")
-    check_unique([path.name for path in paths], str(folder))
+    check_names([path.name for path in paths], str(folder))
     return read_each(partial(_read_log, folder), paths, left_out)
 
 
@@ -70,7 +70,7 @@ def _read_log(folder: Path, path: Path) -> DriveLog:
     stamps, values = read_stamped_table(path, 1 + len(SIGNALS) * len(JOINTS), separator=",")
     check_rising(path, stamps)
     parts = [part.copy() for part in np.split(values, len(SIGNALS), axis=1)]
-    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [path])
+    provenance = SOURCE.provenance(folder, [path])
     try:
         return DriveLog(path.stem.removeprefix("ur-"), JOINTS, stamps, *parts, provenance=provenance)
     except InputError as error:

@@ -23,12 +23,12 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 from jinja2 import Environment
-from pydantic import BaseModel, ConfigDict, PositiveFloat, model_validator
+from pydantic import PositiveFloat, model_validator
 from scipy.special import ndtri, stdtrit
 
 from structlearn.core.artefacts import read_csv
 from structlearn.core.metrics import mean_interval, wilson_interval
-from structlearn.core.params import read_values
+from structlearn.core.params import Parameters, read_values
 from structlearn.reporting.prose import capitalised, interval, percent, rounded
 
 YES, NO, UNDECIDED, NOT_TESTED = "yes", "no", "undecided", "not tested"
@@ -172,16 +172,6 @@ def unknown(reason: str) -> Evidence:
 Found = Evidence | Mapping[str, Evidence]  # what was found for one claim: one number, or one by case
 
 
-def quoted(found: Mapping[str, Found], study: str) -> dict[str, Found]:
-    """Evidence read from the table of a study, marked as such: running the pipeline does not test it."""
-    return {
-        name: replace(one, study=study)
-        if isinstance(one, Evidence)
-        else {case: replace(its, study=study) for case, its in one.items()}
-        for name, one in found.items()
-    }
-
-
 def _decided(holds: bool, fails: bool) -> str:
     return YES if holds else NO if fails else UNDECIDED
 
@@ -204,10 +194,8 @@ MOST = 500
 NEEDS_BOUND = {"at most", "at least", "between"}
 
 
-class Counterpart(BaseModel):
+class Counterpart(Parameters):
     """The like statement of another testbed."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     testbed: str  # whose `claims.csv` has it
     statement: str  # as it stands there
@@ -217,21 +205,15 @@ class Counterpart(BaseModel):
     by: Literal["text", "ours"] | None = None
 
 
-class Margin(BaseModel):
+class Margin(Parameters):
     """Smallest effect of interest, written down before the result: an interval within it is no difference."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    size: (
-        PositiveFloat | dict[str, PositiveFloat]
-    )  # distance from the bound in the row's unit, or one by case
+    size: PositiveFloat | dict[str, PositiveFloat]  # from the bound in the row's unit, or one by case
     reason: str  # why a smaller effect does not matter
 
 
-class Claim(BaseModel):
+class Claim(Parameters):
     """One entry of a `claims.yaml`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     # what is claimed; a template that may name the page's facts, as may `published` and `note`
     statement: str
@@ -316,8 +298,7 @@ class Judged:
 def read_claims(path: Path) -> list[Claim]:
     """The claims of a page, in order.
 
-    Raises:
-        ValueError: an entry has an unknown key, an unknown test, or lacks something.
+    Raises ValueError: an entry has an unknown key, an unknown test, or lacks something.
     """
     return [Claim(**entry) for entry in read_values(path)]
 
@@ -336,11 +317,7 @@ def judge(
     environment: Environment,
     facts: Mapping[str, object],
 ) -> list[Judged]:
-    """Hold claims against what was found.
-
-    `claims`: of `read_claims`; `evidence`: by the names that the claims use. Raises ValueError: some is
-    missing.
-    """
+    """Hold claims against what was found, by the names that they use; a ValueError where some is missing."""
     if missing := {claim.evidence for claim in claims} - set(evidence):
         raise ValueError(f"nothing was found for {sorted(missing)}, which claims name")
     return [_judged(claim, evidence[claim.evidence], environment, facts) for claim in claims]
@@ -357,10 +334,12 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
         (capitalised(case), in_words(one, claim.format, claim.unit), one.n, claim.verdict(one, case))
         for case, one in by_case.items()
     )
-    studies = tuple(one.study for one in by_case.values())
-    more = tuple(claim.would_decide(one, case) for case, one in by_case.items())
     return Judged(
-        claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]), studies, more
+        claim=claim.model_copy(update=texts),
+        cases=cases,
+        verdict=combined([case[-1] for case in cases]),
+        studies=tuple(one.study for one in by_case.values()),
+        would_decide=tuple(claim.would_decide(one, case) for case, one in by_case.items()),
     )
 
 
@@ -434,18 +413,8 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
         for one in judged
         for case, study, more in zip_longest(one.cases, one.studies, one.would_decide, fillvalue="")
     ]
-    columns = [
-        *texts,
-        "case",
-        "here",
-        "n",
-        "verdict",
-        "verdict_of_all",
-        "by_construction",
-        "study",
-        "evidence",
-        "would_decide",
-    ]
+    columns = [*texts, "case", "here", "n", "verdict", "verdict_of_all"]
+    columns += ["by_construction", "study", "evidence", "would_decide"]
     table = pd.DataFrame(rows, columns=columns)
     if any(one.heading for one in judged):
         sets = [

@@ -10,6 +10,7 @@ commit give equal bytes: no wall times, and of dates only that of the data.
 """
 
 import re
+import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -25,9 +26,9 @@ from markupsafe import Markup
 from structlearn.core.params import Parameters
 from structlearn.reporting import prose
 from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, in_sentence, verdict_counts
-from structlearn.reporting.source_commit import source_commit
 
 MISSING = "\N{EN DASH}"
+UNKNOWN_COMMIT = "unknown commit"
 
 
 @dataclass(frozen=True)
@@ -204,21 +205,12 @@ def environment(package: str) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters |= {
-        "f": lambda value, number_format: prose.rounded(value + 0, number_format),  # + 0: nothing undefined
-        "words": in_sentence,
-        "listing": prose.listing,
-        "counted": prose.counted,
-        "capitalised": prose.capitalised,
-        "cell": cell,
-        "anchor": anchor,
-    }
-    made.globals |= {
-        "interval": prose.interval,
-        "with_interval": prose.with_interval,
-        "with_spread": prose.with_spread,
-        "percent": prose.percent,
-    }
+    made.filters["f"] = lambda value, digits: prose.rounded(value + 0, digits)  # + 0: nothing undefined
+    made.filters["words"] = in_sentence
+    for filter_ in (prose.listing, prose.counted, prose.capitalised, cell, anchor):
+        made.filters[filter_.__name__] = filter_
+    for function in (prose.interval, prose.with_interval, prose.with_spread, prose.percent):
+        made.globals[function.__name__] = function
     made.tests["numeric"] = is_numeric
     return made
 
@@ -232,6 +224,28 @@ def date_of(paths: Iterable[Path]) -> str:
         if file.is_file()
     ]
     return f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d}" if times else ""
+
+
+def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(".")) -> str:
+    """`b9b799a`, or `b9b799a+changes` where folders are not as committed.
+
+    `UNKNOWN_COMMIT` where the project was unpacked from an archive, or git is missing.
+    """
+
+    def git(*arguments: str) -> str | None:
+        """Output of git; None if it fails."""
+        try:
+            done = subprocess.run(
+                ["git", "-C", root, *arguments], capture_output=True, text=True, check=False
+            )
+        except OSError:
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+    commit = git("rev-parse", "--short", "HEAD")
+    if not commit or git("rev-parse", "--show-prefix") != "":  # of another project around this one
+        return UNKNOWN_COMMIT
+    return f"{commit}+changes" if git("status", "--porcelain", "--", *folders) else commit
 
 
 def anchor(heading: str) -> str:
@@ -288,9 +302,9 @@ def _rows(key: str, value: Any) -> Iterator[tuple[str, str]]:
 
 def _text(value: Any) -> str:
     if isinstance(value, list):
-        return ", ".join(_text(inner) for inner in value) or "\N{EN DASH}"
+        return ", ".join(_text(inner) for inner in value) or MISSING
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None:
-        return "\N{EN DASH}"
+        return MISSING
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -8,7 +8,7 @@ A figure of several panels is best several figures of `PANEL_WIDTH`: the page se
 there is room, and below each other on a phone, where their letters stay readable.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
@@ -17,6 +17,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -24,7 +25,7 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from PIL import Image
 
-from structlearn.palette import BLACK, LIGHT_GREY
+from structlearn.palette import BLACK, LIGHT_GREY, place_colours
 
 WIDTH = 9.4  # inches of a figure as wide as the page; all have it, so that letters have one size on a page
 PANEL_WIDTH = 4.7  # inches of a panel, two of which stand beside each other on a wide page
@@ -164,3 +165,37 @@ def finish_space(space: Axes3D, above: Axes, points: np.ndarray) -> None:
         axis.set_major_locator(MaxNLocator(4, steps=(1, 2, 5, 10)))
     above.set(title="From above (axes scaled separately)", xlabel="y (mm)", ylabel="x (mm)")
     above.invert_yaxis()  # y to the right and z towards the reader: x points down
+
+
+HEIGHT = 3.1  # inches of a panel
+SAMPLES = 60  # of a curve among a hundred; no eye sees more
+
+
+def panel(title: str, height: float = HEIGHT, **labels: object) -> tuple[Figure, Axes]:
+    """An empty panel with what `Axes.set` takes; height in inches."""
+    figure = canvas(height, PANEL_WIDTH)
+    axes = figure.subplots()
+    axes.set(**labels)
+    axes.set_title(title, pad=8)
+    return figure, axes
+
+
+def legend(figure: Figure, columns: int = 2) -> Figure:
+    """The same figure, with a legend above its panel."""
+    figure.legend(loc="outside upper left", ncols=columns, columnspacing=1.2)
+    return figure
+
+
+@styled
+def map_panels(lies: pd.DataFrame, titles: Sequence[str], height: float, margin_mm: float) -> list[Raster]:
+    """Places of touches on a skin (`x_m`, `y_m`), and where they lie in its map (`map_x_m`, `map_y_m`)."""
+    places, mapped = (1e3 * lies[columns].to_numpy() for columns in (["x_m", "y_m"], ["map_x_m", "map_y_m"]))
+    colours, middle = place_colours(places) / 255.0, 0.5 * (places.min(axis=0) + places.max(axis=0))
+    half = 0.5 * np.ptp(places, axis=0).max() + margin_mm
+    figures = []
+    for title, points in zip(titles, (places - middle, mapped - middle), strict=True):
+        figure, axes = panel(title, height, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
+        axes.set(xlim=(-half, half), ylim=(-half, half))
+        axes.scatter(points[:, 0], points[:, 1], s=5.0, c=colours, linewidths=0)
+        figures.append(Raster(figure))
+    return figures

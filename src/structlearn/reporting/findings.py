@@ -63,13 +63,14 @@ class Findings(Mapping[str, Found]):
     ) -> Found:
         """Add a row for what was computed elsewhere; `headline`: for `metrics.json`, all or some cases.
 
-        Raises:
-            ValueError: there is such a row already.
+        Raises ValueError: there is such a row already.
         """
         if name in self._rows:
             raise ValueError(f"two findings are called {name}")
-        if self._study:
-            found = claims.quoted({name: found}, self._study)[name]
+        if isinstance(found, Evidence):
+            found = replace(found, study=self._study) if self._study else found
+        elif self._study:
+            found = {case: replace(one, study=self._study) for case, one in found.items()}
         self._rows[name] = _Row(found, unit, self._population, headline)
         return found
 
@@ -181,8 +182,7 @@ def _cases(found: Found) -> Iterable[tuple[str, Evidence]]:
 def read_findings(path: Path | Any) -> pd.DataFrame:
     """Read `findings.csv`, from its path or an open file.
 
-    Raises:
-        InputError: the file is missing or no table.
+    Raises InputError: the file is missing or no table.
     """
     texts = dict.fromkeys(("name", "case", "unit", "population", "study", "reason"), "")
     return read_csv(path, dtype=dict.fromkeys(texts, str)).fillna(texts)

@@ -8,11 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
-from pydantic import BaseModel, ConfigDict
 
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
-from structlearn.core.params import read_values
+from structlearn.core.params import Parameters, read_values
 from structlearn.reporting.claims import NOT_TESTED, VERDICTS, combined
 from structlearn.reporting.document import Made, environment
 
@@ -20,11 +19,7 @@ RECORDED = "recorded"
 """Folder of the report on recorded data; its claims are in `claims.QUOTED` for a machine without these."""
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Row(_Entry):
+class Row(Parameters):
     """A claim of a report, and what it says in words."""
 
     report: str  # folder of the report
@@ -34,7 +29,7 @@ class Row(_Entry):
     cases: tuple[str, ...] = ()  # those meant; all where none is named
 
 
-class Finding(_Entry):
+class Finding(Parameters):
     """A question, and what was published, simulated and recorded about it."""
 
     question: str
@@ -43,7 +38,7 @@ class Finding(_Entry):
     recorded: Row | None = None
 
 
-class Card(_Entry):
+class Card(Parameters):
     """What the front page says about one testbed."""
 
     title: str
@@ -56,7 +51,7 @@ class Card(_Entry):
     pages: Mapping[str, str] = {}  # further pages of it, title by file name
 
 
-class Step(_Entry):
+class Step(Parameters):
     """A box of the drawing of the pipeline."""
 
     name: str
@@ -65,7 +60,7 @@ class Step(_Entry):
     path: str  # what is drawn in the box: an SVG path, 100 wide and 44 high
 
 
-class FrontPage(_Entry):
+class FrontPage(Parameters):
     """The file of the front page's words."""
 
     steps: tuple[Step, ...]
@@ -83,10 +78,8 @@ def render_front(
 ) -> str:
     """The front page as HTML.
 
-    `claims`: `claims_table` by report; `tasks`: pages of single tasks by name.
-
-    Raises:
-        InputError: a report has no claim or case that the page names.
+    `claims`: `claims_table` by report; `tasks`: pages of single tasks by name. Raises InputError: a report
+    has no claim or case that the page names.
     """
     counts = {report: _counts(table) for report, table in claims.items()}
     return (
@@ -124,8 +117,7 @@ def _told(one: Finding, claims: Mapping[str, pd.DataFrame]) -> list[tuple[str, s
 def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
     """What a row says with its numbers, and its verdict over the cases meant.
 
-    Raises:
-        InputError: the report has no such claim or case.
+    Raises InputError: the report has no such claim or case.
     """
     table = claims[row.report]
     where = f"{row.report}: claim {row.claim}{f' of {row.set}' if row.set else ''}"
@@ -153,8 +145,7 @@ def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
 def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
     """The claims of a report, as `claims.csv` in a folder has them.
 
-    Raises:
-        InputError: the file is missing, or older than its names of claims.
+    Raises InputError: the file is missing, or older than its names of claims.
     """
     table = read_csv(folder / "claims.csv", keep_default_na=False)
     if "evidence" not in table:

@@ -1,4 +1,4 @@
-"""Figures of movements that several pages share: signals with cuts, primitives over segments, sequences."""
+"""Figures of movements that several pages share: cut signals, alignment (IV.14, IV.15), noise, primitives."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,15 +7,38 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator, StrMethodFormatter
 from mpl_toolkits.mplot3d import Axes3D
 
 from structlearn.core import signals
-from structlearn.palette import AXIS_COLOURS, BLACK, DEMONSTRATION_COLOUR, primitive_colour
+from structlearn.palette import (
+    AXIS_COLOURS,
+    BLACK,
+    BLUE,
+    DEMONSTRATION_COLOUR,
+    METHOD_COLOURS,
+    METHOD_NAMES,
+    OCHRE,
+    ORANGE,
+    REFERENCE_COLOUR,
+    primitive_colour,
+)
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, finish_space, styled
 from structlearn.reporting.prose import capitalised
+from structlearn.segmentation.alignment import METHODS, RESULT
+from structlearn.segmentation.cut_errors import aligned_segments, aligned_spread_mm
+from structlearn.segmentation.parameters import AXES, PrimitiveParameters
+from structlearn.segmentation.segments import Segmentation
 
 SPEED_CUTOFF_HZ = 5.0  # low-pass of the speeds that are drawn; differences of raw positions are mostly noise
+
+
+PAIRS_SHOWN = 16
+TOP_PAIRS = 8
+APART = 0.03
+"""Top pairs are this fraction of the reference segment apart: neighbouring samples have the same weight."""
 
 
 def speed(demonstration: Demonstration) -> np.ndarray:
@@ -117,4 +140,191 @@ def sequence_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
         panels[0].set_title(capitalised(title), pad=18)
         panels[-1].set(xlabel="time (s)", xlim=(time[0], time[-1]))
         figures[-1].align_ylabels(panels)
+    return figures
+
+
+def top_pairs(pairs: pd.DataFrame) -> pd.DataFrame:
+    """Rows of largest weight of one demonstration and primitive (`Segmentation.pairs`), in order of time."""
+    distance = APART * np.ptp(pairs["reference_s"].to_numpy())
+    chosen: list[int] = []
+    times = pairs["reference_s"].to_numpy()
+    for place in np.argsort(-pairs["weight"].to_numpy(), kind="stable"):
+        if len(chosen) == TOP_PAIRS or pairs["weight"].iloc[place] <= 0.0:
+            break
+        if all(abs(times[place] - times[other]) >= distance for other in chosen):
+            chosen.append(int(place))
+    return pairs.iloc[sorted(chosen)]
+
+
+@styled
+def correspondence_figure(
+    reference: Demonstration, guess: Demonstration, segmentation: Segmentation, primitive: PrimitiveParameters
+) -> list[Figure]:
+    """Figure IV.14: pairs without weights, the pairs of largest weight, and the refined segments."""
+    chosen = segmentation.pairs["primitive"] == primitive.name
+    pairs = segmentation.pairs[chosen & (segmentation.pairs["demonstration"] == guess.name)]
+    some = pairs.iloc[np.linspace(0, len(pairs) - 1, min(PAIRS_SHOWN, len(pairs))).round().astype(int)]
+    figures = [canvas(3.4, PANEL_WIDTH) for _ in range(3)]
+    every, top, refined = (figure.subplots() for figure in figures)
+    _draw_pairs(every, reference, guess, pairs, some, primitive.axis)
+    every.set_title(f"(a) Every {len(pairs) // max(len(some) - 1, 1)}th pair, no weights")
+    lines = [("reference", REFERENCE_COLOUR, 1.8), ("guess", DEMONSTRATION_COLOUR, 1.8)]
+    lines += [("pair", BLUE, 0.8), ("pair, near-zero velocity", ORANGE, 0.8)]
+    handles = [Line2D([], [], color=colour, linewidth=width, label=label) for label, colour, width in lines]
+    every.legend(handles=handles, handlelength=1.2, fontsize=7.5)
+    best = top_pairs(pairs)
+    _draw_pairs(top, reference, guess, pairs, best, primitive.axis)
+    top.set_title(f"(b) {len(best)} pairs of largest weight")
+    curves = {}
+    for method in ("ls", "wls_text", "wls"):
+        segments, names = aligned_segments(
+            [reference, guess], segmentation, primitive.name, method, primitive.shown_by
+        )
+        curves["reference"] = segments[names.index(reference.name)]
+        curves[method] = segments[names.index(guess.name)]
+    time = np.linspace(0.0, 1.0, len(curves["reference"]))
+    for name, curve in curves.items():
+        label, colour = METHOD_NAMES.get(name, name), METHOD_COLOURS.get(name, REFERENCE_COLOUR)
+        labels = [label, *[None] * (curve.shape[1] - 1)]  # several axes are one curve
+        refined.plot(time, 1e3 * (curve - curve.mean(axis=0)), color=colour, label=labels)
+    refined.set(title="(c) Refined and stretched", xlabel="time / duration of the segment")
+    refined.set_ylabel(f"{primitive.axis} from its mean (mm)")
+    refined.legend(handlelength=1.2, fontsize=7.5)
+    return figures
+
+
+def _draw_pairs(
+    panel: Axes,
+    reference: Demonstration,
+    guess: Demonstration,
+    pairs: pd.DataFrame,
+    shown: pd.DataFrame,
+    axis: str,
+) -> None:
+    """Both segments over time, the reference above the guess, with lines between corresponding samples.
+
+    Of several axes the one along which the reference moves most is drawn.
+    """
+    column = max(AXES[axis], key=lambda column: np.ptp(reference.position[:, column]))
+    ends, signals, colours = [], [], (REFERENCE_COLOUR, DEMONSTRATION_COLOUR)
+    for demonstration, times in ((reference, "reference_s"), (guess, "guess_s")):
+        inside = (demonstration.time >= pairs[times].min()) & (demonstration.time <= pairs[times].max())
+        signals.append((demonstration.time[inside], 1e3 * demonstration.position[inside, column]))
+        ends.append(np.interp(shown[times], demonstration.time, 1e3 * demonstration.position[:, column]))
+    lift = 0.75 * np.ptp(signals[0][1]) + signals[1][1].max() - signals[0][1].max()  # reference above guess
+    for (time, values), raised, colour in zip(signals, (lift, 0.0), colours, strict=True):
+        panel.plot(time - time[0], values + raised, color=colour, linewidth=1.8)
+    starts = [signals[0][0][0], signals[1][0][0]]
+    for number, row in enumerate(shown.itertuples()):
+        colour = ORANGE if row.weight == 0.0 else BLUE
+        x = row.reference_s - starts[0], row.guess_s - starts[1]
+        y = ends[0][number] + lift, ends[1][number]
+        panel.plot(x, y, color=colour, linewidth=0.8, marker="o", markersize=2.6)
+    panel.set_xlabel("time in the extended segment (s)")
+    panel.set_ylabel(f"{'xyz'[column]}, shifted (mm)")
+
+
+@styled
+def alignment_figure(
+    demonstrations: Sequence[Demonstration],
+    segmentation: Segmentation,
+    primitives: Sequence[PrimitiveParameters],
+) -> list[Figure]:
+    """Figure IV.15a, b: segments of all demonstrations at one duration, before and after refining."""
+    figures = []
+    for primitive in primitives:
+        figures.append(canvas(4.6, PANEL_WIDTH))
+        grid = figures[-1].subplots(2, 2, sharex=True, sharey=True)
+        for panel, method in zip(grid.ravel(), ("zvc", "ls", "wls_text", "wls"), strict=True):
+            arguments = (demonstrations, segmentation, primitive.name, method, primitive.shown_by)
+            curves, names = aligned_segments(*arguments)
+            curves = 1e3 * (curves - curves.mean(axis=1, keepdims=True))
+            time = np.linspace(0.0, 1.0, curves.shape[1])
+            for place in np.argsort(np.equal(names, segmentation.reference), kind="stable"):
+                first = names[place] == segmentation.reference
+                colour = REFERENCE_COLOUR if first else METHOD_COLOURS[method]
+                for column in curves[place].T:
+                    panel.plot(time, column, color=colour, linewidth=1.5 if first else 0.8)
+            if len(names) > 1:
+                rises = curves[:, -1].mean() > curves[:, 0].mean()
+                x, side = (0.05, "left") if rises else (0.97, "right")
+                spread = f"spread {aligned_spread_mm(*arguments):.2f} mm"
+                panel.text(x, 0.95, spread, transform=panel.transAxes, ha=side, va="top")
+            panel.set_title(METHOD_NAMES[method], fontweight="normal")
+        figures[-1].suptitle(capitalised(primitive.name), fontsize=9.5, weight="bold")
+        figures[-1].supylabel(f"{primitive.axis} from its mean (mm)", fontsize=9.0)
+        figures[-1].supxlabel("time / duration", fontsize=9.0)
+    return figures
+
+
+@styled
+def noise_figure(
+    by_level: pd.DataFrame,
+    comparison: pd.DataFrame,
+    noise: str = "noise of the demonstrator (mm)",
+    pair: str = "same person",
+) -> list[Figure]:
+    """Cut errors over the noise, and the paired differences to the result's method; a panel each.
+
+    `by_level`: of `cut_errors.errors_by_level`; `comparison`: of `cut_errors.paired_comparison`; `pair`: what
+    the two errors of a difference have in common.
+    """
+    figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
+    errors, differences = (figure.subplots() for figure in figures)
+    levels = sorted(by_level["noise_mm"].unique())
+    places = {level: place for place, level in enumerate(levels)}
+    _draw_methods(errors, by_level, places, "mean_ms", "half_width_ms", METHODS)
+    errors.set_yscale("log")
+    errors.yaxis.set_minor_locator(NullLocator())
+    low, high = by_level["mean_ms"].min(), by_level["mean_ms"].max()
+    ticks = (1, 2, 5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 1000, 2000)
+    errors.set_yticks([tick for tick in ticks if 0.7 * low <= tick <= 1.4 * high])
+    errors.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    errors.set(title="Mean cut error", ylabel="mean absolute error (ms)")
+    close = [method for method in ("zvc", "ls", "wls_text") if method in set(comparison["method"])]
+    halves = comparison.assign(half_ms=comparison["high_ms"] - comparison["difference_ms"])
+    _draw_methods(differences, halves, places, "difference_ms", "half_ms", close)
+    differences.axhline(0.0, color=METHOD_COLOURS[RESULT], linewidth=1.4)
+    differences.set(title=f"Error more than “{METHOD_NAMES[RESULT]}”", ylabel=f"difference, {pair} (ms)")
+    for panel in (errors, differences):
+        panel.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
+        panel.set_xlabel(noise)
+        panel.grid(axis="x", visible=False)
+    errors.set_ylim(top=2.5 * high)
+    errors.legend(loc="upper left", ncols=2)
+    return figures
+
+
+def _draw_methods(
+    panel: Axes, table: pd.DataFrame, places: dict[float, int], mean: str, half: str, methods: Sequence[str]
+) -> None:
+    """Lines with error bars; methods stand a little beside each other so that the bars can be told apart."""
+    for number, method in enumerate(methods):
+        rows = table[table["method"] == method]
+        x = rows["noise_mm"].map(places) + 0.07 * (number - 0.5 * (len(methods) - 1))
+        look: dict[str, Any] = {"color": METHOD_COLOURS[method], "label": METHOD_NAMES[method], "marker": "o"}
+        look |= {"markersize": 3.5, "linewidth": 1.3, "elinewidth": 1.0, "capsize": 2.0}
+        panel.errorbar(x, rows[mean], rows[half].fillna(0.0), **look)
+
+
+@styled
+def downsampling_figure(effect: pd.DataFrame) -> list[Figure]:
+    """Work of the time warping and shift of the cut points over the down-sampling factor g (appendix C)."""
+    figures = [canvas(2.9, PANEL_WIDTH) for _ in range(2)]
+    work, shift = (figure.subplots() for figure in figures)
+    work.plot(effect["factor"], effect["work"], color=BLUE, marker="o", markersize=4)
+    work.set_yscale("log")
+    work.set(title="Work", ylabel="cells of the warping table,\nrelative to the first g")
+    work.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    for column, label, colour in (("max_shift_ms", "largest", OCHRE), ("mean_shift_ms", "mean", BLUE)):
+        shift.plot(effect["factor"], effect[column], color=colour, marker="o", markersize=4, label=label)
+    shift.set(title="Shift of the cut points", ylabel="shift (ms)")
+    shift.set_ylim(bottom=0.0)
+    shift.legend(loc="upper left")
+    for panel in (work, shift):
+        panel.set_xscale("log", base=2)
+        panel.set_xticks(effect["factor"], [f"{factor}" for factor in effect["factor"]])
+        panel.xaxis.set_minor_locator(NullLocator())
+        panel.yaxis.set_minor_locator(NullLocator())
+        panel.set_xlabel("down-sampling factor g")
     return figures

@@ -28,17 +28,10 @@ def publish_report(
 ) -> None:
     """Publish `NAME.html`, `figures/`, `tables/`, `findings.csv` and `metrics.json`.
 
-    Args:
-        folder: of the testbed's report.
-        pages: by name, e.g. `index`.
-        drawings: by name; a sequence is a figure of several panels.
-        tables: by name; `claims` is added.
-        find: every number that the pages state; those marked as headlines stand in `metrics.json`, with the
-            counts of verdicts.
-        recorded: claims about recorded data, by which a page tells which statements were tested on them too.
-
-    Raises:
-        ValueError: there are too many headlines.
+    `pages`, `drawings` and `tables` are by name, e.g. `index`; a sequence of drawings is a figure of several
+    panels, the table `claims` is added. `find`: every number that the pages state; those marked as headlines
+    stand in `metrics.json`, with the counts of verdicts; a ValueError where these are too many. `recorded`:
+    claims about recorded data, by which a page tells which statements were tested on them too.
     """
     found = find.table()
     if (marked := int((found["headline"] & found["value"].notna()).sum())) > HEADLINES:
@@ -67,23 +60,17 @@ def publish_report(
 
 def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) -> dict[str, list[Panel]]:
     """Save all drawings, over processes, since drawing is most of what a report takes."""
-    parts = [
-        (name, f"{name}-{number}" if number else name, one)
-        for name, drawing in drawings.items()
-        for number, one in _numbered(drawing)
-    ]
+    parts: list[tuple[str, str, Drawing]] = []
+    for name, drawing in drawings.items():
+        if isinstance(drawing, Drawing):
+            parts.append((name, name, drawing))
+        else:
+            parts += [(name, f"{name}-{number}", one) for number, one in enumerate(drawing, 1)]
     panels = parallel_map(partial(_saved, folder=folder), [part[1:] for part in parts], "figures", local=True)
     figures: dict[str, list[Panel]] = {name: [] for name in drawings}
     for (name, _, _), panel in zip(parts, panels, strict=True):
         figures[name].append(panel)
     return figures
-
-
-def _numbered(drawing: Drawing | Sequence[Drawing]) -> list[tuple[int, Drawing]]:
-    """The panels of a figure from 1; the only one has number 0."""
-    if isinstance(drawing, Drawing):
-        return [(0, drawing)]
-    return list(enumerate(drawing, 1))
 
 
 def _saved(part: tuple[str, Drawing], folder: Path) -> Panel:

@@ -3,35 +3,43 @@
 What a study varies is data, `benchmarks/studies/<testbed>/<name>.yaml`; `benchmarks/study.py` runs it and
 leaves `reports/studies/<testbed>/<name>/table.csv`, one row per variant and repeat, with `study.json`
 beside it. Pages quote the table. It says with which parameters it was made: with others, what it found says
-nothing of what a page shows, so it is as good as not run. It also says by which code: with other code it is
-quoted, but the page says so, and whether part of a cell came out equal when it was run again (`study_rerun`).
+nothing of what a page shows, so it is as good as not run. It also names the commit of its code.
+
+A whole study takes an hour. What of one cell (a variant and a repeat) can be run in 20 s is a script beside
+the study's description, which writes numbers. They are held against the table, and where this has no such
+number against those that were kept beside it when it was made; pages say whether they came out equal.
 """
 
+import copy
 import hashlib
 import json
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+import yaml
 from pydantic import Field, PositiveFloat
 
-from structlearn.core.artefacts import publish, read_csv, read_metrics, write_csv
+from structlearn.core.artefacts import Metrics, publish, read_csv, read_metrics, write_csv
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters, Population, checked, read_parameters, read_values
-from structlearn.core.source_closure import SourceTree
 from structlearn.reporting.claims import mean
-from structlearn.reporting.document import Document, Table, render
+from structlearn.reporting.document import Document, Table, render, source_commit
 from structlearn.reporting.prose import counted, interval, listing, rounded
-from structlearn.reporting.source_commit import code_digests
 
 DESCRIPTIONS = Path("benchmarks/studies")
 RESULTS = Path("reports/studies")
-CODE = ("src", "stages")
-"""Folders of all sources."""
+
+TOLERANCE = 1e-3
+"""Relative; on a processor of another kind than the table's, whose kernels round in another order."""
 
 Changes = dict[str, Any]
 """Parameters by their dotted key, with the values that they are set to."""
@@ -71,9 +79,8 @@ class Rerun(Parameters):
     """What came of running part of a cell again."""
 
     commit: str  # of the code that ran it
-    code: dict[str, str]  # its digests, by source folder of the study
     processor: str  # that it ran on
-    exact: bool  # whether all digits were compared; else within `study_rerun.TOLERANCE`
+    exact: bool  # whether all digits were compared; else within `TOLERANCE`
     covers: str  # in words
     compared: int  # numbers
     in_table: int  # of these; the others were kept beside the table
@@ -84,8 +91,7 @@ class Made(Parameters):
     """How a study was made, as `study.json` holds it."""
 
     parameters: dict[str, str]  # digests by key of `params.yaml`
-    code: dict[str, str]  # digests by source folder of its target stage and all before it
-    commit: str  # of this code
+    commit: str  # of the code
     processor: str  # that it ran on; empty where that was not kept
     # columns of the table that were computed later for the same cells, with the commit of that code
     added: dict[str, str]
@@ -142,8 +148,7 @@ class People:
 def read_description(name: str, folder: Path = DESCRIPTIONS) -> Description:
     """A study by its name, e.g. `scraping/people`.
 
-    Raises:
-        InputError: there is no such study, or a key is missing, unknown or stands twice.
+    Raises InputError: there is no such study, or a key is missing, unknown or stands twice.
     """
     path = Path(folder, f"{name}.yaml")
     if not path.exists():
@@ -159,8 +164,7 @@ def study_names(folder: Path = DESCRIPTIONS) -> list[str]:
 def repeats(description: Description, parameters: Path) -> list[Changes]:
     """What is changed in each repeat.
 
-    Raises:
-        InputError: the parameters do not name its population.
+    Raises InputError: the parameters do not name its population.
     """
     if isinstance(description.repeats, list):
         return description.repeats
@@ -169,31 +173,11 @@ def repeats(description: Description, parameters: Path) -> list[Changes]:
     return [dict.fromkeys(over.seeds, seed) for seed in seeds]
 
 
-def upstream_parameters(pipeline: Mapping[str, Any], target: str) -> list[str]:
-    """Keys of `params.yaml` that a stage and all before it depend on."""
-    stages = _upstream(pipeline, target)
-    return sorted({str(key).split(".")[0] for stage in stages for key in stage.get("params", [])})
-
-
-def upstream_code(pipeline: Mapping[str, Any], target: str, root: Path = Path(".")) -> list[str]:
-    """Scripts of a stage and all before it, and the source folders of the modules that they import."""
-    scripts = {stage["cmd"].split()[1] for stage in _upstream(pipeline, target)} - {"stages/list_code.py"}
-    sources = SourceTree(root / "src")
-    modules = {path for script in scripts for path in sources.closure(root / script)}
-    depth = {"testbeds": 4}  # `structlearn/testbeds/<testbed>/world`, but `structlearn/<method>`
-    folders = {Path("src", *path.parts[: depth.get(path.parts[1], 2)]) for path in modules}
-    return sorted(scripts | set(map(str, folders)))
-
-
 def digests(parameters: Path, keys: list[str]) -> dict[str, str]:
     """A digest of each key's value, `absent` where there is none; the order within mappings is no matter."""
     values = read_values(parameters)
-    return {
-        key: hashlib.md5(json.dumps(values[key], sort_keys=True).encode()).hexdigest()
-        if key in values
-        else "absent"
-        for key in keys
-    }
+    texts = {key: json.dumps(values[key], sort_keys=True) for key in keys if key in values}
+    return {key: hashlib.md5(texts[key].encode()).hexdigest() if key in texts else "absent" for key in keys}
 
 
 def write_study(table: pd.DataFrame, made: Made, folder: Path) -> None:
@@ -213,10 +197,10 @@ def write_made(made: Made, folder: Path) -> None:
 def stored_study(folder: Path) -> Study:
     """A study as it was written, with whatever parameters.
 
-    Raises:
-        InputError: a file is missing or damaged, or was written before code was kept in it.
+    Raises InputError: a file is missing or damaged, or was written before commits were kept in it.
     """
-    return Study(read_csv(folder / "table.csv"), _read_made(folder))
+    path = folder / "study.json"
+    return Study(read_csv(folder / "table.csv"), checked(read_metrics(path), Made, path, "study"))
 
 
 def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("params.yaml")) -> Study | None:
@@ -224,36 +208,26 @@ def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("param
     made = Path(folder, name)
     if not (made / "study.json").exists():
         return None
-    made_with = _read_made(made).parameters
-    return stored_study(made) if made_with == digests(parameters, list(made_with)) else None
+    known: Any = read_metrics(made / "study.json").get("parameters", {})
+    return stored_study(made) if known == digests(parameters, list(known)) else None
 
 
-def changed_code(made: Made, root: Path = Path(".")) -> list[str]:
-    """Source folders that are not as they were when a study was made."""
-    now = code_digests(made.code, root)
-    return [folder for folder, digest in made.code.items() if digest != now[folder]]
-
-
-def provenance(study: Study, root: Path = Path(".")) -> str:
-    """`made by other code (commit a319e1d), part of one cell re-run on b9b799a: equal`, in words."""
+def provenance(study: Study) -> str:
+    """`made by commit a319e1d, part of one cell run again by b9b799a: equal`, in words."""
     made = study.made
     if made is None:
-        return "made by unknown code, not re-run"
-    whose = "other" if changed_code(made, root) else "this"
-    later = (
-        f"; {counted(len(made.added), 'column')}: {listing(sorted(set(made.added.values())))}"
-        if made.added
-        else ""
-    )
-    words = f"made by {whose} code (commit {made.commit}{later})"
-    if made.rerun is None:
-        return words if whose == "this" else f"{words}, not re-run"
+        return "made by unknown code, not run again"
+    words = f"made by commit {made.commit}"
+    if made.added:
+        later = listing(sorted(set(made.added.values())))
+        words += f" ({counted(len(made.added), 'column')} by {later})"
     again = made.rerun
-    since = "" if again.code == code_digests(again.code, root) else ", before other changes of code"
+    if again is None:
+        return f"{words}, not run again"
     outcome = f"{len(again.different)} of {again.compared} numbers differ" if again.different else "equal"
     if not again.exact and not again.different:
         outcome = "equal within 0.1 % on another processor"
-    return f"{words}, part of one cell re-run on {again.commit}{since}: {outcome}"
+    return f"{words}, part of one cell run again by {again.commit}: {outcome}"
 
 
 def covered(study: Study) -> str:
@@ -263,69 +237,97 @@ def covered(study: Study) -> str:
         return ""
     beside = again.compared - again.in_table
     words = [f"{counted(again.in_table, 'number')} of the table"] if again.in_table else []
-    words += (
-        [f"{counted(beside, 'number')} that the table's code gives and the table lacks"] if beside else []
-    )
+    if beside:
+        words.append(f"{counted(beside, 'number')} that the table's code gives and the table lacks")
     return f"Run again: {again.covers}, compared in {listing(words)}; nothing else of the study."
 
 
-def rests_on(name: str, study: Study | None, root: Path = Path(".")) -> tuple[str, str]:
+def rests_on(name: str, study: Study | None) -> tuple[str, str]:
     """For the head of a table of verdicts: whose code made the study, and what of it was run again.
 
     Both are empty where the study was not run.
     """
     if study is None:
         return "", ""
-    return f"Rows over people rest on the study {name}, {provenance(study, root)}.", covered(study)
+    return f"Rows over people rest on the study {name}, {provenance(study)}.", covered(study)
 
 
-def studies_page(studies: Mapping[str, tuple[Description, Study]], root: Path = Path(".")) -> str:
+def studies_page(studies: Mapping[str, tuple[Description, Study]]) -> str:
     """The page of all studies as HTML, from descriptions and what they found by name."""
     facts = {
         "studies": {name: description for name, (description, _) in studies.items()},
         "shown": {name: study.summary(description.shown) for name, (description, study) in studies.items()},
-        "provenance": {name: provenance(study, root) for name, (_, study) in studies.items()},
+        "provenance": {name: provenance(study) for name, (_, study) in studies.items()},
         "covered": {name: covered(study) for name, (_, study) in studies.items()},
-        "changed": {
-            name: listing(changed_code(study.made, root)) if study.made else ""
-            for name, (_, study) in studies.items()
-        },
     }
     document = Document("studies.html.jinja", "structlearn.reporting", facts=facts, simulated=True)
     return render(document, figures={})
 
 
-def _read_made(folder: Path) -> Made:
-    path = folder / "study.json"
-    return checked(read_metrics(path), Made, path, "study")
+def run_part(name: str, description: Description, root: Path = Path(".")) -> Metrics:
+    """Numbers of the part of a cell that a study's description names.
+
+    Raises InputError: the script failed.
+    """
+    root = root.resolve()
+    cell = description.rerun
+    assert cell is not None
+    changes = description.variants[cell.variant] | repeats(description, root / "params.yaml")[cell.repeat]
+    path = os.pathsep.join(filter(None, [str(root / "src"), os.environ.get("PYTHONPATH")]))
+    with tempfile.TemporaryDirectory() as folder:
+        values = copy.deepcopy(read_values(root / "params.yaml"))
+        for key, value in changes.items():
+            *parents, last = key.split(".")
+            place = values
+            for part in parents:
+                place = place[part]
+            place[last] = value
+        Path(folder, "params.yaml").write_text(yaml.safe_dump(values), encoding="utf-8")
+        script = root / DESCRIPTIONS / f"{name}.py"
+        done = subprocess.run(
+            [sys.executable, script],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            raise InputError(f"{script}: {(done.stderr.strip() or 'failed').splitlines()[-1]}")
+        return read_metrics(Path(folder, "numbers.json"))
 
 
-def _upstream(pipeline: Mapping[str, Any], target: str) -> list[Mapping[str, Any]]:
-    """A stage and all before it."""
-    stages = pipeline["stages"]
-    made_by = {_path(out): name for name, stage in stages.items() for out in _outs(stage)}
-    waiting, seen = [target], {}
-    while waiting:
-        name = waiting.pop()
-        if name not in seen:
-            seen[name] = stages[name]
-            waiting += [maker for dep in stages[name].get("deps", []) for maker in _makers(dep, made_by)]
-    return list(seen.values())
+def compare(found: Metrics, study: Study, description: Description, root: Path = Path(".")) -> Rerun:
+    """Numbers that `run_part` found anew beside those of the study."""
+    cell, made, here = description.rerun, study.made, processor()
+    assert cell is not None
+    assert made is not None
+    table = study.table
+    row = table[(table["variant"] == cell.variant) & (table["repeat"] == cell.repeat)].iloc[0]
+    known_on = {made.processor} | ({made.rerun.processor} if made.rerun and made.rerun.exact else set())
+    exact = here in known_on or known_on == {""}  # the first time, who knows: as if it were the same
+    known = {key: row[key] for key in found if key in row.index} | made.beside
+    return Rerun(
+        commit=source_commit(root=root),
+        processor=here,
+        exact=exact,
+        covers=cell.covers,
+        compared=len(found),
+        in_table=sum(key in row.index for key in found),
+        different=sorted(
+            key for key, value in found.items() if key not in known or not _alike(value, known[key], exact)
+        ),
+    )
 
 
-def _outs(stage: Mapping[str, Any]) -> list[Any]:
-    return [*stage.get("outs", []), *stage.get("metrics", [])]
+def processor() -> str:
+    """The kind of processor that compiled code is made for, which libraries choose their kernels by too."""
+    from llvmlite import binding
+
+    return os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
 
 
-def _path(out: str | Mapping[str, Any]) -> str:
-    return out if isinstance(out, str) else next(iter(out))
-
-
-def _makers(dep: str, made_by: Mapping[str, str]) -> list[str]:
-    """Stages whose outs are this dep, lie in it, or hold it."""
-    at = PurePosixPath(dep)
-    return [
-        name
-        for out, name in made_by.items()
-        if at.is_relative_to(out) or PurePosixPath(out).is_relative_to(at)
-    ]
+def _alike(first: Any, second: Any, exact: bool) -> bool:
+    if exact:  # six digits are kept
+        return f"{float(first):.6g}" == f"{float(second):.6g}"
+    return abs(first - second) <= TOLERANCE * max(abs(first), abs(second))

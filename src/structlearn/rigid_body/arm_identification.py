@@ -84,12 +84,10 @@ class Identified:
     Attributes:
         models: by kind and friction.
         torques: (M, N, n) N m of each model on each part.
-        friction: coefficients (n, t) of the models that learned some.
     """
 
     models: Mapping[ModelKey, DynamicsModels]
     torques: Mapping[ModelKey, Mapping[str, np.ndarray]]
-    friction: Mapping[ModelKey, np.ndarray]
 
 
 def identify_arm(
@@ -114,20 +112,15 @@ def identify_arm(
     )
 
     torques = {(URDF, "none"): {name: _urdf_torques(robot, part)[None] for name, part in parts.items()}}
-    coefficients = {}
     for friction in LEARNED_FRICTIONS:
         theta = _least_squares(robot.tree, parts[TRAIN], FRICTIONS[friction], fitting.limits)
         torques[LEAST_SQUARES, friction] = {
             name: _regressed(robot.tree, part, FRICTIONS[friction], theta)[None]
             for name, part in parts.items()
         }
-        links = 10 * parts[TRAIN].joints
-        coefficients[LEAST_SQUARES, friction] = theta[links:].reshape(parts[TRAIN].joints, -1)
     for key, learned in models.items():
         torques[key] = {name: predicted_torques(learned, robot.tree, part) for name, part in parts.items()}
-        if learned.friction:
-            coefficients[key] = learned.friction_coefficients()[0]
-    return Identified(models, torques, coefficients)
+    return Identified(models, torques)
 
 
 def train_networks(
@@ -154,23 +147,6 @@ def error_table(identified: Identified, parts: Mapping[str, Motion]) -> pd.DataF
                 keys = {"model": model, "friction": friction, "seed": seed, "part": name}
                 rows.append(pd.DataFrame(keys | columns))
     return pd.concat(rows, ignore_index=True)
-
-
-def friction_table(identified: Identified) -> pd.DataFrame:
-    """`model`, `friction`, `joint`, `term`, `value` in SI units."""
-    rows = [
-        {
-            "model": model,
-            "friction": friction,
-            "joint": joint + 1,
-            "term": term,
-            "value": values[joint, place],
-        }
-        for (model, friction), values in identified.friction.items()
-        for joint in range(len(values))
-        for place, term in enumerate(FRICTIONS[friction])
-    ]
-    return pd.DataFrame(rows)
 
 
 def body_table(identified: Identified, robot: Robot) -> pd.DataFrame:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.linalg import qr
 
-from structlearn.core.block_bootstrap import block_sums, blocks, drawn_counts, percentiles
+from structlearn.core.metrics import block_sums, blocks, drawn_counts, percentiles
 from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from structlearn.core.block_bootstrap import block_count, block_sums, drawn_counts
+from structlearn.core.metrics import block_count, block_sums, drawn_counts
 from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import torque_regressor

@@ -20,7 +20,7 @@ from functools import partial
 
 import numpy as np
 
-from structlearn.core.block_bootstrap import blocks, drawn_counts
+from structlearn.core.metrics import blocks, drawn_counts
 from structlearn.core.parallel import parallel_map
 from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.dynamics_models import DynamicsModels

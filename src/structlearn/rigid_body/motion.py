@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core import signals
-from structlearn.core.block_bootstrap import block_count, block_sums, drawn_counts
 from structlearn.core.errors import InputError
+from structlearn.core.metrics import block_count, block_sums, drawn_counts
 
 SMALLEST_VARIANCE = 1e-12
 """(N m)^2; a joint whose torque varies less was not measured."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from structlearn.core.errors import InputError
-from structlearn.readers.forward_kinematics import robot_element
+from structlearn.readers.computed_pose import robot_element
 
 MOVING = ("revolute", "continuous", "prismatic")
 

@@ -1,11 +1,5 @@
-from .alignment import (
-    Alignment as Alignment,
-    least_squares as least_squares,
-)
-from .crossings import (
-    Crossing as Crossing,
-    find_crossings as find_crossings,
-)
+from .alignment import Alignment as Alignment, least_squares as least_squares
+from .crossings import Crossing as Crossing, find_crossings as find_crossings
 from .dtw import correspondences as correspondences
 from .parameters import SegmentParameters as SegmentParameters
 from .segments import (

@@ -32,8 +32,8 @@ class Alignment:
     time_scale: float  # tau, dimensionless
     delay: float  # d in samples
 
-    def guess_time(self, reference_time: np.ndarray | float) -> np.ndarray | float:
-        """Time in the guess that corresponds to a time in the reference, in samples (eq. IV.15)."""
+    def guess_time(self, reference_time: np.ndarray) -> np.ndarray:
+        """Times in the guess that correspond to times in the reference, in samples (eq. IV.15)."""
         return self.time_scale * reference_time + self.delay
 
 
@@ -91,13 +91,10 @@ def with_crossings(
     correspondences there. A crossing that lies far from the text's alignment is probably a false one and
     counts less, by 1 / (1 + (distance / tolerance)^2).
 
-    Args:
-        alignment: the text's estimate from the pairs alone.
-        pairs: (K, 2) corresponding times in samples: reference, guess.
-        weights: (K,) their weights.
-        crossings: (2, 2) start and end by zero-velocity crossing: reference, guess, in samples.
-        crossing_weight: weight of a pair of undoubted crossings relative to all other pairs together.
-        tolerance: distance in samples at which a crossing has half its weight.
+    `alignment`: the text's estimate from the pairs alone. `pairs`: (K, 2) corresponding times in samples:
+    reference, guess. `weights`: (K,). `crossings`: (2, 2) start and end by zero-velocity crossing: reference,
+    guess, in samples. `crossing_weight`: of a pair of undoubted crossings relative to all other pairs
+    together. `tolerance`: distance in samples at which a crossing has half its weight.
     """
     distance = crossings[:, 1] - alignment.guess_time(crossings[:, 0])
     trust = 0.5 * crossing_weight * weights.sum() / (1.0 + (distance / tolerance) ** 2)
@@ -116,22 +113,14 @@ class Movement:
 
 @dataclass(frozen=True)
 class Refined:
-    """How one primitive of one demonstration lies relative to the reference; times in samples.
-
-    Attributes:
-        reference, own: the movements.
-        pairs: (K, 2) corresponding samples: reference, own.
-        weights: (K,) of the pairs.
-        alignments: by method.
-        cells: of the warping table that were computed.
-    """
+    """How one primitive of one demonstration lies relative to the reference; times in samples."""
 
     reference: Movement
     own: Movement
-    pairs: np.ndarray
-    weights: np.ndarray
-    alignments: dict[str, Alignment]
-    cells: int
+    pairs: np.ndarray  # (K, 2) corresponding samples: reference, own
+    weights: np.ndarray  # (K,) of the pairs
+    alignments: dict[str, Alignment]  # by method
+    cells: int  # of the warping table that were computed
 
     def ends(self, method: str) -> np.ndarray:
         """(2,) start and end by a method; what an event says is not refined."""
@@ -207,30 +196,27 @@ def doubts(
     return [
         (demonstration, primitive, reason, number)
         for primitive, one in refined.items()
-        for reason, number, bound in (*_of_motion(one), *(() if reference else _of_alignment(one)))
+        for reason, number, bound in _evidence(one, reference)
         if number > bound
     ]
 
 
-def _of_motion(one: Refined) -> Iterator[tuple[str, float, float]]:
-    """Reasons, numbers and bounds of what was chosen."""
-    crossing = one.own.crossing
-    yield "its duration, way or direction is unlike the reference's (cost)", crossing.unlike, UNLIKE
-    yield "motion before it belongs to no primitive (ways of a primitive)", crossing.left_out[0], LEFT_OUT
-    yield "motion after it belongs to no primitive (ways of a primitive)", crossing.left_out[1], LEFT_OUT
-    yield "a rest within it was taken for a hesitation (s)", crossing.rested, RESTED_S
-
-
-def _of_alignment(one: Refined) -> Iterator[tuple[str, float, float]]:
-    """The same of how it lies relative to the reference."""
-    crossing = one.reference.crossing
+def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float]]:
+    """Reasons, numbers and bounds: of what was chosen, and of how it lies relative to the reference."""
+    own, crossing = one.own.crossing, one.reference.crossing
+    yield "its duration, way or direction is unlike the reference's (cost)", own.unlike, UNLIKE
+    yield "motion before it belongs to no primitive (ways of a primitive)", own.left_out[0], LEFT_OUT
+    yield "motion after it belongs to no primitive (ways of a primitive)", own.left_out[1], LEFT_OUT
+    yield "a rest within it was taken for a hesitation (s)", own.rested, RESTED_S
+    if reference:
+        return
     duration = max(crossing.end - crossing.start, 1)
     apart = np.abs(one.ends("zvc") - one.ends("wls_text")).max() / duration
     yield "crossing and alignment lie apart (durations)", float(apart), APART
     times = np.arange(crossing.start, crossing.end + 1)
     aligned = np.interp(times, times[[0, -1]], one.ends(RESULT))
-    own = np.stack([np.interp(aligned, np.arange(len(one.own.path)), x) for x in one.own.path.T], axis=1)
-    centred = [path - path.mean(axis=0) for path in (one.reference.path[times], own)]
+    path = np.stack([np.interp(aligned, np.arange(len(one.own.path)), x) for x in one.own.path.T], axis=1)
+    centred = [path - path.mean(axis=0) for path in (one.reference.path[times], path)]
     tiny = np.finfo(float).tiny
     shapes = [path / max(float(np.sqrt(np.mean(np.sum(path**2, axis=1)))), tiny) for path in centred]
     off = float(np.linalg.norm(shapes[1] - shapes[0], axis=1).mean())

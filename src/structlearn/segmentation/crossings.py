@@ -21,27 +21,19 @@ from structlearn.segmentation.run_assignment import Assignment
 
 @dataclass(frozen=True)
 class Crossing:
-    """One primitive in one demonstration, in samples.
-
-    Attributes:
-        start, end: first and last sample.
-        earliest, latest: what surrounds it reaches no further: there other motion begins.
-        start_known, end_known: whether an event and not a speed says so, and nothing is to be refined.
-        unlike: how unlike the reference's primitive it is (`run_assignment`); 0 where nothing was chosen.
-        left_out: way of the motion before it, and after it where it is the last, that belongs to no
-            primitive, in ways of a mean one.
-        rested: s of dips within it that were taken for hesitations.
-    """
+    """One primitive in one demonstration, in samples."""
 
     start: int
     end: int
-    earliest: int
+    earliest: int  # what surrounds it reaches no further: there other motion begins
     latest: int
-    start_known: bool = False
+    start_known: bool = False  # whether an event and not a speed says so, and nothing is to be refined
     end_known: bool = False
-    unlike: float = 0.0
+    unlike: float = 0.0  # how unlike the reference's primitive (`run_assignment`); 0 where nothing was chosen
+    # way of the motion before it, and after it where it is the last, that belongs to no primitive, in ways of
+    # a mean one
     left_out: tuple[float, float] = (0.0, 0.0)
-    rested: float = 0.0
+    rested: float = 0.0  # s of dips within it that were taken for hesitations
 
 
 Crossings = Mapping[str, Crossing]  # Of the primitives that have an axis, by name
@@ -112,10 +104,8 @@ def _assigned(
     found: list[Crossings | InputError] = []
     for index, demonstration in enumerate(demonstrations):
         chain = None if assignment is None else assignment.chosen[index]
-        if assignment is None or chain is None:
-            found.append(_missing(demonstration, primitives, candidates[index], None, paces))
-        elif assignment.costs[index].max() > run_assignment.MISSING:
-            unlike = assignment.costs[index]
+        unlike = None if assignment is None or chain is None else assignment.costs[index]
+        if assignment is None or chain is None or assignment.costs[index].max() > run_assignment.MISSING:
             found.append(_missing(demonstration, primitives, candidates[index], unlike, paces))
         else:
             found.append(_placed(primitives, candidates[index], chain, assignment, index))
@@ -200,20 +190,14 @@ def _missing(
     place = 0 if unlike is None else int(np.argmax(unlike))
     primitive, one = primitives[place], candidates[place]
     lowest, *others = [f"{threshold:.3g}" for threshold in _thresholds(primitive, paces)]
-    unit = "rad/s" if primitive.axis == "rot" else "m/s"
-    dt = demonstration.dt
+    unit, dt = "rad/s" if primitive.axis == "rot" else "m/s", demonstration.dt
     runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in one.runs)
-    what = (
-        f"they cannot be {', '.join(primitive.name for primitive in primitives)} in this order"
-        if unlike is None
-        else f"none is like '{primitive.name}' in the other demonstrations"
-    )
-    for bounded in primitives:
-        if bounded.until is not None:
-            times = ", ".join(f"{dt * at:.2f}" for at in motion_runs.events(demonstration, bounded.until))
-            what += (
-                f"; {bounded.until.signal} comes to {bounded.until} at {f'{times} s' if times else 'no time'}"
-            )
+    what = f"none is like '{primitive.name}' in the other demonstrations"
+    if unlike is None:
+        what = f"they cannot be {', '.join(primitive.name for primitive in primitives)} in this order"
+    for until in (primitive.until for primitive in primitives if primitive.until is not None):
+        times = ", ".join(f"{dt * at:.2f}" for at in motion_runs.events(demonstration, until))
+        what += f"; {until.signal} comes to {until} at {f'{times} s' if times else 'no time'}"
     tried = f"; tried {', '.join(others)} {unit} too" if others else ""
     return InputError(
         f"{demonstration.name}: has {len(one.runs)} runs of motion above {lowest} {unit}"

@@ -27,16 +27,11 @@ def cut_errors(demonstrations: Sequence[Demonstration], segmentation: Segmentati
     `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
     """
     true = {one.name: one.true_segments for one in demonstrations if one.true_segments is not None}
-    places = {name: place for place, name in enumerate(segmentation.cuts["primitive"].unique())}
-    cuts = segmentation.cuts
+    places, cuts = segmentation.primitives, segmentation.cuts
     cuts = cuts[cuts["primitive"].isin(segmentation.pairs["primitive"].unique())]
     cuts = cuts[cuts["demonstration"] != segmentation.reference]
-    truth = np.array(
-        [
-            true[name][places[primitive]]
-            for name, primitive in zip(cuts["demonstration"], cuts["primitive"], strict=True)
-        ]
-    )
+    keys = zip(cuts["demonstration"], cuts["primitive"], strict=True)
+    truth = np.array([true[name][places.index(primitive)] for name, primitive in keys])
     return cuts[["demonstration", "primitive", "method"]].assign(
         start_error_s=cuts["start_s"] - truth[:, 0], end_error_s=cuts["end_s"] - truth[:, 1]
     )
@@ -114,30 +109,27 @@ def downsampling_effect(
 ) -> pd.DataFrame:
     """Cut points with the alignment down-sampled by several factors (appendix C).
 
-    `parameters`: of the segmentation; its `downsampling` is replaced.
-
-    Returns:
-        One row per factor: `factor`, `work` (cells of the warping tables that were computed, relative to the
-        first factor; `make bench` times them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points
-        against the first factor's, and the largest in samples that are aligned: `shift_samples`,
-        `shift_samples_text` of weighted least squares as printed.
+    `parameters`: of the segmentation; its `downsampling` is replaced. Returns one row per factor: `factor`,
+    `work` (cells of the warping tables that were computed, relative to the first factor; `make bench` times
+    them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points against the first factor's, and the
+    largest in samples that are aligned: `shift_samples`, `shift_samples_text` of weighted least squares as
+    printed.
     """
-    results, cells, rows = {}, {}, []
-    for factor in factors:
-        segmentation = cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
-        cells[factor] = segmentation.cells
-        ends = segmentation.cuts.set_index(["method", "demonstration", "primitive"])[["start_s", "end_s"]]
-        results[factor] = {method: ends.loc[method] for method in (RESULT, AS_PRINTED)}
-    for factor, found in results.items():
-        shift, as_printed = (
-            (found[method] - results[factors[0]][method]).dropna().abs().to_numpy()  # that both could cut
-            for method in (RESULT, AS_PRINTED)
-        )
+    found = {
+        factor: cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
+        for factor in factors
+    }
+    keys, first = ["method", "demonstration", "primitive"], found[factors[0]]
+    rows = []
+    for factor, segmentation in found.items():
+        ends = [one.cuts.set_index(keys)[["start_s", "end_s"]] for one in (segmentation, first)]
+        shifts = (ends[0] - ends[1]).dropna().abs()  # of what both could cut
+        shift, as_printed = (shifts.loc[method].to_numpy() for method in (RESULT, AS_PRINTED))
         sample_s = factor * demonstrations[0].dt
         rows.append(
             {
                 "factor": factor,
-                "work": cells[factor] / cells[factors[0]],
+                "work": segmentation.cells / first.cells,
                 "mean_shift_ms": 1e3 * shift.mean(),
                 "max_shift_ms": 1e3 * shift.max(),
                 "shift_samples": shift.max() / sample_s,
@@ -149,16 +141,11 @@ def downsampling_effect(
 
 @dataclass(frozen=True)
 class Dwells:
-    """How a single movement is set into a longer recording, to know its true cut points.
+    """How a single movement is set into a longer recording, to know its true cut points."""
 
-    Attributes:
-        shortest_s, longest_s: range of the rests before and after it.
-        noise_hz: cut-off of the smooth noise on everything.
-    """
-
-    shortest_s: float
+    shortest_s: float  # range of the rests before and after it
     longest_s: float
-    noise_hz: float
+    noise_hz: float  # cut-off of the smooth noise on everything
 
 
 def between_dwells(
@@ -207,12 +194,12 @@ def errors_by_level(by_seed: pd.DataFrame) -> pd.DataFrame:
     `by_seed`: of `errors_by_seed`. Returns `noise_mm`, `method`, `mean_ms`, `half_width_ms`; methods in their
     own order.
     """
-    rows = []
-    for level, at_level in by_seed.groupby("noise_mm"):
-        errors = at_level.set_index("method")["error_ms"]
-        for method in METHODS:
-            if method in errors.index:
-                rows.append((level, method, *mean_interval(errors.loc[[method]].to_numpy())))
+    rows = [
+        (level, method, *mean_interval(errors.to_numpy()))
+        for level, at_level in by_seed.groupby("noise_mm")
+        for method in METHODS
+        if len(errors := at_level.loc[at_level["method"] == method, "error_ms"])
+    ]
     return pd.DataFrame(rows, columns=["noise_mm", "method", "mean_ms", "half_width_ms"])
 
 

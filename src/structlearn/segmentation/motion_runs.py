@@ -94,28 +94,17 @@ class Motion:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Stretches of one demonstration that may be one primitive; G of them.
+    """Stretches of one demonstration that may be one primitive; G of them."""
 
-    Attributes:
-        first, last: (G,) samples, where it is cut.
-        rested: (G,) s of dips that are taken for hesitations.
-        duration: (G,) s.
-        way: (G,) m or rad, along the path.
-        path: (T, D) m or rad, heavily smoothed.
-        travelled: (T,) way up to a sample, without what a hand drifts at rest.
-        runs: (R, 2) first and last samples of the runs at the lowest threshold.
-        turns: whether it is a turn in rad.
-    """
-
-    first: np.ndarray
-    last: np.ndarray
-    rested: np.ndarray
-    duration: np.ndarray
-    way: np.ndarray
-    path: np.ndarray
-    travelled: np.ndarray
-    runs: np.ndarray
-    turns: bool
+    first: np.ndarray  # (G,) sample, where it is cut
+    last: np.ndarray  # (G,)
+    rested: np.ndarray  # (G,) s of dips that are taken for hesitations
+    duration: np.ndarray  # (G,) s
+    way: np.ndarray  # (G,) m or rad, along the path
+    path: np.ndarray  # (T, D) m or rad, heavily smoothed
+    travelled: np.ndarray  # (T,) way up to a sample, without what a hand drifts at rest
+    runs: np.ndarray  # (R, 2) first and last samples of the runs at the lowest threshold
+    turns: bool  # whether it is a turn in rad
 
 
 def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:
@@ -234,9 +223,7 @@ def candidates(moved: Motion, search: Search) -> Candidates:
     """
     step = np.linalg.norm(np.diff(moved.path, axis=0, prepend=moved.path[:1]), axis=1)
     travelled = np.cumsum(np.where(moved.smooth_speed > search.thresholds[0], step, 0.0))
-    rested: dict[
-        tuple[int, int], int
-    ] = {}  # by first and last sample, at the threshold at which it rests least
+    rested: dict[tuple[int, int], int] = {}  # by ends, at the threshold at which it rests least
     for threshold in search.thresholds:
         runs = runs_of_motion(moved.smooth_speed, threshold, search.most, search.breaks)
         for i, j, dips in _joined(runs, search.bridge):
@@ -246,14 +233,13 @@ def candidates(moved: Motion, search: Search) -> Candidates:
             if ends is not None:
                 rested[ends] = min(dips, rested.get(ends, dips))
     first, last = np.array(sorted(rested), dtype=int).reshape(-1, 2).T
+    way = np.maximum(travelled[last] - travelled[first], search.dt * search.thresholds[0])  # > 0
     return Candidates(
         first,
         last,
         search.dt * np.array([rested[ends] for ends in sorted(rested)]),
         search.dt * (last - first + 1),
-        np.maximum(
-            travelled[last] - travelled[first], search.dt * search.thresholds[0]
-        ),  # of one sample: > 0
+        way,
         moved.path,
         travelled,
         runs_of_motion(moved.smooth_speed, search.thresholds[0], search.most),

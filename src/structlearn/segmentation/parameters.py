@@ -16,12 +16,10 @@ BETWEEN: Final = "between"
 
 
 class BoundParameters(Parameters):
-    """An event at which a primitive ends.
+    """An event at which a primitive ends: a signal passes a value, from below (`above`) or from above.
 
-    Attributes:
-        signal: what is looked at: `force`, the size of the wrist's force in N, `tactile`, the largest change
-            of a sensor's counts since the start, or the name of a joint, e.g. a gripper's, in rad or m.
-        above, below: value that it passes; one of them.
+    The signal is `force`, the size of the wrist's force in N, `tactile`, the largest change of a sensor's
+    counts since the start, or the name of a joint, e.g. a gripper's, in rad or m.
     """
 
     signal: str = Field(min_length=1)

@@ -36,15 +36,12 @@ from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
 class Segmentation:
     """All cuts of a set of demonstrations."""
 
-    # one row per demonstration, primitive and method: `demonstration`, `primitive`, `method`, `start_s`,
-    # `end_s` (since the start of the demonstration)
+    # one row per demonstration, primitive and method; times since the start of the demonstration. Columns of
+    # all tables: `COLUMNS`
     cuts: pd.DataFrame
-    # one row per correspondence: `demonstration`, `primitive`, `reference_s`, `guess_s` (since the start of
-    # either demonstration), `weight`
-    pairs: pd.DataFrame
-    left_out: pd.DataFrame  # `demonstration`, `reason` of those that could not be cut
-    # `demonstration`, `primitive`, `reason`, `number` of what speaks against a cut (`doubts`)
-    doubts: pd.DataFrame
+    pairs: pd.DataFrame  # one row per correspondence; times since the start of either demonstration
+    left_out: pd.DataFrame  # those that could not be cut
+    doubts: pd.DataFrame  # what speaks against a cut (`alignment.doubts`)
     reference: str  # name of the reference demonstration
     cells: int = 0  # of all warping tables that were computed; not kept on disk
 
@@ -66,13 +63,11 @@ class Segmentation:
 
 def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
     """Publish a segmentation as a folder of Parquet tables, one per attribute."""
+    tables = vars(segmentation) | {"reference": pd.DataFrame({"reference": [segmentation.reference]})}
     with publish(folder) as path:
         path.mkdir()
-        write_table(segmentation.cuts, path / "cuts.parquet")
-        write_table(segmentation.pairs, path / "pairs.parquet")
-        write_table(segmentation.left_out, path / "left_out.parquet")
-        write_table(segmentation.doubts, path / "doubts.parquet")
-        write_table(pd.DataFrame({"reference": [segmentation.reference]}), path / "reference.parquet")
+        for name in COLUMNS:
+            write_table(tables[name], path / f"{name}.parquet")
 
 
 def read_segmentation(folder: str | Path) -> Segmentation:
@@ -85,11 +80,13 @@ def read_segmentation(folder: str | Path) -> Segmentation:
     return Segmentation(reference=reference[0], **tables)
 
 
+PAIR_COLUMNS = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
+
 COLUMNS = {
     "cuts": ("demonstration", "primitive", "method", "start_s", "end_s"),
-    "pairs": ("demonstration", "primitive", "reference_s", "guess_s", "weight"),
+    "pairs": tuple(PAIR_COLUMNS),
     "left_out": ("demonstration", "reason"),
-    "doubts": ("demonstration", "primitive", "reason", "number"),
+    "doubts": tuple(DOUBT_COLUMNS),
     "reference": ("reference",),
 }
 """Of the tables, by file."""
@@ -116,22 +113,19 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
     cuts, pairs, doubted, left_out, cells = [], [], [], {}, 0
     for demonstration, found in zip(demonstrations, crossings, strict=True):
         try:
-            movements = (
-                reference_movements
-                if demonstration is reference
-                else _movements(demonstration, found, parameters)
-            )
+            own = demonstration is reference
+            movements = reference_movements if own else _movements(demonstration, found, parameters)
             refined = {
                 name: _refined(demonstration.name, name, reference_movements[name], movement, parameters)
                 for name, movement in movements.items()
             }
             cuts.append(_cut_rows(demonstration, refined, parameters))
             cells += sum(one.cells for one in refined.values())
-            doubted += doubts(demonstration.name, refined, demonstration is reference)
-            if demonstration is not reference:
-                pairs.append(_pair_rows(demonstration, refined))
+            doubted += doubts(demonstration.name, refined, own)
+            if not own:
+                pairs += [_pair_rows(demonstration.name, *one) for one in refined.items()]
         except InputError as error:
-            if demonstration is reference or not parameters.skip_failures:
+            if own or not parameters.skip_failures:
                 raise
             left_out[demonstration.name] = str(error)
     if parameters.assigns_runs and 2 * len(left_out) > len(demonstrations):  # then the choice itself is wrong
@@ -142,14 +136,11 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
     return Segmentation(
         cuts=pd.concat(cuts, ignore_index=True),
         pairs=pd.concat(pairs, ignore_index=True) if pairs else pd.DataFrame(columns=PAIR_COLUMNS),
-        left_out=pd.DataFrame(left_out.items(), columns=["demonstration", "reason"]),
+        left_out=pd.DataFrame(left_out.items(), columns=COLUMNS["left_out"]),
         doubts=pd.DataFrame(doubted, columns=DOUBT_COLUMNS).astype({"number": float}),
         reference=reference.name,
         cells=cells,
     )
-
-
-PAIR_COLUMNS = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
 
 
 def _movements(
@@ -159,11 +150,9 @@ def _movements(
     if isinstance(found, InputError):
         raise found
     dt, movements = demonstration.dt, {}
-    primitives = {primitive.name: primitive for primitive in parameters.primitives}
+    axes = {one.name: one.shown_by for one in parameters.primitives if one.name in found}
     for name, crossing in found.items():
-        smooth = signals.low_pass(
-            path(demonstration, primitives[name].shown_by), dt, parameters.align_cutoff_hz
-        )
+        smooth = signals.low_pass(path(demonstration, axes[name]), dt, parameters.align_cutoff_hz)
         movements[name] = Movement(dt, smooth, signals.derivative(smooth, dt), crossing)
     return movements
 
@@ -198,24 +187,14 @@ def _cut_rows(
                     f"{start_s:.3f} to {end_s:.3f} s"
                 )
             rows.append((demonstration.name, primitive.name, method, start_s, end_s))
-    return pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"])
+    return pd.DataFrame(rows, columns=COLUMNS["cuts"])
 
 
-def _pair_rows(demonstration: Demonstration, refined: dict[str, Refined]) -> pd.DataFrame:
+def _pair_rows(demonstration: str, primitive: str, one: Refined) -> pd.DataFrame:
     """Rows of `Segmentation.pairs`."""
-    tables = [
-        pd.DataFrame(
-            {
-                "demonstration": demonstration.name,
-                "primitive": primitive,
-                "reference_s": one.reference.dt * one.pairs[:, 0],
-                "guess_s": one.own.dt * one.pairs[:, 1],
-                "weight": one.weights,
-            }
-        )
-        for primitive, one in refined.items()
-    ]
-    return pd.concat(tables, ignore_index=True)
+    reference_s, guess_s = one.reference.dt * one.pairs[:, 0], one.own.dt * one.pairs[:, 1]
+    columns = (demonstration, primitive, reference_s, guess_s, one.weights)
+    return pd.DataFrame(dict(zip(PAIR_COLUMNS, columns, strict=True)))
 
 
 def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[str, pd.DataFrame]:

@@ -69,8 +69,7 @@ class ArmParameters(Parameters):
     def read(self) -> Robot:
         """The arm.
 
-        Raises:
-            InputError: there is no such file, or it is no URDF of an arm (see `read_urdf`).
+        Raises InputError: there is no such file, or it is no URDF of an arm (see `read_urdf`).
         """
         return read_urdf(urdf_path(self.urdf), self.locked_joints)
 
@@ -78,8 +77,7 @@ class ArmParameters(Parameters):
 def urdf_path(name: str) -> Path:
     """The URDF of a name: a path, or a file of `pybullet_data`, e.g. `kuka_iiwa/model.urdf`.
 
-    Raises:
-        InputError: neither exists.
+    Raises InputError: neither exists.
     """
     for path in (Path(name), Path(pybullet_data.getDataPath()) / name):
         if path.is_file():

@@ -24,7 +24,6 @@ from structlearn.simulation.arm import Payload
 
 _PAYLOAD = "payload"
 
-
 SOLVER_ITERATIONS = 1000  # for friction; Bullet's 50 stop early
 
 
@@ -65,25 +64,18 @@ class BulletArm:
         ]
         places = {info[1].decode(): joint for joint, info in enumerate(infos)}
         self._joints = [places[_joint_name(number)] for number in range(len(tree.names))]
-        for link in range(
-            -1, len(infos)
-        ):  # Bullet damps every body and bounds its speed unless told otherwise
-            free = {"linearDamping": 0, "angularDamping": 0, "jointDamping": 0, "maxJointVelocity": 1e9}
+        # Bullet damps every body and bounds its speed unless told otherwise
+        free = {"linearDamping": 0, "angularDamping": 0, "jointDamping": 0, "maxJointVelocity": 1e9}
+        for link in range(-1, len(infos)):
             pybullet.changeDynamics(self._body, link, **free, **self._id)
         for joint, mass, inertia in zip(self._joints, inertias.mass, inertias.inertia, strict=True):
             self._set_inertia(joint, float(mass), _principal(inertia)[0].tolist())
         if payload is not None:
             self._payload_link = places[_PAYLOAD]
             self._set_inertia(self._payload_link, 0.0, [0.0] * 3)
-        count = len(self._joints)
-        pybullet.setJointMotorControlArray(  # also where there is no friction: the default is a brake
-            self._body,
-            self._joints,
-            pybullet.VELOCITY_CONTROL,
-            targetVelocities=[0.0] * count,
-            forces=coulomb.tolist(),
-            **self._id,
-        )
+        # also where there is no friction: the default is a brake
+        motors = {"targetVelocities": [0.0] * len(self._joints), "forces": coulomb.tolist()} | self._id
+        pybullet.setJointMotorControlArray(self._body, self._joints, pybullet.VELOCITY_CONTROL, **motors)
 
     def __enter__(self) -> Self:
         return self

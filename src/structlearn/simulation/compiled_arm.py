@@ -28,13 +28,9 @@ def step(
 ) -> None:
     """Move q and qd (n,) on by dt.
 
-    Args:
-        coulomb: (n,) N m of friction.
-        torques: (n,) N m on the joints, without this friction.
-        dt: s.
-        work: of `compiled_chain.dynamics` at q and qd; of its mass matrix the lower triangle is used.
-        q: (n,) rad; changed.
-        qd: (n,) rad/s; changed. A joint that friction holds has exactly zero.
+    `coulomb` (n,) N m of friction; `torques` (n,) N m on the joints, without this friction; `dt`: s; `work`:
+    of `compiled_chain.dynamics` at q and qd; of its mass matrix the lower triangle is used; `q` (n,) rad;
+    changed; `qd` (n,) rad/s; changed. A joint that friction holds has exactly zero.
     """
     count = len(q)
     impulse, slides, change = np.empty(count), np.empty(count), np.empty(count)

@@ -57,6 +57,10 @@ class ResponseParameters(Parameters):
     noise_counts: float = Field(ge=0)  # before rounding; recorded 0.45 to 0.7 with it
 
 
+PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])
+"""Thresholds of the play operators on the load, in steps of about three."""
+
+
 class Response(NamedTuple):
     """F fingers with E electrodes each; M time constants of creep."""
 

@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.simulation.electrode_response import (
+    PLAY_N,
     Response,
     ResponseParameters,
     crept,
@@ -56,8 +57,6 @@ PLAY_MM = np.array([0.03, 0.1, 0.3, 1.0])
 to the largest displacement, so that a loop's width stays about the same share of its length (as rubber's
 loss does) whatever its size."""
 
-PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])  # the same for the load
-
 
 class FingerPair:
     """Two fingers that pinch a tool, read at a constant rate; 38 counts per sample.
@@ -76,7 +75,9 @@ class FingerPair:
         """
         if not rate_hz > 0:
             raise ValueError(f"rate must be positive, is {rate_hz} Hz")
-        self._pads = _pads(parameters)
+        per_arm = 0.5 / (1e-3 * PAD_DISTANCE_MM)
+        give = (parameters.shear_mm_n, parameters.rolling_mm_rad, parameters.twist_mm_n_m)
+        self._pads = _Pads(np.array([per_arm, *give]), np.stack([PLAY_N, PLAY_MM, PLAY_MM]))
         sensors = np.random.default_rng(sensor_seed)
         self._response = draw_response(parameters, ELECTRODES_MM, 2, sensors, rate_hz)
         self._grasp = _grasp(parameters, trial)
@@ -96,20 +97,11 @@ class FingerPair:
         centre, the same; `turn` (3,) rad, rotation vector of the tool in the grasp, hand frame. Returns (38,)
         whole counts, left finger first. Raises ValueError: a number is not finite.
         """
-        sample = np.empty((1, 9))
-        sample[0, :3], sample[0, 3:6], sample[0, 6:] = force, torque, turn
-        return self._read(sample)[0]
+        return self.trace(*(np.asarray(part, dtype=float)[None] for part in (force, torque, turn)))[0]
 
     def trace(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """The next T samples at once, the same numbers as `read` one by one.
-
-        `force` (T, 3) as for `read`; so are `torque` and `turn`; `torque` (T, 3); `turn` (T, 3). Returns (T,
-        38) whole counts. Raises ValueError: a number is not finite.
-        """
-        return self._read(np.hstack([force, torque, turn]).astype(float))
-
-    def _read(self, samples: np.ndarray) -> np.ndarray:
-        """Counts (T, 38) of samples (T, 9)."""
+        """The next T samples at once, (T, 3) each, the same numbers as `read` one by one: (T, 38) counts."""
+        samples = np.hstack([force, torque, turn]).astype(float)
         if not np.isfinite(samples).all():
             raise ValueError("fingers: force, torque and turn must be finite")
         noise = self._noise(len(samples))
@@ -160,20 +152,6 @@ def take(readings: Readings, number: int, sample: np.ndarray, counts: np.ndarray
     )[0]
     for channel in range(len(counts)):
         counts[channel] = np.rint(felt[channel] + readings.noise[number, channel])
-
-
-def _pads(parameters: TouchParameters) -> _Pads:
-    return _Pads(
-        statics=np.array(
-            [
-                0.5 / (1e-3 * PAD_DISTANCE_MM),
-                parameters.shear_mm_n,
-                parameters.rolling_mm_rad,
-                parameters.twist_mm_n_m,
-            ]
-        ),
-        play=np.stack([PLAY_N, PLAY_MM, PLAY_MM]),
-    )
 
 
 def _grasp(parameters: TouchParameters, rng: np.random.Generator) -> np.ndarray:

@@ -24,6 +24,7 @@ from structlearn.core import quaternion
 from structlearn.core.compiled_vectors import cross
 from structlearn.core.params import Parameters
 from structlearn.simulation.electrode_response import (
+    PLAY_N,
     Response,
     ResponseParameters,
     crept,
@@ -33,9 +34,6 @@ from structlearn.simulation.electrode_response import (
     static_counts,
 )
 from structlearn.tactile.electrodes import Skin
-
-PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])
-"""Thresholds of the play operators on the load, as for the fingers that pinch."""
 
 NEWTON_STEPS = 8  # enough for the exact closest point: the derivative has at most six kinks
 
@@ -113,11 +111,8 @@ def moved(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Poses after a step with a velocity of the finger in its own frame.
 
-    Args:
-        position: (B, 3) m, base frame.
-        orientation: (B, 4) finger to base.
-        velocity: (B, 6) m/s and rad/s, frame of the finger at the start of the step.
-        dt: s; short enough that the finger turns little.
+    `position` (B, 3) m, base frame; `orientation` (B, 4) finger to base; `velocity` (B, 6) m/s and rad/s,
+    frame of the finger at the start of the step; `dt`: s; short enough that the finger turns little.
     """
     step = dt * velocity
     turn = quaternion.from_rotation_vector(step[:, 3:])

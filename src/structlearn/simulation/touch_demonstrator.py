@@ -7,6 +7,7 @@ all of it once more. The person presses as hard as feels right that time and wav
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -94,14 +95,13 @@ class TouchRun:
 def demonstrate(person: ToucherParameters, parameters: FingerParameters) -> Iterator[TouchRun]:
     """All demonstrations, rotations first, one area after the other."""
     finger = make_finger(parameters, SKINS[person.skin], person.sensor_seed, person.rate_hz / SAMPLED_EVERY)
-    counts: dict[Motion, int] = {"rotation": person.rotations, "translation": person.translations}
-    for motion, repeats in counts.items():
-        for area in range(person.areas):
-            for repeat in range(repeats):
-                seed = (person.seed, list(SLIDES).index(motion), area, repeat)
-                rng = np.random.default_rng(seed)
-                name = f"{motion}_{area + 1}_{repeat + 1}"
-                yield _demonstration(name, motion, (area + 0.5) / person.areas, finger, person, rng)
+    for kind, (motion, repeats) in enumerate(
+        zip(SLIDES, (person.rotations, person.translations), strict=True)
+    ):
+        for area, repeat in product(range(person.areas), range(repeats)):
+            rng = np.random.default_rng((person.seed, kind, area, repeat))
+            name = f"{motion}_{area + 1}_{repeat + 1}"
+            yield _demonstration(name, motion, (area + 0.5) / person.areas, finger, person, rng)
 
 
 def recorded(run: TouchRun, person: ToucherParameters) -> Recording:
@@ -216,28 +216,13 @@ def _contact(
     slide = round(rate * max(median * np.exp(person.time_cv * rng.standard_normal()) - 2 * PRESS_S, 0.5))
     press, approach = round(rate * PRESS_S), round(rate * APPROACH_S)
     rest = [round(rate * rng.uniform(*person.rest_s)) for _ in range(2)]
-    ends = [rest[0] + approach, press, slide, press, approach + rest[1]]
-    total = sum(ends)
-
-    away = np.concatenate(
-        [
-            np.ones(rest[0]),
-            1 - minimum_jerk.progress(np.arange(approach) / approach),
-            np.zeros(2 * press + slide),
-            minimum_jerk.progress(np.arange(approach) / approach),
-            np.ones(rest[1]),
-        ]
-    )
-    pressed = np.concatenate(
-        [
-            np.zeros(ends[0]),
-            minimum_jerk.progress(np.arange(press) / press),
-            np.ones(slide),
-            1 - minimum_jerk.progress(np.arange(press) / press),
-            np.zeros(ends[4]),
-        ]
-    )
-    way = np.concatenate([np.zeros(ends[0] + press), _steady(slide), np.ones(press + ends[4])])
+    before, after = rest[0] + approach, approach + rest[1]
+    total = before + press + slide + press + after
+    rising, pressing = (minimum_jerk.progress(np.arange(count) / count) for count in (approach, press))
+    contact = np.zeros(2 * press + slide)
+    away = np.concatenate([np.ones(rest[0]), 1 - rising, contact, rising, np.ones(rest[1])])
+    pressed = np.concatenate([np.zeros(before), pressing, np.ones(slide), 1 - pressing, np.zeros(after)])
+    way = np.concatenate([np.zeros(before + press), _steady(slide), np.ones(press + after)])
     waver = 1 + person.waver * _smooth_noise(total, WAVER_S * rate, rng)
     load = rng.uniform(*person.load_n) * pressed * np.maximum(waver, 0.2)
     sideways = 1e-3 * (

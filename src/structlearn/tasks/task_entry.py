@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from structlearn.avoidance.scene_people import ScenePeopleParameters
+from structlearn.avoidance.scene_reaches import SceneLearningParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
@@ -36,7 +36,7 @@ PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representation
 """Keys that a task has only if its entry names them."""
 
 
-class ObstacleEntry(SourceParameters, ScenePeopleParameters):
+class ObstacleEntry(SourceParameters, SceneLearningParameters):
     """Reaches past obstacles. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
 
     kind = "obstacles"

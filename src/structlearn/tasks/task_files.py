@@ -11,8 +11,7 @@ import pandas as pd
 from structlearn.core.artefacts import publish, read_csv, read_table
 from structlearn.core.errors import InputError
 from structlearn.core.params import ParametersType, home_path, read_parameters, value_at
-from structlearn.core.stage import run
-from structlearn.core.wall_clock import RUN_BY_DVC
+from structlearn.core.stage import RUN_BY_DVC, run
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.readers.demonstration import Demonstration

@@ -28,8 +28,7 @@ from structlearn.readers import Recording, synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import write_log_table
 from structlearn.readers.runs import write_runs, write_streams
-from structlearn.readers.settings import setting_folders
-from structlearn.readers.source import ClockParameters, SourceParameters
+from structlearn.readers.source import ClockParameters, SourceParameters, setting_folders
 from structlearn.readers.touch_log import write_touch_logs
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry

@@ -15,20 +15,22 @@ from structlearn.primitives import canonical
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
 from structlearn.primitives.twist_swing import TwistSwingPrimitive
 from structlearn.readers.demonstration import Demonstration
-from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
 from structlearn.viewer.recorded_demonstrations import Scenery
 from structlearn.viewer.rrd import (
     axis_length,
     entity,
     lanes,
     layout,
+    notes_view,
     origin_label,
+    origin_sentence,
     plot,
     recording,
     rgba,
     scene_view,
     send_marks,
     send_moving_frame,
+    send_notes,
     send_primitive_lane,
     send_series,
     thinning,
@@ -108,11 +110,12 @@ def write_primitives(
             stream.log(entity("demonstrations", demonstration.name), grey, static=True)
         for primitive in primitives:
             _send_frame(stream, primitive, length)
+        names = [primitive.name for primitive in primitives]
         for number, (name, one) in enumerate(unrolled.items()):
             colour = colours[name] if colours else PATH_COLOURS[number % len(PATH_COLOURS)]
             strips = [colour if colours else primitive_colour(place) for place in range(len(primitives))]
             _send_path(stream, name, one, colour, strips, length)
-            _send_lane(stream, name, one, primitives)
+            send_primitive_lane(stream, entity("primitive", name), one.indexes(one.switches), names)
             _send_rates(stream, name, one, colour)
         _send_forcing(stream, next(iter(unrolled.values())), primitives)
 
@@ -184,15 +187,6 @@ def _send_path(
     stream.log(entity("switches", name, "label"), label, static=True)
     hand = entity("hands", name)
     send_moving_frame(stream, hand, path.indexes(), path.position, path.orientation, colour, length)
-
-
-def _send_lane(
-    stream: rr.RecordingStream, name: str, path: _Path, primitives: Sequence[PosePrimitive]
-) -> None:
-    names = [primitive.name for primitive in primitives]
-    colours = {one: primitive_colour(index) for index, one in enumerate(names)}
-    lane, indexes = entity("primitive", name), path.indexes(path.switches)
-    send_primitive_lane(stream, lane, indexes, [*names, ""], colours)
 
 
 def _send_rates(stream: rr.RecordingStream, name: str, path: _Path, colour: str) -> None:

@@ -11,19 +11,21 @@ from structlearn.core import quaternion
 from structlearn.palette import WHITE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.segments import Segmentation
-from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
 from structlearn.viewer.rrd import (
     axis_length,
     entity,
     lanes,
     layout,
+    notes_view,
     origin_label,
+    origin_sentence,
     plot,
     recording,
     rgba,
     scene_view,
     send_marks,
     send_moving_frame,
+    send_notes,
     send_primitive_lane,
     send_series,
     thinning,
@@ -68,8 +70,9 @@ def write_demonstrations(
             _send_path(stream, demonstration, parts)
             _send_positions(stream, demonstration, parts)
             _send_signals(stream, demonstration, axis_length(points))
-        if segmentation is not None:
-            _send_lanes(stream, demonstrations, segmentation)
+            if segmentation is not None and len(cuts := _cuts(demonstration, segmentation)):
+                lane, times = entity("primitive", demonstration.name), np.append(cuts[:, 0], cuts[-1, 1])
+                send_primitive_lane(stream, lane, [time_column(times)], segmentation.primitives)
 
 
 Part = tuple[int, int, str]  # first and last sample of a stretch of a demonstration, and its colour
@@ -160,19 +163,6 @@ def _fingers(demonstration: Demonstration) -> dict[str, np.ndarray]:
         f"tactile {finger + 1}": counts
         for finger, counts in enumerate(np.split(demonstration.tactile, count, axis=1))
     }
-
-
-def _send_lanes(
-    stream: rr.RecordingStream, demonstrations: Sequence[Demonstration], segmentation: Segmentation
-) -> None:
-    names = segmentation.primitives
-    colours = {name: primitive_colour(index) for index, name in enumerate(names)}
-    for demonstration in demonstrations:
-        cuts = _cuts(demonstration, segmentation)
-        if len(cuts):
-            times = time_column(np.append(cuts[:, 0], cuts[-1, 1]))
-            lane = entity("primitive", demonstration.name)
-            send_primitive_lane(stream, lane, [times], [*names, ""], colours)
 
 
 def _blueprint(

@@ -1,7 +1,7 @@
 """One .rrd file: open it, log signals and frames into it, and frame its scene."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from rerun.error_utils import set_strict_mode, strict_mode
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.palette import AXIS_COLOURS, LIGHT_BLUE, ORANGE, primitive_colour
+from structlearn.palette import AXIS_COLOURS, COLOUR_NAMES, LIGHT_BLUE, ORANGE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 
 TIME = "time"
@@ -48,21 +48,10 @@ def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
     """Write a recording; the file is complete when the block ends, and not there when that fails.
 
     It is gathered in memory: of a full disk rerun's own file sink tells in its log alone, if it does not
-    hang, and leaves what there was room for.
-
-    The viewer keeps one blueprint per application and merges recordings of equal id, so both are named after
-    the title: several recordings can be open side by side. No wall-clock time is logged.
-
-    Args:
-        path: of the file.
-        title: different for every recording.
-
-    Yields:
-        The stream to log to and to send the blueprint to.
-
-    Raises:
-        OSError: the file cannot be written.
-        InputError: it cannot be read back.
+    hang, and leaves what there was room for. The viewer keeps one blueprint per application and merges
+    recordings of equal id, so both are named after the title, which differs: several recordings can be open
+    side by side. No wall-clock time is logged. Yields the stream to log to and to send the blueprint to.
+    Raises OSError: the file cannot be written; InputError: it cannot be read back.
     """
     application = (
         f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # else rerun renames it, and says so
@@ -222,21 +211,12 @@ def solid_boxes(
 
 
 def send_primitive_lane(
-    stream: rr.RecordingStream,
-    path: str,
-    indexes: Sequence[rr.TimeColumn],
-    states: Sequence[str],
-    colours: dict[str, str] | None = None,
+    stream: rr.RecordingStream, path: str, indexes: Sequence[rr.TimeColumn], names: Sequence[str]
 ) -> None:
-    """Log which primitive runs from each of K times on, as a coloured lane; an empty name ends the lane.
-
-    Colours are by default those of primitives in the order of the states.
-    """
-    if colours is None:
-        colours = {name: primitive_colour(place) for place, name in enumerate(states) if name}
-    configuration = rr.StateConfiguration(values=list(colours), colors=rgba(list(colours.values())))
-    stream.log(path, configuration, static=True)
-    stream.send_columns(path, indexes, rr.StateChange.columns(state=list(states)))
+    """Log as a coloured lane which of P primitives runs from each of P + 1 times on; the last one ends it."""
+    colours = [primitive_colour(place) for place in range(len(names))]
+    stream.log(path, rr.StateConfiguration(values=names, colors=rgba(colours)), static=True)
+    stream.send_columns(path, indexes, rr.StateChange.columns(state=[*names, ""]))
 
 
 def axis_length(points: np.ndarray) -> float:
@@ -316,9 +296,7 @@ def lanes(contents: Sequence[str]) -> rrb.StateTimelineView:
 
 
 def layout(
-    content: rrb.Container | rrb.View,
-    timeline: str = TIME,
-    steps_per_s: float | None = None,
+    content: rrb.Container | rrb.View, timeline: str = TIME, steps_per_s: float | None = None
 ) -> rrb.Blueprint:
     """Blueprint that leaves the window to the views; the panels at the sides are folded away.
 
@@ -337,3 +315,37 @@ def layout(
             fps=steps_per_s,
         ),
     )
+
+
+def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
+    """Log what is shown, in Markdown."""
+    stream.log(notes_path(*parts), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+
+
+def notes_view(*parts: str, name: str = "what is shown") -> rrb.TextDocumentView:
+    """Panel of what `send_notes` logs."""
+    path = notes_path(*parts)
+    return rrb.TextDocumentView(name=name, origin=path, contents=[path])
+
+
+def notes_path(*parts: str) -> str:
+    """Entity of notes."""
+    return entity("notes", *parts)
+
+
+def colour_words(colours: dict[str, str]) -> str:
+    """A legend in Markdown of what has which colour, by name of the colour."""
+    return "\n".join(f"- {colour}: {meaning}" for colour, meaning in colours.items())
+
+
+def legend(colours: Mapping[str, str]) -> str:
+    """A legend in Markdown of names with their colours of the palette."""
+    return "\n".join(f"- {COLOUR_NAMES[colour]}: {name}" for name, colour in colours.items())
+
+
+def origin_sentence(runs: Sequence[Demonstration], subject: str = "Everything here is") -> str:
+    """Whether runs are simulated or recorded, for a panel's text."""
+    simulated = sum(run.simulated for run in runs)
+    if simulated in (0, len(runs)):
+        return f"{subject} {'simulated' if simulated else 'recorded'}."
+    return f"{simulated} of {len(runs)} runs are simulated, the others recorded."

@@ -11,13 +11,13 @@ from structlearn.readers.bag import RawMessages
 from structlearn.readers.bag_files import RecordingFile, open_bag, recording_files
 from structlearn.readers.bag_recording import read_recording
 from structlearn.readers.cdr import short_name
-from structlearn.readers.joint_series import JointSeries, chosen, joint_series
+from structlearn.readers.clock import StampPolicy
+from structlearn.readers.computed_pose import TransformSeries, transform_series
+from structlearn.readers.joint_log import JointSeries, chosen, joint_series
 from structlearn.readers.messages import READERS
 from structlearn.readers.recording import Stream
-from structlearn.readers.stamps import StampPolicy
 from structlearn.readers.survey import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.readers.topics import JointPose, TopicMap, TransformPose
-from structlearn.readers.transforms import TransformSeries, transform_series
 from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path

@@ -1,37 +1,24 @@
 """Identify an arm from logs of its joints: models learned from some motion and tested on other (III.4)."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from structlearn.core.artefacts import write_table
-from structlearn.core.block_bootstrap import blocks
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.core.metrics import nmse
+from structlearn.core.metrics import blocks, nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import AdamParameters, one_thread
-from structlearn.readers.joint_log import (
-    DriveLog,
-    JointLog,
-    Log,
-    signals_of,
-)
+from structlearn.readers.joint_log import JointLog, Log, signals_of
 from structlearn.rigid_body import arm_identification
-from structlearn.rigid_body.arm_identification import (
-    NETWORKS,
-    TRAIN,
-    Fitting,
-    Identified,
-    NetworkTraining,
-    identify_arm,
-)
+from structlearn.rigid_body.arm_identification import NETWORKS, TRAIN, Fitting, Identified, NetworkTraining
 from structlearn.rigid_body.base_parameters import base_parameters, fit_base
 from structlearn.rigid_body.dynamics_models import (
     DynamicsModels,
@@ -41,36 +28,22 @@ from structlearn.rigid_body.dynamics_models import (
 )
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
-from structlearn.rigid_body.motion import (
-    Motion,
-    block_norms,
-    block_table,
-    excited,
-    joined,
-    measured_motion,
-)
+from structlearn.rigid_body.motion import Motion, block_norms, block_table, joined, measured_motion
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
 from structlearn.simulation.arm import urdf_path
-from structlearn.tasks.motion.drives_and_load import (
+from structlearn.tasks.motion import drives_and_load
+from structlearn.tasks.motion.drives_and_load import FRICTION, longest_motion
+from structlearn.tasks.motion.motion_parameters import (
     FOUND,
-    body_intervals,
-    drives_of,
-    followed_loads,
-    payload_check,
-    weighed_loads,
+    QUOTED,
+    MotionParameters,
+    NetworkChoiceParameters,
 )
-from structlearn.tasks.motion.motion_parameters import MotionParameters, NetworkChoiceParameters
 from structlearn.tasks.task_files import is_public, local_path
 
 TEST = "test"
 """Part that is tested on, where it is not a log by its own name."""
-
-FRICTION = FRICTIONS["offset"]
-"""Of least squares that look at a log: sensors of torque or current need not be zeroed."""
-
-YES, NO, DOUBTFUL, SILENT = "yes", "no", "doubtful", "not tested"
-"""Whether a joint's torque holds gravity."""
 
 LOAD = "(?<!un)(?<!no)(?<!no.)load"
 """In a log's name; not `unload` nor `no_load`."""
@@ -80,6 +53,9 @@ CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)
 
 THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
 """At the end of a name: it is the load that was weighed, of others the mass is not known."""
+
+Pieces = dict[str, dict[str, list[Motion]]]
+"""Pieces of motions by part and log."""
 
 
 def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
@@ -95,42 +71,64 @@ def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
 
 
 def learn_motion(
-    robot: Robot, logs: Mapping[str, Log], parameters: MotionParameters, source: Path, folder: Path
+    robot: Robot, logs: Mapping[str, Any], parameters: MotionParameters, source: Path, folder: Path
 ) -> tuple[Identified | None, dict[str, pd.DataFrame]]:
     """Identify an arm, and write models, its URDF and tables into a folder.
 
+    Without structures nothing is learned: the torques of all logs together are checked against the URDF.
+
+    Args:
+        robot: n joints, with the inertias of its URDF.
+        logs: `JointLog` by name, or `DriveLog` where the parameters name drives.
+        parameters: of the task.
+        source: URDF of the robot.
+        folder: where all of it goes.
+
     Returns:
         What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
-        `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `friction`, `links`,
-        `traces`, `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
+        `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `links`, `traces`,
+        `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
         of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
         `excitation`: one row, `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and what
-        is found of drives and loads: of `drives_and_load`. Without structures nothing is learned, and the
-        tables are those of `check_torques`.
+        is found of drives and loads: of `drives_and_load`. Without structures: `gravity`, and those of
+        `drives_and_load.payload_check`.
 
     Raises:
         InputError: a log lacks a joint, is too short, has no motion or a torque that does not vary.
         MissingInputError: logs are named, and there are no two motions without a load.
     """
     logs = {name: in_order(robot.tree, log) for name, log in logs.items()}
+    if parameters.structures:
+        identified, tables = _identified(robot, logs, parameters, source, folder)
+    else:
+        motion = joined([cut_motion(log, parameters)[0] for log in logs.values()])
+        identified, tables = None, {"gravity": gravity_check(robot, motion, parameters)}
+        tables |= drives_and_load.payload_check(robot, motion)
+    for name, table in tables.items():
+        write_table(table, folder / f"{name}.parquet")
+    return identified, tables
+
+
+def _identified(
+    robot: Robot, logs: Mapping[str, Any], parameters: MotionParameters, source: Path, folder: Path
+) -> tuple[Identified, dict[str, pd.DataFrame]]:
     tables: dict[str, pd.DataFrame] = {}
-    if not parameters.structures:
-        tables = check_torques(robot, logs, parameters)
-        for name, table in tables.items():
-            write_table(table, folder / f"{name}.parquet")
-        return None, tables
     if parameters.train is not None:
         parameters = logs_that_are_there(logs, parameters)
     asked = logs if parameters.train is None else moving_logs(logs, parameters)
-    cut: Callable[[Any], tuple[Motion, slice]] = partial(cut_motion, parameters=parameters)
     gains = {FOUND: np.ones(len(robot.tree.names))}
-    if parameters.drives is not None:
-        drives = drives_of(robot.tree, cast("Mapping[str, DriveLog]", logs), parameters)
-        tables, cut, gains = drives.tables, drives.motion, drives.gains
-    cuts = {name: cut(log) for name, log in asked.items()}
+    if parameters.drives is None:
+        cuts = {name: cut_motion(log, parameters) for name, log in asked.items()}
+    else:
+        tables = drives_and_load.drive_tables(robot.tree, logs, parameters)
+        gains = {name: tables["gains"][name].to_numpy() for name in (FOUND, QUOTED)}
+        cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in asked.items()}
     motions = {name: motion for name, (motion, _) in cuts.items()}
     pieces = held_out(motions, parameters)
-    parts = {name: joined(its) if len(its) > 1 else its[0] for name, its in _by_part(pieces).items()}
+    parts = {}
+    for name, its in pieces.items():
+        every = [piece for found in its.values() for piece in found]
+        parts[name] = joined(every) if len(every) > 1 else every[0]
     first = next(name for name in parts if name != TRAIN)
     if min(len(parts[TRAIN]), len(parts[first])) < parameters.block:
         raise InputError(
@@ -143,13 +141,11 @@ def learn_motion(
         networks, tables["choice"] = choose_networks(robot.tree, parts[TRAIN], parameters.networks)
     limits = robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None
     fitting = Fitting(parameters.iterations, limits, parameters.prior, parameters.refit_friction)
-    identified = identify_arm(robot, parts, fitting, networks, parameters.structures)
+    identified = arm_identification.identify_arm(robot, parts, fitting, networks, parameters.structures)
     if parameters.load is not None:
-        tables |= weighed_loads(robot.tree, motions, gains, parameters)
-        tables["carried"] = followed_loads(robot, motions, parameters)
-    if parameters.body_draws:
-        model = identified.models["cov", parameters.judged_friction]
-        tables["bodies"] = body_intervals(robot, parts[TRAIN], model, parameters)
+        tables |= drives_and_load.weighed_loads(robot.tree, motions, gains, parameters)
+        tables["carried"] = drives_and_load.followed_loads(robot, motions, parameters)
+    judged = identified.models["cov", parameters.judged_friction]
     base = base_parameters(robot.tree)
     fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *parameters.drawing)
     bounds = {"value": fit.parameters, "low": fit.low, "high": fit.high}
@@ -159,7 +155,7 @@ def learn_motion(
         "errors": arm_identification.error_table(identified, parts),
         "blocks": block_table(identified.torques, parts, parameters.block),
         "norms": block_norms(identified.torques, parts, parameters.block),
-        "friction": arm_identification.friction_table(identified),
+        "bodies": drives_and_load.body_intervals(robot, parts[TRAIN], judged, parameters),
         "links": arm_identification.body_table(identified, robot),
         "traces": arm_identification.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
         "gravity": gravity_check(robot, parts[TRAIN], parameters),
@@ -173,17 +169,7 @@ def learn_motion(
     }
     for (kind, friction), models in identified.models.items():
         write_dynamics_models(models, folder / f"models/{kind}_{friction}.safetensors")
-    for name, table in tables.items():
-        write_table(table, folder / f"{name}.parquet")
     return identified, tables
-
-
-def check_torques(
-    robot: Robot, logs: Mapping[str, Log], parameters: MotionParameters
-) -> dict[str, pd.DataFrame]:
-    """Whether torques of all logs together fit the URDF: by `gravity_check` and `payload_check`."""
-    motion = joined([cut_motion(cast("JointLog", log), parameters)[0] for log in logs.values()])
-    return {"gravity": gravity_check(robot, motion, parameters)} | payload_check(robot, motion)
 
 
 def in_order(tree: KinematicTree, log: Log) -> Log:
@@ -196,15 +182,12 @@ def in_order(tree: KinematicTree, log: Log) -> Log:
 
 
 def cut_motion(log: JointLog, parameters: MotionParameters) -> tuple[Motion, slice]:
-    """The longest motion of a log, and where it stands on the clock."""
+    """The longest motion of a log, and where it is on the clock."""
     whole = measured_motion(
         *(log.name, log.time, log.positions, log.velocities, log.torques),
         *(parameters.rate_hz, parameters.smoothing_hz),
     )
-    if parameters.rest_rad_s is None:
-        return whole, slice(0, len(whole))
-    rest = round(parameters.rest_s * parameters.rate_hz)
-    cut = excited(log.name, whole.qd, parameters.rest_rad_s, rest)
+    cut = longest_motion(log.name, whole.qd, parameters)
     return whole.part(cut), cut
 
 
@@ -252,10 +235,8 @@ def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -
     return parameters.model_copy(update=update)
 
 
-def held_out(
-    motions: Mapping[str, Motion], parameters: MotionParameters
-) -> dict[str, dict[str, list[Motion]]]:
-    """Pieces of motions that are learned from (`TRAIN`) and tested on, by part and log.
+def held_out(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pieces:
+    """Pieces of motions that are learned from (`TRAIN`) and tested on.
 
     Named logs are parts of their own, also those without a load that no parameter names. Otherwise the last
     logs are tested on; of a single log, or for `train_share` of the first one, what follows the start that is
@@ -265,34 +246,25 @@ def held_out(
     if parameters.train is not None:
         asked = [name for name in names if name != parameters.train and not CARRIES.search(name)]
         asked.sort(key=lambda name: name != parameters.test)
-        of_train = {TRAIN: {parameters.train: [motions[parameters.train]]}}
+        of_train: Pieces = {TRAIN: {parameters.train: [motions[parameters.train]]}}
         return of_train | {name: {name: [motions[name]]} for name in asked}
     if parameters.train_share is not None:
         start, rest = motions[names[0]].split(parameters.train_share)
         return {TRAIN: {names[0]: [start]}, TEST: {names[0]: [rest]}}
     if len(names) > 1:
         last = len(names) - min(parameters.test_logs, len(names) - 1)
-        return {
-            part: {name: [motions[name]] for name in its}
-            for part, its in ((TRAIN, names[:last]), (TEST, names[last:]))
-        }
+        learned, tested = ({name: [motions[name]] for name in its} for its in (names[:last], names[last:]))
+        return {TRAIN: learned, TEST: tested}
     motion, every = motions[names[0]], parameters.test_every
     pieces = [motion.part(piece) for piece in blocks(np.arange(len(motion)), parameters.block)]
-    tested = [piece for place, piece in enumerate(pieces) if place % every == every - 1]
-    learned = [piece for place, piece in enumerate(pieces) if place % every != every - 1]
-    nothing = [motion.part(slice(0, 0))]
-    return {TRAIN: {names[0]: learned or nothing}, TEST: {names[0]: tested or nothing}}
-
-
-def _by_part(pieces: Mapping[str, Mapping[str, list[Motion]]]) -> dict[str, list[Motion]]:
-    return {part: [piece for its in logs.values() for piece in its] for part, logs in pieces.items()}
+    parts: dict[str, list[Motion]] = {TRAIN: [], TEST: []}
+    for place, piece in enumerate(pieces):
+        parts[TEST if place % every == every - 1 else TRAIN].append(piece)
+    return {part: {names[0]: its or [motion.part(slice(0, 0))]} for part, its in parts.items()}
 
 
 def _motion_table(
-    logs: Mapping[str, Log],
-    cuts: Mapping[str, slice],
-    pieces: Mapping[str, Mapping[str, list[Motion]]],
-    parameters: MotionParameters,
+    logs: Mapping[str, Any], cuts: Mapping[str, slice], pieces: Pieces, parameters: MotionParameters
 ) -> pd.DataFrame:
     words = {(True, True): "both", (True, False): "learned from", (False, True): "tested on"}
     rows = []
@@ -304,45 +276,42 @@ def _motion_table(
         part = words.get((learned > 0, tested > 0), "with the load")
         start, end = cut.start / parameters.rate_hz, cut.stop / parameters.rate_hz
         rows.append((name, part, start, end, logs[name].time[-1], learned, tested))
-    return pd.DataFrame(
-        rows, columns=["log", "part", "start_s", "end_s", "length_s", "learned_s", "tested_s"]
-    )
+    columns = ["log", "part", "start_s", "end_s", "length_s", "learned_s", "tested_s"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) -> pd.DataFrame:
-    """Whether measured torques hold what the URDF's gravity asks for.
+    """Whether measured torques contain the gravity of the URDF's links.
 
-    The torque of each joint is put together from gravity, what else moves the URDF's bodies, and friction, by
-    least squares. A share of one is gravity in N m with the sign that is expected; zero means that the driver
-    takes gravity out, a negative share that its sign is turned, and any other one suggests another unit.
+    Least squares explain the torque of each joint by gravity, the other torques of the URDF's links, and
+    friction. A share of one is gravity in N m with the expected sign; zero means that the driver compensates
+    gravity, a negative share that its sign is reversed, and any other one suggests another unit.
 
     Returns:
-        `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`YES`, ...), `limit_n_m` (of the
-        URDF).
+        `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`yes`, `no`, `doubtful`; `not
+        tested` where gravity hardly varies), `limit_n_m` (of the URDF).
     """
     still = Motion(motion.q, *np.zeros((3, *motion.q.shape)))
     gravity = rigid_body_torques(robot.tree, robot.inertias, still)
     moving = rigid_body_torques(robot.tree, robot.inertias, motion) - gravity
-    rubbing = friction_columns(motion.qd, FRICTION)
-    rows = []
-    for joint, name in enumerate(robot.tree.names):
-        parts = np.column_stack([gravity[:, joint], moving[:, joint], rubbing[:, joint]])
-        share = np.linalg.lstsq(parts, motion.torque[:, joint], rcond=None)[0][0]
-        varies = gravity[:, joint].std()
-        torque = motion.torque[:, joint].std()
-        holds, limit = _holds(share, varies, parameters), robot.model.effortLimit[joint]
-        rows.append((joint + 1, name, varies, torque, share, holds, limit))
-    columns = ["joint", "name", "gravity_n_m", "torque_n_m", "share", "holds", "limit_n_m"]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def _holds(share: float, varies: float, parameters: MotionParameters) -> str:
-    if varies < parameters.gravity_n_m:
-        return SILENT
-    least = parameters.gravity_share
-    if least <= share <= 1.0 / least:
-        return YES
-    return NO if share < 1.0 - least else DOUBTFUL
+    parts = np.concatenate(
+        [gravity[..., None], moving[..., None], friction_columns(motion.qd, FRICTION)], axis=2
+    )
+    each = list(zip(parts.swapaxes(0, 1), motion.torque.T, strict=True))
+    share = np.array([np.linalg.lstsq(its, torque, rcond=None)[0][0] for its, torque in each])
+    varies, least = np.array([its.std() for its in gravity.T]), parameters.gravity_share
+    cases = [varies < parameters.gravity_n_m, (least <= share) & (share <= 1.0 / least), share < 1.0 - least]
+    return pd.DataFrame(
+        {
+            "joint": np.arange(1, motion.joints + 1),
+            "name": robot.tree.names,
+            "gravity_n_m": varies,
+            "torque_n_m": [torque.std() for _, torque in each],
+            "share": share,
+            "holds": np.select(cases, ["not tested", "yes", "no"], "doubtful"),
+            "limit_n_m": robot.model.effortLimit.copy(),
+        }
+    )
 
 
 def choose_networks(
@@ -366,16 +335,16 @@ def choose_networks(
         parts = motion.split(parameters.train_share)
         tried = partial(_tried, tree=tree, parts=parts, parameters=parameters)
         results = parallel_map(tried, work, "networks")
-    rows, chosen = [], dict[Kind, tuple[float, int, NetworkTraining]]()
+    rows: list[tuple[str, str, float, int, float]] = []
+    chosen: dict[Kind, tuple[float, int, NetworkTraining]] = {}
     for (kind, setting), errors in zip(work, results, strict=True):
         nodes = "-".join(map(str, setting.hidden))
         for epochs, error in zip(sorted(parameters.epochs), errors, strict=True):
-            rows.append((kind, nodes, setting.networks.rate, epochs, error, False))
             if kind not in chosen or error < chosen[kind][0]:
-                training = NetworkTraining(setting, parameters.seeds, epochs)
-                chosen[kind] = (error, len(rows) - 1, training)
-    table = pd.DataFrame(rows, columns=["kind", "hidden", "rate", "epochs", "nmse", "chosen"])
-    table.loc[[place for _, place, _ in chosen.values()], "chosen"] = True
+                chosen[kind] = error, len(rows), NetworkTraining(setting, parameters.seeds, epochs)
+            rows.append((kind, nodes, setting.networks.rate, epochs, error))
+    table = pd.DataFrame(rows, columns=["kind", "hidden", "rate", "epochs", "nmse"])
+    table["chosen"] = table.index.isin([place for _, place, _ in chosen.values()])
     return {kind: training for kind, (_, _, training) in chosen.items()}, table
 
 

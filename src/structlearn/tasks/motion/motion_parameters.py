@@ -12,6 +12,18 @@ from structlearn.readers.source import SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]
 
+AT_REST, IN_MOTION, DELAY = "gain at rest", "gain in motion", "delay"
+"""Quantities of drives, in N m/A and s."""
+
+FOUND, QUOTED = "found", "quoted"
+"""Gains that a load is weighed with."""
+
+ALL_PAIRS = "all pairs"
+"""Of the load from all pairs of logs at once."""
+
+LEARNED, EMPTY, CARRYING = "empty, learned from", "empty, another motion", "with the load"
+"""What the arm does while the load is followed, in their order."""
+
 
 class NetworkChoiceParameters(Parameters):
     """Networks that are learned beside the structures; of several settings the best is taken."""
@@ -110,6 +122,5 @@ class MotionParameters(SourceParameters):
 
 def read_logs(path: Path, parameters: MotionParameters) -> dict[str, Any]:
     """Logs by name from the table of an import; of motor currents where the parameters name drives."""
-    if parameters.drives is not None:
-        return {log.name: log for log in read_log_table(path, DriveLog)}
-    return {log.name: log for log in read_log_table(path)}
+    logs = read_log_table(path) if parameters.drives is None else read_log_table(path, DriveLog)
+    return {log.name: log for log in logs}

@@ -11,11 +11,17 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
 from structlearn.tasks.motion.motion_figures import motion_figures
-from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
+from structlearn.tasks.motion.motion_parameters import (
+    AT_REST,
+    DELAY,
+    EMPTY,
+    IN_MOTION,
+    MotionParameters,
+    read_logs,
+)
 from structlearn.tasks.motion.motion_results import (
     BEST,
     BOUNDS,
-    EMPTY,
     FRICTIONS,
     RIVALS,
     URDF,
@@ -29,11 +35,22 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
-NUMBERS = {"mass_kg": ".2f", "viscous": ".2f", "coulomb": ".2f"}
-"""How parameters of a link are written; others with three digits behind the point."""
+LINKS = {
+    "mass_kg": ".2f",
+    "centre_x_m": ".3f",
+    "centre_y_m": ".3f",
+    "centre_z_m": ".3f",
+    "viscous": ".2f",
+    "coulomb": ".2f",
+}
+"""Parameters of a link that a page shows, and how they are written."""
 
-LINKS = ("mass_kg", "centre_x_m", "centre_y_m", "centre_z_m", "viscous", "coulomb")
-"""Parameters of a link that a page shows."""
+WHOLE = {
+    "limit_percent": ("NRMS (% of the limits)", ".3f"),
+    "relative_percent": ("relative (%)", ".2f"),
+    "norm_n_m": ("norm (N m)", ".2f"),
+}
+"""Errors of all joints together: heading, and how they are written."""
 
 
 def section(files: TaskFiles) -> Section:
@@ -53,11 +70,8 @@ def section(files: TaskFiles) -> Section:
             lead="torque_check_lead.html.jinja",
             facts={"origin": first.provenance},
             find=check_findings(tables),
-            tables={
-                "payload_torques": shown(tables["payload_torques"]),
-                "payloads": shown(tables["payloads"]),
-                "motion_gravity": _gravity(tables["gravity"]),
-            },
+            tables={name: shown(tables[name]) for name in ("payload_torques", "payloads")}
+            | {"motion_gravity": _gravity(tables["gravity"])},
         )
     results = MotionResults(tables, parameters)
     urdf = f"{files.folder}/motion/identified.urdf"
@@ -76,11 +90,11 @@ def section(files: TaskFiles) -> Section:
 def motion_facts(results: MotionResults) -> dict[str, Any]:
     """Values for the sentences."""
     test, motions, gravity = results.test, results["motions"], results["gravity"]
-    best, excitation = results.joint_nmse(results.tested), results["excitation"].iloc[0]
+    best, excitation = results.joint_nmse(results.tested, results.best), results["excitation"].iloc[0]
     worst = max(best, key=lambda joint: best[joint].value)
     named = motions[motions["log"].isin([results.train_log, results.tested])]
     seconds = (motions if results.parameters.train is None else named)[["learned_s", "tested_s"]].sum()
-    carried = {log: results.carried_error(log).evidence() for log in results.carried_logs}
+    carried = {log: results.carried(log)[1].evidence() for log in results.carried_logs}
     facts: dict[str, Any] = {
         "chosen": results.parameters,
         "logs": len(motions),
@@ -93,15 +107,17 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "worst": best[worst].evidence(),
         "worst_joint": results.names[list(best).index(worst)],
         "best": test.loc[results.best].min(),
-        "worst_of": {"urdf": test.loc[URDF].max(), "bounds": test.loc[results.bounds].max()}
-        | {"viscous": test.loc["cov", "viscous"].max()},
+        "worst_of": {
+            name: test.loc[key].max()
+            for name, key in (("urdf", URDF), ("bounds", results.bounds), ("viscous", (BEST, "viscous")))
+        },
         "condition": excitation["condition"],
         "base_parameters": int(excitation["parameters"]),
         "unsure": len(results["base"].query("low < 0 < high")),
         "blocks": best[worst].n,
         "gravity": {word: list(its["name"]) for word, its in gravity.groupby("holds")},
         "further": {
-            log: (results.errors[log].loc[results.best], results.errors[log].loc[results.bounds])
+            log: tuple(results.errors[log].loc[key] for key in (results.best, results.bounds))
             for log in results.parts[2:]
         },
         "networks": [
@@ -113,12 +129,11 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "carried": carried,
         "first": next(iter(carried), None),
     }
-    if "gains" in results.tables:
-        gains = results["gains"].set_index("joint")
+    if "gains" in results and results.parameters.drives is not None:
+        gains, stand_in = results["gains"].set_index("joint"), results.parameters.drives.assumed_gains
         facts["gain_factors"] = gains["quoted"] / gains["found"]
-        assumed = gains.index[gains["assumed"]].tolist()
-        facts["stand_in"] = {joint: results.of_drives.assumed_gains[joint] for joint in assumed}
-        facts["rest_log"] = results.rest_log
+        facts["stand_in"] = {joint: stand_in[joint] for joint in gains.index[gains["assumed"]]}
+        facts["rest_log"] = results.rest_log()
     if carried:
         facts["largest_empty_kg"] = chosen(results["carried"], stage=EMPTY)["mass_kg"].abs().max()
     return facts
@@ -127,8 +142,8 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
 def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
     """Of logs that are too slow to identify an arm."""
     find, signs = Findings("joints"), {-1: "reversed", 1: "as_recorded"}
-    torques, payloads = tables["payload_torques"], tables["payloads"].set_index("sign")["mass_kg"]
-    left = torques[torques["payload"]].groupby("sign")["left_n_m"]
+    left = chosen(tables["payload_torques"], payload=True).groupby("sign")["left_n_m"]
+    payloads = tables["payloads"].set_index("sign")["mass_kg"]
     worst = {word: (left.max()[sign], left.size()[sign]) for sign, word in signs.items()}
     find.exact("torque_left", worst, unit="N m", headline=True)
     find.exact(
@@ -139,20 +154,42 @@ def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
 
 def motion_tables(results: MotionResults) -> dict[str, Table]:
     """Tables keyed by name."""
+    wide = results.test
+    joints = {"joint": results.joints, "name": results.names} | {
+        model_words(key): [_text(its, ".2g") for its in results.joint_nmse(results.tested, key).values()]
+        for key in (URDF, results.bounds, results.best)
+    }
+    errors = wide.add_prefix("joint_").assign(mean=wide.mean(axis=1)).reset_index(drop=True)
+    errors.insert(0, "model", [model_words(key) for key in wide.index])
+    plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS).tolist())
+    whole = []
+    for key in (URDF, *((kind, friction) for friction in ("coulomb", "offset") for kind in (BOUNDS, BEST))):
+        found = results.whole_errors(key)
+        texts = {heading: _text(found[name], number) for name, (heading, number) in WHOLE.items()}
+        whole.append({"model": model_words(key)} | texts)
+    words = {"start_s": "from (s)", "end_s": "to (s)", "length_s": "length (s)"}
+    words |= {"learned_s": "learned from (s)", "tested_s": "tested on (s)"}
     tables = {
-        "motion_joints": _joints(results),
-        "motion_errors": _errors(results),
-        "motion_whole": _whole(results),
-        "motion_logs": _logs(results),
+        "motion_joints": Table(pd.DataFrame(joints)),
+        "motion_errors": shown(errors, plain),
+        "motion_whole": Table(pd.DataFrame(whole)),
+        "motion_logs": Table(results["motions"][["log", "part", *words]], dict.fromkeys(words, ".1f"), words),
         "motion_gravity": _gravity(results["gravity"]),
         "motion_base": shown(results["base"].rename(columns={"urdf": "URDF"})),
         "motion_bodies": _bodies(results),
     }
-    if results.parts[2:]:
-        tables["motion_further"] = _further(results)
-    if "choice" in results.tables:
+    if further := results.parts[2:]:
+        rows = [
+            {"log": log, "model": model_words(key)}
+            | results.errors[log].loc[key].add_prefix("joint_").to_dict()
+            for log in further
+            for key in (URDF, *RIVALS, results.best, results.bounds)
+            if key in results.errors[log].index
+        ]
+        tables["motion_further"] = shown(pd.DataFrame(rows))
+    if "choice" in results:
         tables["motion_choice"] = shown(results["choice"])
-    if "gains" in results.tables:
+    if "gains" in results:
         tables["motion_drives"] = _drives(results)
     if results.carried_logs:
         tables |= {"motion_loads": _loads(results), "motion_followed": _followed(results)}
@@ -166,62 +203,6 @@ def _text(found: Drawn, number: str) -> str:
     return f"{rounded(its.value, number)} {interval(its.low, its.high, number)}"
 
 
-def _joints(results: MotionResults) -> Table:
-    """NMSE of every joint, with intervals."""
-    columns = {"joint": results.joints, "name": results.names}
-    for key in (URDF, results.bounds, results.best):
-        columns[model_words(key)] = [
-            _text(its, ".2g") for its in results.joint_nmse(results.tested, key).values()
-        ]
-    return Table(pd.DataFrame(columns))
-
-
-def _errors(results: MotionResults) -> Table:
-    wide = results.test
-    numbers = wide.add_prefix("joint_").assign(mean=wide.mean(axis=1)).reset_index(drop=True)
-    numbers.insert(0, "model", [model_words(key) for key in wide.index])
-    plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS).tolist())
-    return shown(numbers, plain)
-
-
-def _whole(results: MotionResults) -> Table:
-    """Errors of all joints together, with intervals."""
-    names = {
-        "limit_percent": "NRMS (% of the limits)",
-        "relative_percent": "relative (%)",
-        "norm_n_m": "norm (N m)",
-    }
-    numbers = {"limit_percent": ".3f"}
-    rows = [
-        {"model": model_words(key)}
-        | {
-            names[name]: _text(its, numbers.get(name, ".2f"))
-            for name, its in results.whole_errors(key).items()
-        }
-        for key in (
-            URDF,
-            *((kind, friction) for friction in ("coulomb", "offset") for kind in (BOUNDS, BEST)),
-        )
-    ]
-    return Table(pd.DataFrame(rows))
-
-
-def _further(results: MotionResults) -> Table:
-    rows = [
-        {"log": log, "model": model_words(key)} | results.errors[log].loc[key].add_prefix("joint_").to_dict()
-        for log in results.parts[2:]
-        for key in (URDF, *RIVALS, results.best, results.bounds)
-        if key in results.errors[log].index
-    ]
-    return shown(pd.DataFrame(rows))
-
-
-def _logs(results: MotionResults) -> Table:
-    words = {"start_s": "from (s)", "end_s": "to (s)", "length_s": "length (s)"}
-    words |= {"learned_s": "learned from (s)", "tested_s": "tested on (s)"}
-    return Table(results["motions"][["log", "part", *words]], dict.fromkeys(words, ".1f"), words)
-
-
 def _gravity(gravity: pd.DataFrame) -> Table:
     words = {"name": "joint", "gravity_n_m": "URDF's gravity, std (N m)", "torque_n_m": "torque, std (N m)"}
     words |= {"share": "share of gravity in the torque", "holds": "contains gravity"}
@@ -230,20 +211,11 @@ def _gravity(gravity: pd.DataFrame) -> Table:
 
 def _bodies(results: MotionResults) -> Table:
     """Links as written, a column per parameter, with half a 95 % interval where fits were drawn."""
-    if "bodies" in results.tables:
-        its = results["bodies"]
-    else:
-        key = {"model": BEST, "friction": results.parameters.judged_friction}
-        links = chosen(results["links"], **key).rename(columns={"true_mass_kg": "urdf"})
-        values = [name for name in LINKS if name in links]
-        its = links.melt(["link", "urdf"], values, "parameter")
-        rubbing = chosen(results["friction"], **key).rename(columns={"term": "parameter"})
-        rubbing = rubbing.assign(link=[links["link"].iloc[joint - 1] for joint in rubbing["joint"]])
-        its = pd.concat([its, rubbing]).assign(half_width=np.nan)
-    its = its[its["parameter"].isin(LINKS)]
+    bodies = results["bodies"]
+    its = bodies[bodies["parameter"].isin(list(LINKS))]
     text = []
     for row in its.itertuples():
-        form = NUMBERS.get(row.parameter, ".3f")
+        form = LINKS[row.parameter]
         width = f" ± {row.half_width:{form}}" if np.isfinite(row.half_width) else ""
         text.append(f"{rounded(row.value, form)}{width}")
     wide = its.assign(text=text).pivot_table(
@@ -258,18 +230,16 @@ def _bodies(results: MotionResults) -> Table:
 
 def _drives(results: MotionResults) -> Table:
     """Gains and delays of every joint, with intervals as text."""
-    rows = []
-    logs = {results.train_log: "learned from", results.tested: "tested on"}
+    rows, rest = [], results.rest_log()
     for row in results["gains"].itertuples():
         its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
-        if (rest := results.rest_log) is not None:
-            at_rest = results.drive("gain at rest", rest, row.joint)
+        if rest is not None:
+            at_rest = results.drive(AT_REST, row.joint, rest)
             its["at rest"] = "assumed" if row.assumed else _text(at_rest, ".3f")
         its["used"] = rounded(row.found, ".3f")
-        for log, words in logs.items():
-            its[f"in motion, {words}"] = _text(results.drive("gain in motion", log, row.joint), ".3f")
-            delay = results.drive("delay", log, row.joint).scaled(1e3)
-            its[f"delay (ms), {words}"] = _text(delay, ".1f")
+        for log, words in ((results.train_log, "learned from"), (results.tested, "tested on")):
+            its[f"in motion, {words}"] = _text(results.drive(IN_MOTION, row.joint, log), ".3f")
+            its[f"delay (ms), {words}"] = _text(results.drive(DELAY, row.joint, log), ".1f")
         rows.append(its)
     return Table(pd.DataFrame(rows))
 
@@ -289,17 +259,12 @@ def _loads(results: MotionResults) -> Table:
 
 
 def _followed(results: MotionResults) -> Table:
-    rows = []
+    assert results.parameters.load is not None
+    step_s, rows = results.parameters.load.batch / results.parameters.rate_hz, []
     for log in results.carried_logs:
-        its, error = results.settled(log), results.carried_error(log).evidence()
-        rows.append(
-            {
-                "log": log,
-                "settled_s": float(len(its) * results.of_load.batch / results.parameters.rate_hz),
-                "mass_kg": its["mass_kg"].mean(),
-                "least_kg": its["mass_kg"].min(),
-                "most_kg": its["mass_kg"].max(),
-                "error (%)": f"{rounded(error.value, '.1f')} {interval(error.low, error.high)}",
-            }
-        )
+        masses, error = results.carried(log)
+        row = {"log": log, "settled_s": len(masses) * step_s, "mass_kg": masses.mean()}
+        row |= {"least_kg": masses.min(), "most_kg": masses.max()}
+        its = error.evidence()
+        rows.append(row | {"error (%)": f"{rounded(its.value, '.1f')} {interval(its.low, its.high)}"})
     return shown(pd.DataFrame(rows), settled_s=".0f", least_kg=".2f", most_kg=".2f")

@@ -11,8 +11,7 @@ import rerun.blueprint as rrb
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE
 from structlearn.readers.joint_log import MotionLog
 from structlearn.rigid_body.urdf import moved_link
-from structlearn.tasks.motion.motion_parameters import LoadParameters
-from structlearn.tasks.motion.motion_results import CARRYING
+from structlearn.tasks.motion.motion_parameters import CARRYING, LoadParameters
 from structlearn.viewer.arm_meshes import (
     arm_contents,
     arm_view,
@@ -21,8 +20,7 @@ from structlearn.viewer.arm_meshes import (
     send_followed,
     send_sticks,
 )
-from structlearn.viewer.notes import legend, notes_view, send_notes
-from structlearn.viewer.rrd import layout, recording, rgba, time_column
+from structlearn.viewer.rrd import layout, legend, notes_view, recording, rgba, send_notes, time_column
 
 ARM, BODY = "arm", "load"
 

@@ -21,9 +21,8 @@ from structlearn.primitives.fitting import Segment, segment_paths
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import styled
+from structlearn.reporting.figure_style import SAMPLES, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.reporting.prose import capitalised, listing
 from structlearn.tasks.movement.feedback_learning import feedback_metrics, in_view, read_feedback
 from structlearn.tasks.movement.movement_parameters import MovementEntry

@@ -10,9 +10,8 @@ from structlearn.reporting.claims import Evidence, difference
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.movement_figures import draw_cuts, shade_primitives, speed
+from structlearn.reporting.movement_figures import draw_cuts, noise_figure, shade_primitives, speed
 from structlearn.reporting.prose import level_name, listing
-from structlearn.reporting.segmentation_figures import noise_figure
 from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import errors_by_level, errors_by_seed, paired_comparison
 from structlearn.segmentation.segments import Segmentation

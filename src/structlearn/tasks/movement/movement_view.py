@@ -18,16 +18,27 @@ from structlearn.primitives.fitting import orientations, segment_paths, whole
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.twist_swing import dominant_axes, from_chart, on_chart
-from structlearn.readers.demonstration import SIGNALS, Demonstration
+from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration
 from structlearn.segmentation.alignment import RESULT
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
 from structlearn.tasks.movement.phase_corrections import complete, typical_paths
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer.learned_primitives import write_primitives
-from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import entity, eye_view, layout, plot, recording, rgba, send_series, time_column
+from structlearn.viewer.rrd import (
+    entity,
+    eye_view,
+    layout,
+    legend,
+    notes_view,
+    plot,
+    recording,
+    rgba,
+    send_notes,
+    send_series,
+    time_column,
+)
 
 DEMONSTRATED = (
     "Coloured by the primitive that they were cut into, white outside; each has a tab with its signals."
@@ -89,11 +100,13 @@ def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segment
         starts.append(times[-1][-1] + part.dt)
     signals: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in SIGNALS
+        for name in SIGNAL_UNITS
         if all(getattr(part, name) is not None for part in parts)
     }
     nothing: dict[str, Any] = {
-        one.name: None for one in fields(Demonstration) if one.name in SIGNALS and one.name not in signals
+        one.name: None
+        for one in fields(Demonstration)
+        if one.name in SIGNAL_UNITS and one.name not in signals
     }
     execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **signals, **nothing)
     rows = [

@@ -32,10 +32,9 @@ from structlearn.primitives.twist_swing import dominant_axes, on_chart
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.claims import exact
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import styled
+from structlearn.reporting.figure_style import SAMPLES, legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import fit_panel, sequence_figure, space_panels
-from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
 from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
 from structlearn.tasks.section import Section

@@ -7,7 +7,6 @@ demonstrations, not of new demonstrations.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -25,7 +24,7 @@ from structlearn.avoidance.scene_models import (
     scene_states,
     straight_baseline,
 )
-from structlearn.avoidance.scene_people import ScenePeopleParameters, reaches_past_obstacles
+from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import MissingInputError
 from structlearn.core.metrics import mean_interval, nmse
 from structlearn.core.parallel import parallel_map
@@ -46,14 +45,8 @@ class RepresentationParameters(Parameters):
     pmnn_hidden: tuple[int, ...]
 
 
-RIDGE, HUMAN_INSPIRED, STOPPED, NETWORK, ENSEMBLE, PMNN = (
-    "ridge",
-    "human_inspired",
-    "network_validation",
-    "network",
-    "ensemble",
-    "pmnn",
-)
+RIDGE, HUMAN_INSPIRED, STOPPED = "ridge", "human_inspired", "network_validation"
+NETWORK, ENSEMBLE, PMNN = "network", "ensemble", "pmnn"
 REPRESENTATIONS = (
     (HUMAN_INSPIRED, "features"),
     (STOPPED, "features"),
@@ -62,26 +55,19 @@ REPRESENTATIONS = (
 )
 """Representations and what they see beside the features (`models.COLUMNS`)."""
 
-
-@dataclass(frozen=True)
-class RepresentationResults:
-    """Outcome of the cross-validation.
-
-    Attributes:
-        scores: per `representation`, its `inputs` and `axis`: held-out `nmse` over all samples, and `train`,
-            the mean of the training errors over the folds.
-        folds: likewise per `fold`: held-out squared error over the variance of all targets, `nmse`, and the
-            number of held-out `samples`.
-        phase_worth: per `representation`, `inputs` with the phase, and `axis`: `gain`, mean over folds of the
-            held-out error without it minus that with it, and `half_width` of its 95 % interval.
-    """
-
-    scores: pd.DataFrame
-    folds: pd.DataFrame
-    phase_worth: pd.DataFrame
+FITS = (
+    *((ENSEMBLE, inputs) for inputs in reversed(INPUTS)),
+    (PMNN, "phase"),
+    (HUMAN_INSPIRED, "features"),
+    (STOPPED, "features"),
+    *((RIDGE, inputs) for inputs in INPUTS),
+)
+"""Longest first. The ensemble's first member is the network."""
 
 
-def samples_of_reaches(runs: Sequence[Demonstration], parameters: ScenePeopleParameters) -> AvoidanceDataset:
+def samples_of_reaches(
+    runs: Sequence[Demonstration], parameters: SceneLearningParameters
+) -> AvoidanceDataset:
     """Samples of the coupling term of reaches past obstacles, with the published features of the nearest."""
     reaches, _ = reaches_past_obstacles(runs, parameters)
     baseline = straight_baseline(reaches, parameters.straight_share)
@@ -91,43 +77,39 @@ def samples_of_reaches(runs: Sequence[Demonstration], parameters: ScenePeoplePar
 
 def compare_representations(
     dataset: AvoidanceDataset, parameters: RepresentationParameters
-) -> RepresentationResults:
+) -> dict[str, pd.DataFrame]:
     """Cross-validate every representation.
+
+    Returns:
+        `scores` per `representation`, its `inputs` and `axis`: held-out `nmse` over all samples, and `train`,
+        the mean of the training errors over the folds. `folds`: likewise per `fold`, held-out squared error
+        over the variance of all targets, `nmse`, and the number of held-out `samples`. `phase_worth`: per
+        `representation`, `inputs` with the phase, and `axis`: `gain`, mean over folds of the held-out error
+        without it minus that with it, and `half_width` of its 95 % interval.
 
     Raises:
         MissingInputError: there are fewer than two samples a fold.
     """
     if len(dataset) < 2 * parameters.folds:
         raise MissingInputError(f"{len(dataset)} samples are too few for {parameters.folds} folds")
+    blocks = np.array_split(np.arange(len(dataset)), parameters.folds)
     work = [
         (dataset, block, (fold, name, inputs), parameters)
-        for name, inputs in _FITS
-        for fold, block in enumerate(np.array_split(np.arange(len(dataset)), parameters.folds))
+        for name, inputs in FITS
+        for fold, block in enumerate(blocks)
     ]
     tables = parallel_map(_held_out, work, "representations of the coupling term")
-    errors = pd.concat(tables, ignore_index=True)
-    keys = ["representation", "inputs", "axis"]
+    errors, keys = pd.concat(tables, ignore_index=True), ["representation", "inputs", "axis"]
     summed = errors.groupby(keys, sort=False)[["squared", "weighted_train"]].sum()
-    scores = summed.rename(columns={"squared": "nmse", "weighted_train": "train"}).reset_index()
+    scores = summed.rename(columns={"squared": "nmse", "weighted_train": "train"})
     scores["train"] /= parameters.folds
-    sizes = [len(block) for block in np.array_split(np.arange(len(dataset)), parameters.folds)]
+    order = [(*pair, axis) for pair in REPRESENTATIONS for axis in AXES]
     folds = errors[[*keys, "fold"]].assign(
-        nmse=errors["squared"] * parameters.folds, samples=errors["fold"].map(dict(enumerate(sizes)))
+        nmse=errors["squared"] * parameters.folds,
+        samples=errors["fold"].map(dict(enumerate(map(len, blocks)))),
     )
-    order = {key: place for place, key in enumerate(REPRESENTATIONS)}
-    places = [order[pair] for pair in zip(scores["representation"], scores["inputs"], strict=True)]
-    scores = scores.iloc[np.argsort(places, kind="stable")].reset_index(drop=True)
-    return RepresentationResults(scores, folds, _phase_worth(folds))
-
-
-_FITS = (
-    *((ENSEMBLE, inputs) for inputs in reversed(INPUTS)),
-    (PMNN, "phase"),
-    (HUMAN_INSPIRED, "features"),
-    (STOPPED, "features"),
-    *((RIDGE, inputs) for inputs in INPUTS),
-)
-"""Longest first. The ensemble's first member is the network."""
+    scores = scores.loc[[key for key in order if key in scores.index]].reset_index()
+    return {"scores": scores, "folds": folds, "phase_worth": _phase_worth(folds)}
 
 
 def _held_out(
@@ -197,14 +179,10 @@ def _predicted(model: CouplingModel, dataset: AvoidanceDataset) -> np.ndarray:
 
 def _phase_worth(folds: pd.DataFrame) -> pd.DataFrame:
     """Gains of seeing the phase, in pairs over the folds."""
-    rows = []
-    by_key = {
-        key: its.sort_values("fold")["nmse"].to_numpy()
-        for key, its in folds.groupby(["representation", "inputs", "axis"])
-    }
-    for (name, inputs, axis), errors in by_key.items():
-        without = by_key.get((name, "features", axis))
+    by = folds.sort_values("fold").groupby(["representation", "inputs", "axis"])["nmse"]
+    errors, rows = {key: its.to_numpy() for key, its in by}, []
+    for (name, inputs, axis), seen in errors.items():
+        without = errors.get((name, "features", axis))
         if inputs != "features" and without is not None:
-            gain, half_width = mean_interval(without - errors)
-            rows.append((name, inputs, axis, gain, half_width))
+            rows.append((name, inputs, axis, *mean_interval(without - seen)))
     return pd.DataFrame(rows, columns=["representation", "inputs", "axis", "gain", "half_width"])

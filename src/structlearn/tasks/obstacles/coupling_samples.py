@@ -15,8 +15,8 @@ from structlearn.avoidance import features
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.primitives import canonical, kernels
-from structlearn.readers.clmc import COMMIT, LICENCE, REPOSITORY
-from structlearn.readers.text_log import read_table, source_provenance
+from structlearn.readers.clmc import SOURCE
+from structlearn.readers.text_log import read_table
 
 FOLDER = "obs_avoid/pmnn_unroll_test_dataset"
 FILES = {
@@ -47,7 +47,7 @@ def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str]) -> Record
     """Reader of a task, see `task_import`."""
     samples = read_coupling_samples(folder)
     files = list(sample_files(folder).values())
-    return RecordedSamples(samples, source_provenance(REPOSITORY, COMMIT, LICENCE, Path(folder), files))
+    return RecordedSamples(samples, SOURCE.provenance(Path(folder), files))
 
 
 def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
@@ -64,20 +64,20 @@ def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
     paths = sample_files(folder)
     if not any(path.exists() for path in paths.values()):
         raise MissingInputError(f"{Path(folder) / FOLDER}: holds no samples of obstacle avoidance")
-    tables = {name: read_table(paths[name], columns) for name, (_, columns) in FILES.items()}
-    count = len(tables["features"])
-    for name, table in tables.items():
-        if len(table) != count:
-            raise InputError(f"{paths[name]}: has {len(table)} rows, {paths['features'].name} has {count}")
-    seen = tables["features"]
-    distance = np.linalg.norm(seen[:, features.TO_CENTRE], axis=1)
-    wrong = np.flatnonzero(np.abs(distance - seen[:, features.CENTRE_DISTANCE]) > 1e-6)
+    seen, target, modulation = (read_table(paths[name], columns) for name, (_, columns) in FILES.items())
+    for name, table in zip(FILES, (seen, target, modulation), strict=True):
+        if len(table) != len(seen):
+            raise InputError(
+                f"{paths[name]}: has {len(table)} rows, {paths['features'].name} has {len(seen)}"
+            )
+    distance, stated = np.linalg.norm(seen[:, features.TO_CENTRE], axis=1), seen[:, features.CENTRE_DISTANCE]
+    wrong = np.flatnonzero(np.abs(distance - stated) > 1e-6)
     if len(wrong):
         raise InputError(
             f"{paths['features']}: row {wrong[0]}: distance to the centre is "
-            f"{seen[wrong[0], features.CENTRE_DISTANCE]:.6g} m, its vector says {distance[wrong[0]]:.6g} m"
+            f"{stated[wrong[0]]:.6g} m, its vector says {distance[wrong[0]]:.6g} m"
         )
-    time, error = phase_times(tables["modulation"])
+    time, error = phase_times(modulation)
     if error.max() > LARGEST_PHASE_ERROR:
         raise InputError(
             f"{paths['modulation']}: row {error.argmax()}: no time of a movement has these phase kernels "
@@ -86,11 +86,11 @@ def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
     p, _ = canonical.phase(time, canonical.time_constant(1.0))
     return AvoidanceDataset(
         features=seen,
-        target=tables["target"],
+        target=target,
         phase=p,
-        phase_velocity=tables["modulation"].sum(axis=1),  # kernels are normalised: their sum is u
-        scenario=np.zeros(count, dtype=int),
-        demonstration=np.arange(count),
+        phase_velocity=modulation.sum(axis=1),  # kernels are normalised: their sum is u
+        scenario=np.zeros(len(seen), dtype=int),
+        demonstration=np.arange(len(seen)),
         time=time,
     )
 
@@ -101,13 +101,9 @@ def sample_files(folder: str | Path) -> dict[str, Path]:
 
 
 def phase_times(modulation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times whose phase kernels are nearest to given ones.
+    """Times (S,) whose phase kernels are nearest to given ones (S, N), and the distance (S,) of the kernels.
 
-    Args:
-        modulation: (S, N) normalised phase kernels times the phase velocity.
-
-    Returns:
-        time: (S,) as a fraction of the movement.   error: (S,) Euclidean distance of the kernels.
+    Kernels are normalised and times the phase velocity; a time is a fraction of the movement.
     """
     p, u = canonical.phase(GRID, canonical.time_constant(1.0))
     grid = kernels.features(p, u, modulation.shape[1])

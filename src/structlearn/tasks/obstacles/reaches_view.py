@@ -9,17 +9,19 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import BLACK, DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_WAYS, Look
-from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import (
     entity,
     eye_view,
     layout,
+    legend,
+    notes_view,
     plot,
     recording,
     rgba,
     send_curve,
     send_floor_axes,
     send_moving_frame,
+    send_notes,
     solid_boxes,
     time_column,
 )

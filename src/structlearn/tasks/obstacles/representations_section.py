@@ -11,9 +11,8 @@ from structlearn.core.metrics import mean_interval
 from structlearn.palette import BLACK, BLUE, GREY, OCHRE, Look
 from structlearn.reporting.claims import Evidence, difference
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import rounded, with_interval
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
@@ -37,11 +36,8 @@ INPUTS = {
 }
 """What a representation sees."""
 
-TABLES = ("scores", "folds", "phase_worth")
-"""Of `coupling_representations.RepresentationResults`."""
-
 Tables = Mapping[str, pd.DataFrame]
-"""`TABLES`, by name."""
+"""Of `coupling_representations.compare_representations`, by name."""
 
 
 def by_axis(table: pd.DataFrame, column: str) -> pd.DataFrame:
@@ -64,7 +60,7 @@ def section(files: TaskFiles) -> Section | None:
     """Of a task whose samples of the coupling term are compared by representation."""
     if not files.has("representations"):
         return None
-    found = {name: files.table(f"obstacles/{name}") for name in TABLES}
+    found = {name: files.table(f"obstacles/{name}") for name in ("scores", "folds", "phase_worth")}
     return Section(
         "representations",
         "Representations of the coupling term",
@@ -73,7 +69,7 @@ def section(files: TaskFiles) -> Section | None:
         facts=representation_facts(found),
         find=representation_findings(found),
         tables=representation_tables(found),
-        pictures=representation_pictures(found),
+        pictures={"representations": [errors_panel(found), phase_panel(found)]},
     )
 
 
@@ -82,7 +78,6 @@ def representation_findings(found: Tables) -> Findings:
     folds = found["folds"].set_index(["representation", "inputs", "axis"])["nmse"].sort_index()
     best = best_representation(found)
     pooled = by_axis(found["scores"], "nmse").loc[best]
-    halves = {axis: mean_interval(folds[(*best, axis)].to_numpy())[1] for axis in AXES}
     blocks = found["folds"]["fold"].nunique()
     find = Findings(f"samples in {blocks} blocks left out in turn")
     for name, first, second in (
@@ -93,13 +88,13 @@ def representation_findings(found: Tables) -> Findings:
     ):
         pairs = {f"along {axis}": (folds[(*first, axis)], folds[(*second, axis)]) for axis in AXES}
         find.add(name, {case: difference(*pair) for case, pair in pairs.items()})
-    nmse = {
-        axis: Evidence(pooled[axis], pooled[axis] - halves[axis], pooled[axis] + halves[axis], blocks)
-        for axis in AXES
-    }
-    find.add("best_representation", {f"along {axis}": one for axis, one in nmse.items()})
+    nmse = {}
+    for axis in AXES:
+        half = mean_interval(folds[(*best, axis)].to_numpy())[1]
+        nmse[f"along {axis}"] = Evidence(pooled[axis], pooled[axis] - half, pooled[axis] + half, blocks)
+    find.add("best_representation", nmse)
     find.exact("representation_count", len(found["scores"]) // len(AXES))
-    find.add("nmse_x", nmse["x"], headline=True)
+    find.add("nmse_x", nmse["along x"], headline=True)
     return find
 
 
@@ -127,33 +122,23 @@ def representation_tables(found: Tables) -> dict[str, Table]:
     """Tables by name."""
     held_out, train = (by_axis(found["scores"], column) for column in ("nmse", "train"))
     wide = held_out.join(train.add_suffix(", learned from"))
-    gains, halves = (by_axis(found["phase_worth"], column) for column in ("gain", "half_width"))
-    worth = pd.DataFrame(
-        {
-            axis: [with_interval(*pair, ".3f") for pair in zip(gains[axis], halves[axis], strict=True)]
-            for axis in AXES
-        },
-        gains.index,
-    )
+    worth = found["phase_worth"]
+    text = [with_interval(row.gain, row.half_width, ".3f") for row in worth.itertuples()]
+    worth = worth.assign(text=text)
+    gains = worth.pivot_table("text", ["representation", "inputs"], "axis", aggfunc="first")[AXES]
     best = frozenset({held_out.index.get_loc(best_representation(found))})
     return {
         "representations_models": Table(_named(wide), dict.fromkeys(wide, ".2f"), strong=best),
-        "representations_gains": Table(
-            _named(worth.loc[[key for key in held_out.index if key in worth.index]])
-        ),
+        "representations_gains": Table(_named(gains.loc[[key for key in wide.index if key in gains.index]])),
     }
 
 
 def _named(wide: pd.DataFrame) -> pd.DataFrame:
     """Rows by representation and inputs, with names for people."""
-    models = [REPRESENTATIONS[name] for name, _ in wide.index]
-    sees = [INPUTS[inputs].name for _, inputs in wide.index]
-    return pd.concat([pd.DataFrame({"model": models, "sees": sees}), wide.reset_index(drop=True)], axis=1)
-
-
-def representation_pictures(found: Tables) -> dict[str, list[Drawing]]:
-    """Figures by name."""
-    return {"representations": [errors_panel(found), phase_panel(found)]}
+    named = wide.reset_index(drop=True)
+    named.insert(0, "model", [REPRESENTATIONS[name] for name, _ in wide.index])
+    named.insert(1, "sees", [INPUTS[inputs].name for _, inputs in wide.index])
+    return named
 
 
 @styled

@@ -1,8 +1,6 @@
 """Reaches past obstacles on a task's page: models learned from some people, in the scenes of others."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,23 +9,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from structlearn.palette import DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_WAYS, Look
-from structlearn.reporting.claims import (
-    Evidence,
-    clustered_share,
-    mean,
-)
+from structlearn.reporting.claims import Evidence, clustered_share, mean
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import interval, rounded
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import TaskFiles
 
-RECORDED, OURS, TEXT, TEXT_OUR_TRAINING, NONE, PLANNED, RAI = (
-    *("recorded", "scene", "text", "text_ensemble", "none", "planned", "human_inspired"),
-)
+RECORDED, OURS, TEXT, NONE, PLANNED = "recorded", "scene", "text", "none", "planned"
 """Ways of `avoidance.scene_folds`, as text: drawing does not import what learns."""
 
 LOOKS = {RECORDED: Look("recorded", DEMONSTRATION_COLOUR)} | SCENE_WAYS
@@ -42,20 +33,17 @@ FEWEST = 20  # reaches, below which the page says that they are few
 AXES = ["x", "y", "z"]
 
 
-@dataclass(frozen=True)
-class SceneWays:
-    """Reaches by who or what moves the hand."""
+class SceneWays(dict[str, pd.DataFrame]):
+    """`TABLES` by name: reaches by who or what moves the hand.
 
-    tables: Mapping[str, pd.DataFrame]  # `TABLES`, by name
+    Attributes:
+        ways: keys of `SCENE_WAYS` that were tried, in their order.
+    """
 
-    def __getitem__(self, name: str) -> pd.DataFrame:
-        return self.tables[name]
-
-    @cached_property
-    def ways(self) -> list[str]:
-        """Keys of `SCENE_WAYS` that were tried, in their order."""
+    def __init__(self, tables: Mapping[str, pd.DataFrame]) -> None:
+        super().__init__(tables)
         tried = set(self["reaches"]["way"])
-        return [way for way in SCENE_WAYS if way in tried]
+        self.ways = [way for way in SCENE_WAYS if way in tried]
 
     def of(self, way: str, blocked: bool = False) -> pd.DataFrame:
         """Reaches of one way; `blocked`: only those whose straight line meets an obstacle."""
@@ -70,16 +58,6 @@ class SceneWays:
         """Share of the reaches of one way, its interval clustered by person."""
         people = self.of(way, blocked).groupby("person")[column]
         return clustered_share(people.sum().to_numpy(int), people.size().to_numpy())
-
-    def mean_path(self, way: str = OURS) -> Evidence:
-        """Distance in mm from recorded paths, mean over people of each one's mean."""
-        return mean(self.by_person(way, "path_mm").to_numpy())
-
-    @cached_property
-    def nmse(self) -> pd.DataFrame:
-        """Held-out NMSE of the coupling term by way and axis, pooled over the folds."""
-        pooled = self["errors"].groupby(["way", "axis"])[["squared", "variance"]].sum()
-        return (pooled["squared"] / pooled["variance"]).unstack()[AXES]  # noqa: PD010 - there is one value each
 
 
 def section(files: TaskFiles) -> Section | None:
@@ -122,30 +100,28 @@ def scene_findings(found: SceneWays) -> Findings:
     for way in found.ways:
         if way != OURS:
             find.add(f"{way}_hits", found.share("hit", way), headline=way == TEXT)
-    for name, first, second in (
+    for name, *pair in (
         ("text_hits_fewer", NONE, TEXT),
-        ("text_hits_fewer_than_rai", RAI, TEXT),
-        ("features_alone", TEXT_OUR_TRAINING, OURS),
+        ("text_hits_fewer_than_rai", "human_inspired", TEXT),
+        ("features_alone", "text_ensemble", OURS),
     ):
-        pair = (found.by_person(way, "hit") for way in (first, second))
-        find.rate_difference(name, *pair, unit="%")
+        find.rate_difference(name, *(found.by_person(way, "hit") for way in pair), unit="%")
     find.exact("goal", its["left_mm"].max(), len(its), unit="mm")
     find.exact("text_goal", found.of(TEXT)["left_mm"].max(), len(its), unit="mm")
-    find.exact("goal_median", its["left_mm"].median(), len(its), unit="mm")
-    find.mean("path", found.by_person(OURS, "path_mm"), unit="mm", headline=True)
-    for way in (NONE, TEXT, PLANNED):
-        find.mean(f"{way}_path", found.by_person(way, "path_mm"), unit="mm")
-    nearer = (found.by_person(way, "path_mm") for way in (PLANNED, OURS))
-    find.difference("nearer_than_planned", *nearer, unit="mm")
+    ours, planned = (found.by_person(way, "path_mm") for way in (OURS, PLANNED))
+    find.mean("path", ours, unit="mm", headline=True)
+    find.mean("planned_path", planned, unit="mm")
+    find.difference("nearer_than_planned", planned, ours, unit="mm")
     find.add("same_gap", found.share("same_gaps"))
-    for axis in AXES:
-        find.exact(f"nmse_{axis}", found.nmse.loc[OURS, axis], len(its))
     if len(apart):
         find.exact("people_apart", apart.mean(), len(apart), unit="mm")
-    find.exact("people", people)
-    find.exact("reaches", len(its))
-    find.exact("blocked", its["blocked"].sum())
-    find.exact("left_out", len(found["left_out"]))
+    for name, number in (
+        ("people", people),
+        ("reaches", len(its)),
+        ("blocked", its["blocked"].sum()),
+        ("left_out", len(found["left_out"])),
+    ):
+        find.exact(name, number)
     return find
 
 
@@ -153,13 +129,13 @@ def scene_tables(found: SceneWays) -> dict[str, Table]:
     """Tables by name."""
     rows = []
     for way in found.ways:
-        its, blocked = found.of(way), found.of(way, blocked=True)
-        hit, path = found.share("hit", way), found.mean_path(way)
+        its, hit = found.of(way), found.share("hit", way)
+        path = mean(found.by_person(way, "path_mm").to_numpy())
         rows.append(
             {
                 "model": LOOKS[way].name,
                 "touches (%)": f"{100 * hit.value:.1f} {interval(100 * hit.low, 100 * hit.high)}",
-                "of blocked (%)": 100 * blocked["hit"].mean(),
+                "of blocked (%)": 100 * found.of(way, blocked=True)["hit"].mean(),
                 "goal, largest (mm)": its["left_mm"].max(),
                 "path (mm)": f"{rounded(path.value, '.1f')} {interval(max(path.low, 0.0), path.high)}",
                 "same gaps (%)": 100 * its["same_gaps"].mean(),
@@ -169,25 +145,25 @@ def scene_tables(found: SceneWays) -> dict[str, Table]:
         )
     formats = dict.fromkeys(("of blocked (%)", "same gaps (%)", "wall (%)"), ".1f")
     formats |= dict.fromkeys(("goal, largest (mm)", "nearest (mm)"), ".0f")
-    by_person = (
-        found.of(OURS)
-        .groupby("person", as_index=False)
-        .agg(
-            reaches=("hit", "size"),
-            blocked=("blocked", "sum"),
-            touching=("hit", "sum"),
-            path_mm=("path_mm", "mean"),
-            goal_max_mm=("left_mm", "max"),
-            other_gaps=("same_gaps", lambda same: int((~same).sum())),
-        )
+    by_person = found.of(OURS).groupby("person", as_index=False)
+    people = by_person.agg(
+        reaches=("hit", "size"),
+        blocked=("blocked", "sum"),
+        touching=("hit", "sum"),
+        path_mm=("path_mm", "mean"),
+        goal_max_mm=("left_mm", "max"),
+        other_gaps=("same_gaps", lambda same: int((~same).sum())),
     )
-    errors = found.nmse.loc[[way for way in found.ways if way in found.nmse.index]]
+    pooled = found["errors"].groupby(["way", "axis"], as_index=False)[["squared", "variance"]].sum()
+    nmse = pooled.assign(nmse=pooled["squared"] / pooled["variance"])
+    learned = [way for way in found.ways if way in set(nmse["way"])]
+    errors = nmse.pivot_table("nmse", "way", "axis").loc[learned, AXES]
     errors = errors.rename(index={way: look.name for way, look in LOOKS.items()}).reset_index(names="model")
     headings = {"path_mm": "path (mm)", "goal_max_mm": "goal, largest (mm)", "other_gaps": "other gaps"}
     return {
         "obstacles_ways": Table(pd.DataFrame(rows), formats, strong=frozenset({found.ways.index(OURS)})),
         "obstacles_errors": Table(errors, dict.fromkeys(AXES, ".2f")),
-        "obstacles_by_person": Table(by_person, {"path_mm": ".1f", "goal_max_mm": ".0f"}, headings),
+        "obstacles_by_person": Table(people, {"path_mm": ".1f", "goal_max_mm": ".0f"}, headings),
         "obstacles_left_out": Table(found["left_out"]),
         "obstacles_reaches": Table(found["reaches"]),
         "obstacles_beside_each_other": Table(found["people"]),
@@ -229,14 +205,15 @@ def paths_panel(found: SceneWays, reach: str) -> Figure:
 def rates_panel(found: SceneWays) -> Figure:
     """Share of reaches that touch an obstacle, of all reaches and of the blocked ones."""
     figure, axes = panel("Reaches that touch an obstacle", 3.6, xlabel="share (%)")
-    for offset, (label, blocked, fill) in enumerate(
-        (("all reaches", False, "full"), ("blocked ones", True, "none"))
+    for offset, label, blocked, fill in (
+        (-0.15, "all reaches", False, "full"),
+        (0.15, "blocked ones", True, "none"),
     ):
         for place, way in enumerate(found.ways):
             rate = found.share("hit", way, blocked)
             bars = 100 * np.array([[rate.value - rate.low], [rate.high - rate.value]])
             style: dict[str, Any] = {"color": LOOKS[way].colour, "fillstyle": fill, "markersize": 5}
-            axes.errorbar(100 * rate.value, place + 0.3 * offset - 0.15, xerr=bars, fmt="o", **style)
+            axes.errorbar(100 * rate.value, place + offset, xerr=bars, fmt="o", **style)
         axes.plot([], [], "o", color=GREY, fillstyle=fill, label=label)
     _name_ways(found, axes)
     axes.set_xlim(-2, 102)

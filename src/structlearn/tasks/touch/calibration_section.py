@@ -1,7 +1,9 @@
 """The page of simulated touch beside recorded touch: tables, claims, figures."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,18 +12,16 @@ from matplotlib.figure import Figure
 from structlearn.palette import BLACK, CATEGORICAL_COLOURS, GREY
 from structlearn.reporting.claims import exact, judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
-from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import listing, rounded
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.shown_tables import shown
-from structlearn.tasks.touch.touch_calibration import CalibrationParameters
+from structlearn.tasks.touch.touch_calibration import FINGERS, CalibrationParameters
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, WORLDS
 
 PACKAGE = __package__
 PIPELINE = "stages/tasks/dvc.yaml"
-FOLDER = Path("data/tasks/calibration")
 
 SHOWN = 4
 """Electrodes of a finger that have a colour; all others are grey."""
@@ -64,7 +64,7 @@ def publish_calibration(stored: Mapping[str, pd.DataFrame], parameters: Calibrat
     find = find_calibration(stored)
     pages = {"index": calibration_document(stored, find, parameters)}
     drawn = calibration_pictures(stored, parameters.variance) if stored else {}
-    publish_report("reports/calibration", pages, drawn, calibration_tables(stored), find)
+    publish_report("reports/calibration", pages, drawn, pages["index"].tables, find)
 
 
 def find_calibration(stored: Mapping[str, pd.DataFrame]) -> Findings:
@@ -74,17 +74,15 @@ def find_calibration(stored: Mapping[str, pd.DataFrame]) -> Findings:
         for claim in CLAIMS:
             find.unknown(claim, "no scraping execution is recorded here")
         return find
-    comparison = stored["comparison"]
+    comparison = stored["comparison"].set_index("statistic")
     find.exact("agree", int(comparison["agrees"].sum()), headline=True)
     find.exact("compared", len(comparison), headline=True)
-    for row in comparison.itertuples():
-        headline = row.statistic in HEADLINES
-        find.exact(f"{row.statistic}_recorded", row.recorded, headline=headline)
-        find.exact(f"{row.statistic}_simulated", row.simulated, headline=headline)
-    ratios = comparison.set_index("statistic")["ratio"]
+    for name, row in comparison.iterrows():
+        for world in ("recorded", "simulated"):
+            find.exact(f"{name}_{world}", row[world], headline=name in HEADLINES)
     for claim, start in CLAIMS.items():
-        cases = {_case(name): exact(ratio, 1) for name, ratio in ratios.items() if name.startswith(start)}
-        find.add(claim, cases)
+        ratios = comparison["ratio"][[name for name in comparison.index if name.startswith(start)]]
+        find.add(claim, {_case(name): exact(ratio, 1) for name, ratio in ratios.items()})
     return find
 
 
@@ -96,8 +94,6 @@ def _case(name: str) -> str:
 
 def calibration_tables(stored: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
     """By name: the comparison, and medians of all sets."""
-    if not stored:
-        return {}
     statistics = [name for name in STATISTICS if name in stored["fingers"]]
     medians = stored["fingers"].groupby("group")[statistics].median().T
     medians = medians[[group for group in WORLDS if group in medians]]
@@ -125,14 +121,9 @@ def calibration_document(
 ) -> Document:
     """The page."""
     claims = read_claims(Path(__file__).with_name("calibration_claims.yaml"))
-    facts: dict[str, object] = {
-        "factor": parameters.factor,
-        "active_counts": parameters.active_counts,
-        "variance_percent": 100 * parameters.variance,
-    }
-    stage = f"{PIPELINE}:calibration_report"
+    facts: dict[str, object] = parameters.model_dump() | {"variance_percent": 100 * parameters.variance}
+    judged, stage = judge(claims, find, environment(PACKAGE), facts), f"{PIPELINE}:calibration_report"
     if not stored:
-        judged = judge(claims, find, environment(PACKAGE), facts)
         return Document("not_calibrated.html.jinja", PACKAGE, stage, judged=judged)
     facts |= find.numbers() | {
         "compared_rows": stored["comparison"].set_index("statistic").to_dict("index"),
@@ -146,8 +137,10 @@ def calibration_document(
         stage=stage,
         facts=facts,
         tables=calibration_tables(stored),
-        judged=judge(claims, find, environment(PACKAGE), facts),
-        sources={name: Source(f"{FOLDER}/{name}.parquet", f"{PIPELINE}:calibrate") for name in stored},
+        judged=judged,
+        sources={
+            name: Source(f"data/calibration/{name}.parquet", f"{PIPELINE}:calibrate") for name in stored
+        },
         parameters={"calibrate": parameters},
         simulated=True,
     )
@@ -157,16 +150,35 @@ def calibration_pictures(
     stored: Mapping[str, pd.DataFrame], variance: float
 ) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures by name; `variance` is the share that principal components must hold."""
-    electrodes = stored["electrodes"]
+    noise = stored["electrodes"].sort_values("noise", kind="stable")[["group", "noise"]]
+    by_group = noise.groupby("group")["noise"]
+    noise["share"] = by_group.cumcount() / (by_group.transform("size") - 1)
     return {
         "traces": trace_panels(stored["traces"]),
         "electrodes": [
-            amplitude_panel(electrodes, "contact", "Change by contact"),
-            amplitude_panel(electrodes, "range", "Range in contact"),
-            noise_panel(electrodes),
+            amplitude_panel(stored["electrodes"], "contact", "Change by contact"),
+            amplitude_panel(stored["electrodes"], "range", "Range in contact"),
+            sets_panel(
+                noise,
+                "Noise of the electrodes",
+                [0.5, 1, 2, 5],
+                xlim=(0.3, 6.0),
+                xlabel="standard deviation (counts)",
+                ylabel="share of electrodes below",
+            ),
             components_panel(stored["components"], variance),
         ],
-        "spectra": [spectrum_panel(stored["spectra"], name) for name in ("strongest", "median")],
+        "spectra": [
+            sets_panel(
+                stored["spectra"][["group", "frequency_hz", name]],
+                f"{name.capitalize()} electrode",
+                [0.5, 1, 2, 5, 10, 20, 50],
+                yscale="log",
+                xlabel="frequency (Hz)",
+                ylabel="counts² / Hz",
+            )
+            for name in ("strongest", "median")
+        ],
     }
 
 
@@ -175,9 +187,7 @@ def trace_panels(traces: pd.DataFrame) -> list[Figure]:
     """One run of both sets of scraping: every electrode of both fingers over time."""
     limit = 1.05 * traces["change"].abs().max()
     figures = []
-    for finger, group in (
-        (finger, group) for finger in ("left", "right") for group in (REFERENCE, CALIBRATED)
-    ):
+    for finger, group in product(FINGERS, (REFERENCE, CALIBRATED)):
         its = traces[(traces["group"] == group) & (traces["finger"] == finger)]
         wide = its.pivot_table(index="time_s", columns="electrode", values="change").iloc[::4]
         order = wide.abs().max().sort_values(ascending=False, kind="stable").index
@@ -200,40 +210,22 @@ def amplitude_panel(electrodes: pd.DataFrame, name: str, title: str) -> Figure:
         label: str | None = group
         for _, finger in electrodes[electrodes["group"] == group].groupby(["run", "finger"], sort=False):
             values = np.maximum(np.sort(finger[name].abs().to_numpy())[::-1], 0.3)
-            axes.plot(
-                np.arange(1, len(values) + 1),
-                values,
-                label=label,
-                color=WORLDS[group],
-                linewidth=width,
-                alpha=opacity,
-            )
+            style: dict[str, Any] = {"color": WORLDS[group], "linewidth": width, "alpha": opacity}
+            axes.plot(np.arange(1, len(values) + 1), values, **style, label=label)
             label = None
     axes.set_xticks([1, 5, 10, 15, 19])
     return legend(figure)
 
 
 @styled
-def noise_panel(electrodes: pd.DataFrame) -> Figure:
-    """Distribution of the electrodes' noise in all sets."""
-    figure, axes = panel("Noise of the electrodes", xscale="log", xlim=(0.3, 6.0))
-    axes.set(xlabel="standard deviation (counts)", ylabel="share of electrodes below")
-    for group, its in electrodes.groupby("group", sort=False):
-        values = np.sort(its["noise"].to_numpy())
-        axes.plot(values, np.linspace(0.0, 1.0, len(values)), color=WORLDS[group], label=group)
-    axes.set_xticks([0.5, 1, 2, 5], ["0.5", "1", "2", "5"])
-    axes.minorticks_off()
-    return legend(figure)
-
-
-@styled
-def spectrum_panel(spectra: pd.DataFrame, name: str) -> Figure:
-    """Power density of the `strongest` or the `median` electrode of a finger, in all sets."""
-    figure, axes = panel(f"{name.capitalize()} electrode", xscale="log", yscale="log")
-    axes.set(xlabel="frequency (Hz)", ylabel="counts² / Hz")
-    for group, its in spectra.groupby("group", sort=False):
-        axes.plot(its["frequency_hz"], its[name], color=WORLDS[group], label=group)
-    axes.set_xticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])
+def sets_panel(table: pd.DataFrame, title: str, ticks: Sequence[float], **labels: Any) -> Figure:
+    """A curve for each set, over a logarithmic axis: columns `group`, x and y."""
+    figure, axes = panel(title, xscale="log", **labels)
+    for group, colour in WORLDS.items():
+        _, x, y = table[table["group"] == group].to_numpy().T
+        if len(x):
+            axes.plot(x, y, color=colour, label=group)
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     return legend(figure)
 

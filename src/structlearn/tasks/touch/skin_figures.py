@@ -8,8 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE
-from structlearn.reporting.figure_style import Drawing, Raster, styled
-from structlearn.reporting.panels import legend, map_panels, panel
+from structlearn.reporting.figure_style import Drawing, Raster, legend, map_panels, panel, styled
 from structlearn.tasks.touch.skin_section import ARROW, SkinRuns, of_mean
 from structlearn.tasks.touch.touch_names import NEW_RUN, SPACES, shown_map
 

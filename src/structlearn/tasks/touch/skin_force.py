@@ -32,29 +32,6 @@ INNER_FOLDS = 3
 
 
 @dataclass(frozen=True)
-class Strokes:
-    """One recording on a scale.
-
-    Attributes:
-        name: of the recording.
-        time: (N,) s of the channels.
-        depth: (N,) m, commanded.
-        counts: (N, E).
-        weighed: (W,) s, when the scale gave a reading.
-        force: (W,) N.
-        press: (W,) number of the press.
-    """
-
-    name: str
-    time: np.ndarray
-    depth: np.ndarray
-    counts: np.ndarray
-    weighed: np.ndarray
-    force: np.ndarray
-    press: np.ndarray
-
-
-@dataclass(frozen=True)
 class WeighedPresses:
     """Readings of the scale: time (N,) s, channels at that depth with their norm (N, E + 1), force, press."""
 
@@ -84,60 +61,53 @@ def force_errors(
         InputError: a recording has no time or place.
     """
     runs = []
-    for run in (strokes(log, parameters.pressed_n) for log in logs):
-        count = len(np.unique(run.press)) if (run.force > parameters.pressed_n).any() else 0
+    for log in logs:
+        if log.time is None or log.place is None or log.force is None:
+            raise InputError(f"{log.name}: forces are learned with columns time_s, x_m, y_m, z_m and force_n")
+        there = np.isfinite(log.force)
+        count, force = 0, log.force[there]
+        if (force > parameters.pressed_n).any():
+            count = len(np.unique(press_numbers(log.time[there], force, parameters.pressed_n)))
         if count > INNER_FOLDS:
-            runs.append(run)
+            runs.append(log)
         else:
-            print(f"skin: {run.name} left aside: {count} presses on the scale are too few to leave some out")
+            print(f"skin: {log.name} left aside: {count} presses on the scale are too few to leave some out")
     judge = partial(_run_errors, runs=runs, parameters=parameters, known=known)
     found = parallel_map(judge, runs, "forces", local=True)
     errors, lags, traces = (joined([table for one in found for table in one[part]]) for part in range(3))
     return errors, lags, traces
 
 
-def strokes(log: TouchLog, pressed: float) -> Strokes:
-    """A recording with its presses, which reach `pressed` N at least."""
-    if log.time is None or log.place is None or log.force is None:
-        raise InputError(f"{log.name}: forces are learned with columns time_s, x_m, y_m, z_m and force_n")
-    there = np.isfinite(log.force)
-    time, force = log.time[there], log.force[there]
-    press = press_numbers(time, force, pressed) if len(force) else np.zeros(0, dtype=int)
-    return Strokes(log.name, log.time, -log.place[:, 2], log.counts, time, force, press)
-
-
 def _run_errors(
-    run: Strokes, runs: Sequence[Strokes], parameters: ForceParameters, known: int
+    run: TouchLog, runs: Sequence[TouchLog], parameters: ForceParameters, known: int
 ) -> tuple[list[pd.DataFrame], ...]:
     """Parts of the tables that come from what one recording teaches."""
-    lags = run_lags(run, parameters.longest_lag_s)
-    own = weighed_presses(run, lags)
+    assert run.time is not None
+    assert run.place is not None
+    assert run.force is not None
+    depth, strength, there = -run.place[:, 2], np.linalg.norm(run.counts, axis=1), np.isfinite(run.force)
+    effects = {"signals_s": (run.time, strength), "force_s": (run.time[there], run.force[there])}
+    lags = {
+        name: lag_behind(run.time, depth, *effect, parameters.longest_lag_s)
+        for name, effect in effects.items()
+    }
+    own = weighed_presses(run, lags, parameters.pressed_n)
     presses = np.unique(own.press)
     row = {"run": run.name} | lags | {"readings": len(own.force), "presses": len(presses)}
     errors, traces = [], []
     for press in presses:
         left_out = own.press == press
-        for model, read in _models(own.part(~left_out), parameters).items():
-            table = _press_errors(own.part(left_out), read(own.channels[left_out]))
-            errors.append(_named(table, run, run, NEW_PRESSES, model))
+        models, asked = _models(own.part(~left_out), parameters), own.part(left_out)
+        found = {model: read(asked.channels) for model, read in models.items()}
+        errors.append(_press_errors(asked, found).assign(asked_about=run.name, new=NEW_PRESSES))
     models = _models(own, parameters) | {PROCESS: _process(own, known)}
     for other in (one for one in runs if one.name != run.name):
-        asked = weighed_presses(other, lags)
+        asked = weighed_presses(other, lags, parameters.pressed_n)
         found = {model: read(asked.channels) for model, read in models.items()}
-        for model, force in found.items():
-            errors.append(_named(_press_errors(asked, force), run, other, NEW_RUN, model))
+        errors.append(_press_errors(asked, found).assign(asked_about=other.name, new=NEW_RUN))
         trace = pd.DataFrame({"time_s": asked.time, "force_n": asked.force, "read_n": found[QUADRATIC]})
         traces.append(trace.assign(learned_from=run.name, asked_about=other.name))
-    return errors, [pd.DataFrame([row])], traces
-
-
-def run_lags(run: Strokes, longest: float) -> dict[str, float]:
-    """Lags of channels and scale behind the commanded depth, `signals_s` and `force_s`."""
-    strength = np.linalg.norm(run.counts, axis=1)
-    return {
-        "signals_s": lag_behind(run.time, run.depth, run.time, strength, longest),
-        "force_s": lag_behind(run.time, run.depth, run.weighed, run.force, longest),
-    }
+    return [its.assign(learned_from=run.name) for its in errors], [pd.DataFrame([row])], traces
 
 
 def lag_behind(
@@ -155,16 +125,20 @@ def lag_behind(
     return float(np.clip(lags[best] + LAG_STEP_S * shift, 0.0, longest))
 
 
-def weighed_presses(run: Strokes, lags: Mapping[str, float]) -> WeighedPresses:
-    """Readings of the scale with the channels that belong to them."""
-    at = run.weighed - lags["force_s"] + lags["signals_s"]
+def weighed_presses(run: TouchLog, lags: Mapping[str, float], pressed: float) -> WeighedPresses:
+    """Readings of the scale with the channels that belong to them, in presses that reach `pressed` N."""
+    assert run.time is not None
+    assert run.force is not None
+    there = np.isfinite(run.force)
+    time, force = run.time[there], run.force[there]
+    at = time - lags["force_s"] + lags["signals_s"]
     after = np.searchsorted(run.time, at)
     inside = (after > 0) & (after < len(run.time))
     after = np.clip(after, 1, len(run.time) - 1)
     kept = inside & (run.time[after] - run.time[after - 1] <= LONGEST_GAP_S)
     channels = np.stack([np.interp(at, run.time, values) for values in run.counts.T], axis=1)
     channels = np.hstack([channels, np.linalg.norm(channels, axis=1, keepdims=True)])
-    return WeighedPresses(run.weighed, channels, run.force, run.press).part(kept)
+    return WeighedPresses(time, channels, force, press_numbers(time, force, pressed)).part(kept)
 
 
 def press_numbers(time: np.ndarray, force: np.ndarray, pressed: float) -> np.ndarray:
@@ -212,14 +186,11 @@ def _quadratic(taught: WeighedPresses, penalties: Sequence[float]) -> Callable[[
     return make_pipeline(inputs, best).fit(taught.channels, taught.force).predict
 
 
-def _press_errors(asked: WeighedPresses, read: np.ndarray) -> pd.DataFrame:
-    error = pd.Series(read - asked.force).groupby(asked.press)
-    columns = {
-        "rms_n": error.apply(lambda its: np.sqrt(np.mean(its**2))),
-        "worst_n": error.apply(lambda its: its.abs().max()),
-    }
-    return pd.DataFrame(columns).rename_axis("press").reset_index()
-
-
-def _named(table: pd.DataFrame, run: Strokes, other: Strokes, new: str, model: str) -> pd.DataFrame:
-    return table.assign(learned_from=run.name, asked_about=other.name, new=new, model=model)
+def _press_errors(asked: WeighedPresses, found: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """`model`, `press`, `rms_n`, `worst_n` of forces (N,) by model."""
+    tables = []
+    for model, force in found.items():
+        error = pd.Series(np.abs(force - asked.force)).groupby(asked.press)
+        columns = {"rms_n": error.apply(lambda its: np.sqrt(np.mean(its**2))), "worst_n": error.max()}
+        tables.append(pd.DataFrame(columns).rename_axis("press").reset_index().assign(model=model))
+    return pd.concat(tables, ignore_index=True)

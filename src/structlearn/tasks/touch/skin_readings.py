@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.networks.torch_settings import as_tensor
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.electrodes import map_laying
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin
@@ -30,27 +31,16 @@ BY_BLOCK = dict.fromkeys(NMSES, "mean") | dict.fromkeys(("laid_mm", "latent_mm")
 
 @dataclass(frozen=True)
 class Reading:
-    """What one model makes of N presses; None where it has no such thing.
-
-    Attributes:
-        model: one of `touch_names.SPACES`.
-        seed: its number.
-        coordinates: (N, D) of which distances are those on the skin.
-        place: (N, 2) m, read by regression.
-        depth: (N,) m, height of the probe, read by regression.
-        laid: (N, 2) m where the map lies once it is turned and shifted onto the plate.
-        pressure: (N,) the third latent number.
-        decoded: (N, E) signals in the networks' units, from the coordinates.
-    """
+    """What one model, of `touch_names.SPACES`, makes of N presses; None where it has no such thing."""
 
     model: str
-    seed: int
-    coordinates: np.ndarray
-    place: np.ndarray
-    depth: np.ndarray | None
-    laid: np.ndarray | None = None
-    pressure: np.ndarray | None = None
-    decoded: np.ndarray | None = None
+    coordinates: np.ndarray  # (N, D), of which distances are those on the skin
+    place: np.ndarray  # (N, 2) m, read by regression
+    depth: np.ndarray | None  # (N,) m, height of the probe, read by regression
+    seed: int = 0
+    laid: np.ndarray | None = None  # (N, 2) m, the map once it is turned and shifted onto the plate
+    pressure: np.ndarray | None = None  # (N,), the third latent number
+    decoded: np.ndarray | None = None  # (N, E) signals in the networks' units, from the coordinates
 
 
 def fold_errors(work: tuple[Touches, int], parameters: TouchParameters) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -58,37 +48,43 @@ def fold_errors(work: tuple[Touches, int], parameters: TouchParameters) -> tuple
 
     Returns:
         `block_scores` with `learned_from` and `asked_about`, the same recording, and `new` (`NEW_BLOCKS`).
-        Where these touches lie in the map: see `_lies`.
+        Where these touches lie in the map: `x_m`, `y_m`, `z_m` of touches, `map_x_m`, `map_y_m` of the map
+        laid onto the plate, `pressure`, and the recordings.
     """
     run, fold = work
-    block, folds = run.blocks(parameters)
-    left_out = folds == fold
+    left_out = run.blocks(parameters)[1] == fold
     learned = learn_skin(run, ~left_out, parameters, with_dynamics=False)
-    taught, asked = np.flatnonzero(~left_out), np.flatnonzero(left_out)
-    found = readings(learned, (run, taught), run.skin(asked), parameters)
-    names = {"learned_from": run.name, "asked_about": run.name}
-    table = block_scores(found, learned, (run, asked), block[asked], parameters)
-    return table.assign(**names, new=NEW_BLOCKS), _lies(found[0], run.place[asked], names)
+    known, asked = (run, np.flatnonzero(~left_out)), (run, np.flatnonzero(left_out))
+    return _errors(learned, known, asked, NEW_BLOCKS, parameters)
 
 
 def other_errors(
     work: tuple[LearnedSkin, Touches, Sequence[Touches]], parameters: TouchParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors of what was learned from one recording on others, and where their touches lie in the map.
-
-    Returns:
-        The columns of `fold_errors`, where `new` is `NEW_RUN`.
-    """
+    """As `fold_errors`, of what was learned from one recording on others; `new` is `NEW_RUN`."""
     learned, run, others = work
-    tables, maps = [], []
-    for other in others:
-        asked = np.arange(len(other.counts))
-        found = readings(learned, (run, np.arange(len(run.counts))), other.skin(asked), parameters)
-        names = {"learned_from": run.name, "asked_about": other.name}
-        table = block_scores(found, learned, (other, asked), other.blocks(parameters)[0], parameters)
-        tables.append(table.assign(**names, new=NEW_RUN))
-        maps.append(_lies(found[0], other.place, names))
-    return joined(tables), joined(maps)
+    known = run, np.arange(len(run.counts))
+    found = [
+        _errors(learned, known, (other, np.arange(len(other.counts))), NEW_RUN, parameters)
+        for other in others
+    ]
+    tables, maps = (joined([one[part] for one in found]) for part in range(2))
+    return tables, maps
+
+
+def _errors(
+    learned: LearnedSkin,
+    known: tuple[Touches, np.ndarray],
+    asked: tuple[Touches, np.ndarray],
+    new: str,
+    parameters: TouchParameters,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    (run, rows), names = asked, {"learned_from": known[0].name, "asked_about": asked[0].name}
+    found = readings(learned, known, run.skin(rows), parameters)
+    table = block_scores(found, learned, asked, run.blocks(parameters)[0][rows], parameters)
+    lies = pd.DataFrame(run.place[rows], columns=["x_m", "y_m", "z_m"], dtype=float)
+    lies[["map_x_m", "map_y_m"]] = found[0].laid
+    return table.assign(**names, new=new), lies.assign(pressure=found[0].pressure, **names)
 
 
 def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -96,17 +92,33 @@ def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
 
 
-def _lies(reading: "Reading", place: np.ndarray, names: dict[str, str]) -> pd.DataFrame:
-    """`x_m`, `y_m`, `z_m` of touches, `map_x_m`, `map_y_m` of the map laid onto the plate, `pressure`."""
-    lies = pd.DataFrame(place, columns=["x_m", "y_m", "z_m"], dtype=float)
-    lies[["map_x_m", "map_y_m"]] = reading.laid
-    return lies.assign(pressure=reading.pressure, **names)
+def within_runs(logs: Sequence[TouchLog], parameters: TouchParameters) -> pd.DataFrame:
+    """Errors of a Gaussian process on the end of each run, after its start: as the skin's authors test.
 
+    Every place and depth recurs in a run, so what is tested on is known already. A run whose channels are not
+    those of the first one is of two skins, and its force is along them.
 
-def latent_states(learned: LearnedSkin, skin: PressedSkin) -> np.ndarray:
-    """(M, N, 3) of presses, in the order of `LatentModels.keys`."""
-    signals = as_tensor(learned.units.signals(skin.signals)).T.expand(len(learned.models), -1, -1)
-    return learned.models.autoencoders.encoder.forward(signals).transpose(1, 2).double().numpy()
+    Returns:
+        `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `rms`, and the `readings` tested on.
+    """
+    assert parameters.published is not None
+    rows = []
+    for log in logs:
+        counts, quantity, wanted = log.counts, "place_mm", log.place
+        if log.force is not None:
+            weighed = np.isfinite(log.force)
+            counts, wanted = counts[weighed], log.force[weighed, None]
+            quantity = "force_n" if log.channels == logs[0].channels else "shear_n"
+        elif wanted is not None:
+            wanted = 1e3 * wanted[:, :PLANE]
+        if wanted is None:
+            continue
+        end = round(parameters.published.first_share * len(counts))
+        signals = (counts - counts[:end].mean(axis=0)) / counts[:end].std(axis=0)
+        read = gaussian_process(signals[:end], wanted[:end], parameters.rival_samples)
+        missed = np.linalg.norm(read(signals[end:]) - wanted[end:], axis=1)
+        rows.append((log.name, quantity, np.sqrt(np.mean(missed**2)), len(missed)))
+    return pd.DataFrame(rows, columns=["run", "quantity", "rms", "readings"])
 
 
 def readings(
@@ -121,56 +133,47 @@ def readings(
     one. Rivals have no map: their coordinates are scaled so that distances between taught touches fit best.
     """
     run, rows = known
-    taught = run.skin(rows)
+    taught, degree = run.skin(rows), parameters.degree
     pairs = run.pairs(rows, parameters.spaces.evaluation_pairs, np.random.default_rng(0))
+    spaces, units, wanted = learned.models, learned.units, taught.place
 
     def space(model: str, known: np.ndarray, new: np.ndarray) -> Reading:
         """By the latent states (N, 3) of a space that has no map."""
         apart = np.linalg.norm(known[pairs.first] - known[pairs.second], axis=1)
         scale = float(apart @ pairs.distance / (apart @ apart))
-        read = polynomial(known, taught.place, parameters.degree)(new)
-        return Reading(model, 0, scale * new, read[:, :PLANE], read[:, PLANE])
+        read = polynomial(known, wanted, degree)(new)
+        return Reading(model, scale * new, read[:, :PLANE], read[:, PLANE])
 
-    spaces, found = learned.models, []
-    states = [latent_states(learned, skin) for skin in (taught, asked)]
-    decoded = (
-        spaces.autoencoders.decoder.forward(as_tensor(states[1]).transpose(1, 2)).transpose(1, 2).numpy()
-    )
-    for (structure, seed), states_known, new, signals in zip(spaces.keys(), *states, decoded, strict=True):
-        if structure:
-            one = _map_reading(
-                states_known, new, float(learned.units.length), taught.place, parameters.degree
-            )
-        else:
-            one = space(PLAIN, states_known, new)
+    def map_of(known: np.ndarray, new: np.ndarray) -> Reading:
+        """By the latent states (N, 3) of a map."""
+        length, plane = float(units.length), wanted[:, :PLANE]
+        flat = length * new[:, :PLANE]
+        return Reading(
+            STRUCTURED,
+            coordinates=flat,
+            place=polynomial(known[:, :PLANE], plane, degree)(new[:, :PLANE]),
+            depth=polynomial(known, wanted[:, PLANE:], degree)(new)[:, 0],
+            laid=map_laying(length * known[:, :PLANE], plane)(flat),
+            pressure=new[:, PLANE],
+        )
+
+    seen, new = (units.signals(skin.signals) for skin in (taught, asked))
+    inputs = (as_tensor(signals).T.expand(len(spaces), -1, -1) for signals in (seen, new))
+    states = [spaces.autoencoders.encoder.forward(its).transpose(1, 2).double().numpy() for its in inputs]
+    decoded = spaces.autoencoders.decoder.forward(as_tensor(states[1]).transpose(1, 2)).transpose(1, 2)
+    found = []
+    for (structure, seed), *latent, signals in zip(spaces.keys(), *states, decoded.numpy(), strict=True):
+        one = map_of(*latent) if structure else space(PLAIN, *latent)
         found.append(replace(one, seed=seed, decoded=signals))
-    seen, new = (learned.units.signals(skin.signals) for skin in (taught, asked))
     middle = seen.mean(axis=0)
     axes = np.linalg.svd(seen - middle, full_matrices=False)[2][:DIMENSIONS]
-    taught_components, components = ((signals - middle) @ axes.T for signals in (seen, new))
-    one = space(COMPONENTS, taught_components, components)
-    found.append(replace(one, decoded=components @ axes + middle))
-    read = gaussian_process(seen, taught.place, parameters.rival_samples)(new)
-    found.append(Reading(PROCESS, 0, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
-    if np.std(taught.place[:, PLANE]) < NEVER_VARIES:  # a run of one depth teaches nothing of others
+    components = [(signals - middle) @ axes.T for signals in (seen, new)]
+    found.append(replace(space(COMPONENTS, *components), decoded=components[1] @ axes + middle))
+    read = gaussian_process(seen, wanted, parameters.rival_samples)(new)
+    found.append(Reading(PROCESS, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
+    if np.std(wanted[:, PLANE]) < NEVER_VARIES:  # a run of one depth teaches nothing of others
         found = [replace(one, depth=None) for one in found]
     return found
-
-
-def _map_reading(
-    known: np.ndarray, new: np.ndarray, length: float, wanted: np.ndarray, degree: int
-) -> Reading:
-    """By the latent states (N, 3) of a map, and places (N, 3) of those known."""
-    flat, plane = length * new[:, :PLANE], wanted[:, :PLANE]
-    return Reading(
-        model=STRUCTURED,
-        seed=0,
-        coordinates=flat,
-        place=polynomial(known[:, :PLANE], plane, degree)(new[:, :PLANE]),
-        depth=polynomial(known, wanted[:, PLANE:], degree)(new)[:, 0],
-        laid=map_laying(length * known[:, :PLANE], plane)(flat),
-        pressure=new[:, PLANE],
-    )
 
 
 def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -179,11 +182,8 @@ def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Callable[[
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-    return (
-        make_pipeline(StandardScaler(), PolynomialFeatures(degree), LinearRegression())
-        .fit(known, wanted)
-        .predict
-    )
+    model = make_pipeline(StandardScaler(), PolynomialFeatures(degree), LinearRegression())
+    return model.fit(known, wanted).predict
 
 
 def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -235,23 +235,23 @@ def block_scores(
     pairs = _asked_pairs(*about, parameters)
     place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
     pressure, signals = units.pressure(asked.pressure), units.signals(asked.signals)
-    differing = depth if np.std(depth) > NEVER_VARIES else None
     tables = []
     for one in found:
         apart = np.linalg.norm(one.coordinates[pairs.first] - one.coordinates[pairs.second], axis=1)
         missed = _by_first((apart - pairs.distance) ** 2, pairs.first, len(block))
-        decoded = None if one.decoded is None else (one.decoded - signals) ** 2 / np.var(signals, axis=0)
-        table = pd.DataFrame(
-            {
-                "map_nmse": missed / np.var(pairs.distance),
-                "pressure_nmse": _normalised(one.pressure, pressure),
-                "signal_nmse": np.nan if decoded is None else decoded.mean(axis=1),
-                "worst_nmse": np.nan if decoded is None else decoded[:, np.argmax(decoded.mean(axis=0))],
-                "depth_nmse": _normalised(one.depth, differing),
-                "laid_mm": _away_mm(one.laid, place),
-                "latent_mm": _away_mm(one.place, place),
-            }
-        )
+        table = pd.DataFrame(dict.fromkeys((*NMSES, "laid_mm"), np.nan), index=range(len(block)))
+        table["map_nmse"] = missed / np.var(pairs.distance)
+        table["latent_mm"] = 1e3 * np.linalg.norm(one.place - place, axis=1)
+        if one.pressure is not None:
+            table["pressure_nmse"] = (one.pressure - pressure) ** 2 / np.var(pressure)
+        if one.decoded is not None:
+            decoded = (one.decoded - signals) ** 2 / np.var(signals, axis=0)
+            table["signal_nmse"] = decoded.mean(axis=1)
+            table["worst_nmse"] = decoded[:, np.argmax(decoded.mean(axis=0))]
+        if one.depth is not None and np.std(depth) > NEVER_VARIES:
+            table["depth_nmse"] = (one.depth - depth) ** 2 / np.var(depth)
+        if one.laid is not None:
+            table["laid_mm"] = 1e3 * np.linalg.norm(one.laid - place, axis=1)
         by_block = table.groupby(block).agg(BY_BLOCK).rename_axis("block")
         by_block.insert(0, "presses", np.unique(block, return_counts=True)[1])
         tables.append(by_block.reset_index().assign(model=one.model, seed=one.seed))
@@ -277,12 +277,3 @@ def _by_first(errors: np.ndarray, first: np.ndarray, count: int) -> np.ndarray:
         return errors[order].reshape(count, each[0]).mean(axis=1)
     with np.errstate(invalid="ignore"):
         return np.bincount(first, errors, count) / each
-
-
-def _normalised(read: np.ndarray | None, true: np.ndarray | None) -> np.ndarray | float:
-    """Squared error of each touch over the variance of all, (N,); NaN without either."""
-    return np.nan if read is None or true is None else (read - true) ** 2 / np.var(true)
-
-
-def _away_mm(read: np.ndarray | None, true: np.ndarray) -> np.ndarray | float:
-    return np.nan if read is None else 1e3 * np.linalg.norm(read - true, axis=1)

@@ -1,13 +1,12 @@
 """A skin that was touched at known places: is its map the skin, how hard was it pressed, servoing in it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from structlearn.palette import Look
 from structlearn.reporting.claims import Evidence, Found, by_case, mean, unknown
 from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
@@ -28,7 +27,7 @@ from structlearn.tasks.touch.touch_names import (
     STRUCTURED,
     TEXT_SERVO,
 )
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch.touch_parameters import PublishedParameters, TouchParameters
 
 ENDINGS = {STRUCTURED: "", PLAIN: "_plain", COMPONENTS: "_components", PROCESS: "_process"}
 """Of the findings' names."""
@@ -53,31 +52,36 @@ HEADINGS = ERRORS | {
     "force_s": "scale lags (s)",
     "readings": "readings of the scale",
 }
+QUANTITIES = {"place_mm": "place (mm)", "force_n": "normal force (N)", "shear_n": "shear force (N)"}
+"""Of `skin_readings.within_runs`."""
+
 HEADLINES = ("map_nmse", "latent_mm", "laid_mm", "laid_cross_run_mm", "force_n", "servo_success")
 ARROW = "\N{RIGHTWARDS ARROW}"
 MISSING = unknown("no runs for it are recorded here")
 
 
-@dataclass(frozen=True)
 class SkinRuns:
     """The tables of `skin_touches.learn_touch`; runs are called `run 1`, `run 2` in the order of their names.
 
     Blocks of places are what is independent in a run, as far as anything is: touches of a block lie together.
     Seeds are averaged before.
+
+    Attributes:
+        tables, tuned_on: tables by name; runs on which constants were tuned.
+        numbers: what runs are called: over places, on a scale, and along the skin.
     """
 
-    tables: Mapping[str, pd.DataFrame]
-    tuned_on: tuple[str, ...]
-
-    @cached_property
-    def numbers(self) -> dict[str, str]:
-        """What runs are called, those over places and those on a scale apart."""
-        return {
+    def __init__(self, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
+        self.tables, self.tuned_on = tables, tuned_on
+        self.numbers = {
             name: f"{word} {number}"
             for table, word in (("errors", "run"), ("force", "scale run"))
-            if table in self.tables
-            for number, name in enumerate(sorted(set(self.tables[table]["learned_from"])), 1)
+            if table in tables
+            for number, name in enumerate(sorted(set(tables[table]["learned_from"])), 1)
         }
+        if "published" in tables:
+            shear = tables["published"].query("quantity == 'shear_n'")["run"]
+            self.numbers |= {name: f"shear run {number}" for number, name in enumerate(shear, 1)}
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         """A table with the runs' numbers."""
@@ -85,19 +89,18 @@ class SkinRuns:
         columns = [column for column in ("run", "learned_from", "asked_about") if column in table]
         return table.assign(**{column: table[column].map(self.numbers) for column in columns})
 
-    def _values(self, table: str, value: str, keys: list[str], **chosen: tuple[str, ...]) -> pd.Series:
-        """Mean values by keys of some rows; none where there are none."""
+    def values(self, table: str, value: str, sample: str, **chosen: str | tuple[str, ...]) -> pd.Series:
+        """Mean values by `learned_from`, `asked_about` and sample of some rows; none where there are none."""
         if table not in self.tables:
             return pd.Series(dtype=float)
         its = self.tables[table]
         for column, names in chosen.items():
-            its = its[its[column].isin(names)]
-        return its.groupby(keys)[value].mean().dropna()
+            its = its[its[column].isin(np.atleast_1d(names))]
+        return its.groupby(["learned_from", "asked_about", sample])[value].mean().dropna()
 
     def errors(self, new: str, error: str, model: str = STRUCTURED) -> pd.Series:
-        """By `learned_from`, `asked_about` and `block`."""
-        keys = ["learned_from", "asked_about", "block"]
-        return self._values("errors", error, keys, new=(new,), model=(model,))
+        """By block of places."""
+        return self.values("errors", error, "block", new=new, model=model)
 
     def held_out(self, error: str, model: str = STRUCTURED) -> pd.Series:
         """On blocks held out of runs on which nothing was tuned; depth, which varies in few, of all runs."""
@@ -108,13 +111,11 @@ class SkinRuns:
 
     def force(self, new: str, model: str = QUADRATIC) -> pd.Series:
         """N, root mean square of each press."""
-        keys = ["learned_from", "asked_about", "press"]
-        return self._values("force", "rms_n", keys, new=(new,), model=(model,))
+        return self.values("force", "rms_n", "press", new=new, model=model)
 
-    def trials(self, value: str, model: str, *controllers: str) -> pd.Series:
-        """By `learned_from`, `asked_about` and `trial`, mean over seeds and controllers."""
-        keys = ["learned_from", "asked_about", "trial"]
-        return self._values("servo", value, keys, model=(model,), controller=controllers)
+    def trials(self, value: str, model: str, controllers: tuple[str, ...] = (CORRECTED,)) -> pd.Series:
+        """By trial, mean over controllers."""
+        return self.values("servo", value, "trial", model=model, controller=controllers)
 
     def by_pair(self, found: pd.Series) -> Found:
         """Means by training and test run."""
@@ -143,105 +144,112 @@ def section(tables: Mapping[str, pd.DataFrame], parameters: TouchParameters, fol
         "skin_lead.html.jinja",
         facts=skin_facts(runs, find, parameters) | {"folder": folder},
         find=find,
-        tables=skin_tables(runs),
+        tables=skin_tables(runs, parameters.published),
         pictures=skin_pictures(runs),
     )
 
 
 def find_skin(runs: SkinRuns) -> Findings:
     """What was found, by the names that claims and sentences use."""
-    find = Findings("blocks of places, presses or trials")
-
-    def add(name: str, samples: pd.Series) -> None:
-        find.add(name, of_mean(samples), headline=name in HEADLINES and len(samples) > 0)
-
+    find, rows = Findings("blocks of places, presses or trials"), {}
     for error in ERRORS:
         stem, _, unit = error.rpartition("_")
         for model, ending in ENDINGS.items():
-            across = f"{stem}_cross_run_{unit}{ending}"
-            add(f"{error}{ending}", runs.held_out(error, model))
-            add(across, runs.errors(NEW_RUN, error, model))
+            rows[f"{error}{ending}"] = runs.held_out(error, model)
+            rows[f"{stem}_cross_run_{unit}{ending}"] = runs.errors(NEW_RUN, error, model)
+    rows["force_n"] = runs.force(NEW_RUN)
+    rows["force_new_presses_n"] = runs.force(NEW_PRESSES)
+    rows["force_n_process"] = runs.force(NEW_RUN, PROCESS)
+    rows["force_n_pressure"] = runs.force(NEW_RUN, PRESSURE)
+    for name, controllers in (("servo_structure", TEXT_SERVO), ("servo_structure_ours", (CORRECTED,))):
+        ours, rival = (runs.trials("arrived", model, controllers) for model in (STRUCTURED, PLAIN))
+        rows[name] = (ours - rival).dropna()
+    rows["servo_success"] = runs.trials("arrived", STRUCTURED)
+    rows["servo_success_plain"] = runs.trials("arrived", PLAIN)
+    for name, samples in rows.items():
+        find.add(name, of_mean(samples), headline=name in HEADLINES and len(samples) > 0)
+    held_out = runs.held_out("map_nmse")
     gain = {
-        model: of_mean((runs.held_out("map_nmse", model) - runs.held_out("map_nmse")).dropna())
+        model: of_mean((runs.held_out("map_nmse", model) - held_out).dropna())
         for model in (PLAIN, COMPONENTS)
     }
     find.add("structure", gain)
     find.add("cross_run", runs.by_pair(runs.errors(NEW_RUN, "latent_mm")))
     both = {name: of_mean(runs.held_out(f"{name}_nmse")) for name in ("pressure", "depth")}
     find.add("pressure_and_depth", both)
-    for name, new, model in (
-        ("force_n", NEW_RUN, QUADRATIC),
-        ("force_new_presses_n", NEW_PRESSES, QUADRATIC),
-        ("force_n_process", NEW_RUN, PROCESS),
-        ("force_n_pressure", NEW_RUN, PRESSURE),
-    ):
-        add(name, runs.force(new, model))
-    for name, controllers in (("servo_structure", TEXT_SERVO), ("servo_structure_ours", (CORRECTED,))):
-        share = [runs.trials("arrived", model, *controllers) for model in (STRUCTURED, PLAIN)]
-        add(name, (share[0] - share[1]).dropna())
-    for model, ending in ((STRUCTURED, ""), (PLAIN, "_plain")):
-        add(f"servo_success{ending}", runs.trials("arrived", model, CORRECTED))
-    find.add("servo", runs.by_pair(runs.trials("arrived", STRUCTURED, CORRECTED)))
-    ways = of_mean(np.log(runs.trials("length_ratio", STRUCTURED, CORRECTED)))
+    find.add("servo", runs.by_pair(runs.trials("arrived", STRUCTURED)))
+    ways = of_mean(np.log(runs.trials("length_ratio", STRUCTURED)))
     value, low, high = np.exp([ways.value, ways.low, ways.high]).tolist()
     find.add("servo_length_ratio", Evidence(value, low, high, ways.n, reason=ways.reason))
+    if "published" in runs.tables:
+        for quantity, its in runs.tables["published"].groupby("quantity", sort=False):
+            cases = {runs.numbers.get(row.run, row.run): (row.rms, row.readings) for row in its.itertuples()}
+            find.among("readings at the end of a run").exact(f"within_run_{quantity}", cases)
     return find
 
 
-def skin_tables(runs: SkinRuns) -> dict[str, Table]:
-    """By name: errors by model, trials of servoing, forces, lags, recordings."""
-    shown = {}
-    keys = ["new", "learned_from", "asked_about", "model"]
+def skin_tables(runs: SkinRuns, published: PublishedParameters | None) -> dict[str, Table]:
+    """By name: errors by model, those published, trials of servoing, forces, lags, recordings."""
+    tables, keys = {}, ["new", "learned_from", "asked_about", "model"]
+
+    def shown(frame: pd.DataFrame, formats: Mapping[str, str], looks: Mapping[str, Look] = SPACES) -> Table:
+        words = {"model": {name: look.name for name, look in looks.items()}}
+        return Table(frame.reset_index(), formats, HEADINGS, words=words)
+
     if "errors" in runs.tables:
         frame = runs["errors"].groupby(keys, sort=False)[[*ERRORS]].mean().dropna(axis=1, how="all")
         formats = {name: ".2f" if name.endswith("_mm") else ".4f" for name in ERRORS}
-        words = {"model": {name: look.name for name, look in SPACES.items()}}
-        shown["skin_errors"] = Table(frame.reset_index(), formats, HEADINGS, words=words)
+        tables["skin_errors"] = shown(frame, formats)
     if "servo" in runs.tables:
         by = runs["servo"].groupby([*keys[1:], "controller"], sort=False)
-        frame = by.agg(
-            arrived=("arrived", "mean"),
-            left_mm=("left_mm", "median"),
-            length_ratio=("length_ratio", "median"),
-        )
-        formats = {"arrived": ".0%", "left_mm": ".2f", "length_ratio": ".2f"}
-        shown["skin_servo"] = Table(frame.reset_index(), formats, HEADINGS, words=words)
+        frame = by.agg({"arrived": "mean", "left_mm": "median", "length_ratio": "median"})
+        tables["skin_servo"] = shown(frame, {"arrived": ".0%", "left_mm": ".2f", "length_ratio": ".2f"})
     if "force" in runs.tables:
         by = runs["force"].groupby(keys, sort=False)
         frame = by.agg(presses=("press", "size"), rms_n=("rms_n", "mean"), worst_n=("worst_n", "max"))
-        words = {"model": {name: look.name for name, look in FORCE_MODELS.items()}}
-        formats = {"rms_n": ".2f", "worst_n": ".1f"}
-        shown["skin_force"] = Table(frame.reset_index(), formats, HEADINGS, words=words)
-        shown["skin_lags"] = Table(runs["lags"], {"signals_s": ".2f", "force_s": ".2f"}, HEADINGS)
+        tables["skin_force"] = shown(frame, {"rms_n": ".2f", "worst_n": ".1f"}, FORCE_MODELS)
+        tables["skin_lags"] = Table(runs["lags"], {"signals_s": ".2f", "force_s": ".2f"}, HEADINGS)
+    if "published" in runs.tables and published is not None:
+        across = {"place_mm": runs.errors(NEW_RUN, "latent_mm"), "force_n": runs.force(NEW_RUN)}
+        rows = []
+        for quantity, its in runs.tables["published"].groupby("quantity", sort=False):
+            row = {"what is read": QUANTITIES[quantity], "published": getattr(published, quantity)}
+            row["by their protocol"] = ", ".join(f"{rms:.2f}" for rms in its["rms"])
+            other = across.get(quantity, ())
+            rows.append(
+                row | {"ours, on another run": f"{other.mean():.2f}" if len(other) else "one run only"}
+            )
+        tables["skin_published"] = Table(pd.DataFrame(rows), {"published": ".2f"})
     if "recordings" in runs.tables:
-        shown["skin_recordings"] = Table(runs.tables["recordings"])
-    return shown
+        tables["skin_recordings"] = Table(runs.tables["recordings"])
+    return tables
 
 
 def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> dict[str, object]:
     """All findings, and other values for the sentences."""
-    blocks = runs.tables.get("errors", pd.DataFrame({"new": [], "model": [], "seed": [], "learned_from": []}))
-    blocks = blocks[(blocks["new"] == NEW_BLOCKS) & (blocks["model"] == STRUCTURED) & (blocks["seed"] == 0)]
-    presses = blocks.groupby("learned_from")["presses"].sum() if len(blocks) else pd.Series([0])
-    lags = runs.tables.get("lags", pd.DataFrame({"signals_s": [], "force_s": []}))
-    depth = runs.errors(NEW_BLOCKS, "depth_nmse")
-    force = runs.force(NEW_RUN)
-    worst = force.idxmax() if len(force) else None
-    return find.numbers() | {
+    facts: dict[str, object] = find.numbers() | {
         "runs": listing(f"{number} is {name}" for name, number in runs.numbers.items()),
-        "run_count": len(presses),
-        "touches": int(presses.iloc[0]),
-        "blocks": int(blocks["block"].nunique()) if len(blocks) else 0,
+        "touches": 0,
+        "blocks": 0,
+        "depth_runs": "no run",
         "tuned": listing((runs.numbers.get(name, name) for name in runs.tuned_on), ""),
-        "depth_runs": listing(sorted({runs.numbers[name] for name, *_ in depth.index}), "no run"),
         "judged": "map_nmse" in find.numbers(),
         "crossed": "maps" in runs.tables,
         "served": "paths" in runs.tables,
         "weighed": "traces" in runs.tables,
-        "lag_signals": listing(f"{lag:.2f}" for lag in lags["signals_s"]),
-        "lag_force": listing(f"{lag:.2f}" for lag in lags["force_s"]),
-        "worst_press": {"n": force[worst], "press": worst[2] + 1, "run": runs.numbers[worst[1]]}
-        if worst
-        else {},
+        "forces": "force" in runs.tables,
+        "reported": "published" in runs.tables,
         "settings": parameters,
     }
+    if "errors" in runs.tables:
+        query = "new == @NEW_BLOCKS and model == @STRUCTURED and seed == 0"
+        blocks, depth = runs.tables["errors"].query(query), runs.errors(NEW_BLOCKS, "depth_nmse")
+        facts["touches"] = int(blocks.groupby("learned_from")["presses"].sum().iloc[0])
+        facts["blocks"] = int(blocks["block"].nunique())
+        facts["depth_runs"] = listing(sorted({runs.numbers[name] for name, *_ in depth.index}), "no run")
+    if len(force := runs.force(NEW_RUN)):
+        lags, (_, run, press) = runs.tables["lags"], force.idxmax()
+        facts["lag_signals"] = listing(f"{lag:.2f}" for lag in lags["signals_s"])
+        facts["lag_force"] = listing(f"{lag:.2f}" for lag in lags["force_s"])
+        facts["worst_press"] = {"n": force.max(), "press": press + 1, "run": runs.numbers[run]}
+    return facts

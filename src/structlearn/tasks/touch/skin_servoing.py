@@ -39,24 +39,23 @@ def servo_trials(
             map_alone = structure and len(learned.units.action_scale) == PLANE
             done = servo_on_table(servo, table, starts, targets, chosen.steps, map_alone)
             arrival = done.arrival(1e-3 * chosen.tolerance_mm)
-            seeds, count = arrival.shape
-            trials.append(
-                pd.DataFrame(
-                    names
-                    | {
-                        "model": STRUCTURED if structure else PLAIN,
-                        "controller": controller,
-                        "seed": np.repeat(np.arange(seeds), count),
-                        "trial": np.tile(np.arange(count), seeds),
-                        "arrived": (arrival >= 0).ravel(),
-                        "left_mm": 1e3 * done.left()[-1].ravel(),
-                        "length_ratio": done.length_ratio(arrival).ravel(),
-                        "straight_mm": np.tile(1e3 * straight, seeds),
-                    }
-                )
-            )
+            seed, trial = np.indices(arrival.shape).reshape(2, -1)
+            model = {"model": STRUCTURED if structure else PLAIN, "controller": controller}
+            columns = {
+                "seed": seed,
+                "trial": trial,
+                "arrived": (arrival >= 0).ravel(),
+                "left_mm": 1e3 * done.left()[-1].ravel(),
+                "length_ratio": done.length_ratio(arrival).ravel(),
+                "straight_mm": 1e3 * straight[trial],
+            }
+            trials.append(pd.DataFrame(names | model | columns))
             if structure and controller == CORRECTED:
-                paths.append(_path_table(done.path[:, 0], done.target).assign(**names))
+                steps, count = done.path.shape[0], chosen.trials
+                places = np.hstack([done.path[:, 0].reshape(-1, PLANE), np.tile(done.target, (steps, 1))])
+                way = pd.DataFrame(places, columns=["x_m", "y_m", "target_x_m", "target_y_m"])
+                step, trial = np.indices((steps, count)).reshape(2, -1)
+                paths.append(way.assign(trial=trial, step=step, **names))
     return joined(trials), joined(paths)
 
 
@@ -93,11 +92,3 @@ def controllers(
                 yield structure, name, RestingServo(*given, actions_per_step=1, caution=caution)
             else:
                 yield structure, name, TactileServo(*given)
-
-
-def _path_table(path: np.ndarray, target: np.ndarray) -> pd.DataFrame:
-    """Of paths (steps + 1, T, 2) and targets (T, 2)."""
-    steps, trials = path.shape[:2]
-    places = np.hstack([path.reshape(-1, PLANE), np.tile(target, (steps, 1))])
-    table = pd.DataFrame(places, columns=["x_m", "y_m", "target_x_m", "target_y_m"])
-    return table.assign(trial=np.tile(np.arange(trials), steps), step=np.repeat(np.arange(steps), trials))

@@ -4,10 +4,11 @@ Blocks of places are held out, since each place is touched several times: touche
 have their like among those learned from. With separate recordings, models of one are tested on the others.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -37,21 +38,13 @@ NEVER_VARIES = 1e-4
 
 @dataclass(frozen=True)
 class Touches:
-    """Samples in which something touches.
-
-    Attributes:
-        name: of the recording.
-        sensor: its description.
-        counts: (N, E) readings less what reads zero.
-        place: (N, 3) m.
-        along: distances along the skin; None: straight ones.
-    """
+    """Samples of a recording in which something touches."""
 
     name: str
     sensor: SensorDescription
-    counts: np.ndarray
-    place: np.ndarray
-    along: Geodesics | None = None
+    counts: np.ndarray  # (N, E) readings less what reads zero
+    place: np.ndarray  # (N, 3) m
+    along: Geodesics | None = None  # distances along the skin; None: straight ones
 
     def skin(self, rows: np.ndarray) -> PressedSkin:
         """Some of them, as they are."""
@@ -92,7 +85,8 @@ def learn_touch(
         Skins by the recording that each was learned from, or `TOGETHER`. Tables by name, those alone that
         have rows: `recordings` (`recording`, `samples`, `touching`), `errors` and `map` of what was held out
         and of other recordings (`skin_readings.block_scores`, `fold_errors`, `other_errors`), `maps`, `servo`
-        and `paths` (`skin_servoing`), `force`, `lags` and `traces` (`skin_force`).
+        and `paths` (`skin_servoing`), `force`, `lags` and `traces` (`skin_force`), `published`
+        (`skin_readings.within_runs`).
 
     Raises:
         InputError: recordings differ in their channels, nothing touches, places are not known, or a channel
@@ -101,7 +95,7 @@ def learn_touch(
             apart for distances along the skin.
     """
     from structlearn.tasks.touch.skin_force import force_errors
-    from structlearn.tasks.touch.skin_readings import fold_errors, other_errors
+    from structlearn.tasks.touch.skin_readings import fold_errors, other_errors, within_runs
     from structlearn.tasks.touch.skin_servoing import servo_trials
 
     weighed = [log for log in logs if log.force is not None and np.isfinite(log.force).any()]
@@ -110,29 +104,27 @@ def learn_touch(
     pressed = [log for log in logs if not any(log is one for one in weighed)]
     runs, recordings = gathered(pressed, parameters) if pressed else ([], pd.DataFrame())
     parts: dict[str, list[pd.DataFrame]] = {"recordings": [recordings]}
+
+    def collect(names: Sequence[str], function: Callable[..., Any], work: Sequence[Any], about: str) -> None:
+        """Tables of a function that gives one for each name."""
+        for found in parallel_map(partial(function, parameters=parameters), work, about, local=True):
+            for name, table in zip(names, found, strict=True):
+                parts.setdefault(name, []).append(table)
+
     with threadpool_limits(1):  # as in processes of their own, so that their number changes no bit
-        learn = partial(_whole, parameters=parameters)
-        skins = dict(
-            zip([run.name for run in runs], parallel_map(learn, runs, "skins", local=True), strict=True)
-        )
+        learned = parallel_map(partial(_whole, parameters=parameters), runs, "skins", local=True)
+        skins = {run.name: skin for run, skin in zip(runs, learned, strict=True)}
         if runs:
-            work = folds_of(runs, parameters)
-            found = parallel_map(
-                partial(fold_errors, parameters=parameters), work, "maps of a skin", local=True
-            )
-            parts["errors"], parts["map"] = ([its[place] for its in found] for place in (0, 1))
+            collect(("errors", "map"), fold_errors, folds_of(runs, parameters), "maps of a skin")
         across = [(skins[run.name], run, [one for one in runs if one is not run]) for run in runs]
-        asked = partial(other_errors, parameters=parameters)
-        others = [(("errors", "maps"), parallel_map(asked, across, "other runs", local=True))]
+        collect(("errors", "maps"), other_errors, across, "other runs")
         if parameters.servo is not None:
-            tried = partial(servo_trials, parameters=parameters)
-            others.append((("servo", "paths"), parallel_map(tried, across, "servoing", local=True)))
-        for names, found in others:
-            for its in found:
-                for name, table in zip(names, its, strict=True):
-                    parts.setdefault(name, []).append(table)
+            collect(("servo", "paths"), servo_trials, across, "servoing")
+        if parameters.published is not None:
+            parts["published"] = [within_runs(logs, parameters)]
         if parameters.force is not None:
-            forces = force_errors(weighed, parameters.force, parameters.rival_samples)
+            one_skin = [log for log in weighed if log.channels == logs[0].channels]
+            forces = force_errors(one_skin, parameters.force, parameters.rival_samples)
             parts |= {name: [table] for name, table in zip(("force", "lags", "traces"), forces, strict=True)}
     there = {name: [table for table in its if len(table)] for name, its in parts.items()}
     tables = {name: pd.concat(its, ignore_index=True) for name, its in there.items() if its}
@@ -204,7 +196,7 @@ def _places(
     change = {"falls": np.minimum(counts, 0.0), "rises": np.maximum(counts, 0.0), "either": counts}
     weight = change[sensor.change] ** 2
     middle = 1e-3 * weight @ np.array(known) / weight.sum(axis=1, keepdims=True)
-    return np.hstack([middle, np.zeros((len(middle), 1))])
+    return np.pad(middle, ((0, 0), (0, 1)))
 
 
 def folds_of(runs: Sequence[Touches], parameters: TouchParameters) -> list[tuple[Touches, int]]:
@@ -213,8 +205,8 @@ def folds_of(runs: Sequence[Touches], parameters: TouchParameters) -> list[tuple
     Raises:
         MissingInputError: nothing can be held out of any recording.
     """
-    folds: Mapping[str, np.ndarray] = {run.name: np.unique(run.blocks(parameters)[1]) for run in runs}
-    work = [(run, int(fold)) for run in runs for fold in folds[run.name] if len(folds[run.name]) > 1]
+    folds = [np.unique(run.blocks(parameters)[1]) for run in runs]
+    work = [(run, int(one)) for run, its in zip(runs, folds, strict=True) for one in its if len(its) > 1]
     if not work:
         raise MissingInputError(
             f"{parameters.source}: no touches in two blocks of {parameters.block_mm:g} mm to hold one out; "

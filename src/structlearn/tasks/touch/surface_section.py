@@ -1,25 +1,15 @@
 """Slides of a finger over materials: what expected traces predict, what deviations from them tell."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.readers.slide import material_of
-from structlearn.reporting.claims import (
-    Evidence,
-    Found,
-    by_case,
-    confidence,
-    geometric_mean,
-    in_words,
-    unknown,
-)
-from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.claims import Evidence, by_case, confidence, geometric_mean, in_words, unknown
+from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import listing
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
@@ -45,7 +35,8 @@ STREAM_UNITS = {
 
 def section(tables: Tables) -> Section:
     """Of tables by name."""
-    find = find_surfaces(tables)
+    find, clock = find_surfaces(tables), tables["clock_errors"]
+    first, *others = [slide_panel(tables, place) for place in range(3)]
     return Section(
         "touch",
         "Slides over materials",
@@ -53,38 +44,30 @@ def section(tables: Tables) -> Section:
         "surfaces_lead.html.jinja",
         facts=surface_facts(tables, find),
         find=find,
-        tables=surface_tables(tables),
-        pictures=surface_pictures(tables),
+        tables={
+            "slide_channels": shown(by_channels(tables)),
+            "slide_clock": shown(clock.assign(unit=clock["kind"].map(STREAM_UNITS))),
+            "slides": shown(by_group(tables)),
+        },
+        pictures={"slides": [first, trials_panel(tables)], "slides_more": others},
     )
 
 
 def find_surfaces(tables: Tables) -> Findings:
-    """What was found, by the names that claims and sentences use."""
-    find = Findings("slides")
-    left_out, channels = tables["left_one_out"], tables["channels"]
-    for row in by_group(tables).itertuples():
-        find.exact(f"{row.group.replace(' ', '_')}_median_rms_counts", row.median_rms, row.trials)
-    for material, trials in left_out.groupby("material"):
-        find.exact(f"left_one_out_{material}_median_rms_counts", trials["rms"].median(), len(trials))
-        find.exact(f"left_one_out_{material}_median_nmse", trials["nmse"].median(), len(trials))
-    strength = channels.query("channels in ('strong', 'weak')")
-    for (material, name), trials in strength.groupby(["material", "channels"]):
-        find.exact(f"left_one_out_{material}_{name}_median_nmse", trials["nmse"].median(), len(trials))
-    pose = tables["clock_errors"].set_index("kind").loc["pose"]
-    find.exact("clock_pose_rms_mm", 1e3 * pose["rms_error"], int(pose["samples"]))
-    own = dict(list(left_out.groupby("material", sort=False)))
-    across = dict(list(tables["across_materials"].groupby("expected", sort=False)["rms"]))
-    either = {name: (its, own[name]["rms"]) for name, its in across.items() if name in own}
+    """What was found, by the names that claims and sentences use; predictions are NMSEs by material."""
+    find, channels = Findings("slides"), tables["channels"]
+    own = {name: its["rms"] for name, its in tables["left_one_out"].groupby("material", sort=False)}
+    across = tables["across_materials"].groupby("expected", sort=False)["rms"]
+    either = {name: (its, own[name]) for name, its in across if name in own}
     find.add("other_material", by_case(group_difference, either) or TOO_FEW)
-    find.add("predicted", _predicted(left_out), headline=True)
-    find.add("predicted_strong", _predicted(channels.query("channels == 'strong'")))
+    for name, table in (
+        ("predicted", tables["left_one_out"]),
+        ("predicted_strong", channels[channels["channels"] == "strong"]),
+    ):
+        cases = {material: [its.to_numpy()] for material, its in table.groupby("material")["nmse"]}
+        found = by_case(geometric_mean, cases) or unknown("no slide could be left out")
+        find.add(name, found, headline=name == "predicted")
     return find
-
-
-def _predicted(table: pd.DataFrame) -> Found:
-    """NMSE by material."""
-    cases = {name: [its.to_numpy()] for name, its in table.groupby("material")["nmse"]}
-    return by_case(geometric_mean, cases) or unknown("no slide could be left out")
 
 
 def group_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
@@ -110,18 +93,15 @@ def by_channels(tables: Tables) -> pd.DataFrame:
     """Errors of the slides left out, by material and channels: all of a trial's electrodes, or a group."""
     count = tables["statistics"]["electrode"].nunique()
     whole = tables["left_one_out"].assign(channels="all", electrodes=count)
-    rows = []
-    for (material, channels), its in pd.concat([whole, tables["channels"]]).groupby(
-        ["material", "channels"], sort=False
-    ):
-        nmse = its["nmse"].to_numpy()
-        better = f"{(nmse < 1).sum()} of {len(nmse)}"
-        words = in_words(geometric_mean(nmse), ".2f")
-        rows.append((material, channels, int(its["electrodes"].iloc[0]), its["rms"].median(), words, better))
-    columns = ["material", "channels", "electrodes", "median_rms_counts", "nmse", "better_than_their_mean"]
-    order = {material: place for place, material in enumerate(dict.fromkeys(whole["material"]))}
-    table = pd.DataFrame(rows, columns=columns)
-    return table.sort_values("material", key=lambda its: its.map(order), kind="stable")
+    by = pd.concat([whole, tables["channels"]]).groupby(["material", "channels"], sort=False)
+    table = by.agg(
+        electrodes=("electrodes", "first"),
+        median_rms_counts=("rms", "median"),
+        nmse=("nmse", lambda its: in_words(geometric_mean(its.to_numpy()), ".2f")),
+        better_than_their_mean=("nmse", lambda its: f"{(its < 1).sum()} of {len(its)}"),
+    )
+    order = list(dict.fromkeys(whole["material"]))
+    return table.reset_index().sort_values("material", key=lambda its: its.map(order.index), kind="stable")
 
 
 def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
@@ -147,22 +127,6 @@ def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
         },
         "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)[:FEW]},
     }
-
-
-def surface_tables(tables: Tables) -> dict[str, Table]:
-    """Tables keyed by name."""
-    clock = tables["clock_errors"]
-    return {
-        "slide_channels": shown(by_channels(tables)),
-        "slide_clock": shown(clock.assign(unit=clock["kind"].map(STREAM_UNITS))),
-        "slides": shown(by_group(tables)),
-    }
-
-
-def surface_pictures(tables: Tables) -> dict[str, Drawing | Sequence[Drawing]]:
-    """Figures keyed by name."""
-    slides = [slide_panel(tables, place) for place in range(3)]
-    return {"slides": [slides[0], trials_panel(tables)], "slides_more": slides[1:]}
 
 
 @styled

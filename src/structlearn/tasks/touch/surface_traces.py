@@ -4,7 +4,7 @@ Trials are called MATERIAL_NUMBER.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -97,14 +97,9 @@ def deviations_from_expected(
     statistics = []
     for group in dict.fromkeys(groups.values()):
         values = np.array([its[:samples] for name, its in left.items() if groups[name] == group])
-        electrodes = values.shape[2]
-        columns = {
-            "group": group,
-            "electrode": np.repeat(np.arange(1, electrodes + 1), samples),
-            "time_s": np.tile(dt * np.arange(samples), electrodes),
-            "mean": values.mean(axis=0).T.ravel(),
-            "std": values.std(axis=0).T.ravel(),
-        }
+        electrode, sample = np.indices(values.shape[:0:-1]).reshape(2, -1)
+        columns = {"group": group, "electrode": electrode + 1, "time_s": dt * sample}
+        columns |= {"mean": values.mean(axis=0).T.ravel(), "std": values.std(axis=0).T.ravel()}
         statistics.append(pd.DataFrame(columns))
     deviations = pd.DataFrame(rows, columns=["demonstration", "group", "rms", "largest"])
     return primitive, deviations, pd.concat(statistics, ignore_index=True)
@@ -147,30 +142,23 @@ def leave_one_out(
 
 def across_materials(trials: Sequence[Demonstration], parameters: SurfaceParameters) -> pd.DataFrame:
     """Per material `expected` and trial of another one: `demonstration`, `material`, `rms`, `nmse`."""
-    by_material = _by_material(trials, parameters)
-
-    def rows() -> Iterator[tuple[object, ...]]:
-        for expected, learned in by_material.items():
-            primitive = fit_expected_traces(list(learned.values()), trials[0].dt, parameters.smoothing_hz)
-            for material in (one for one in by_material if one != expected):
-                for name, trace in by_material[material].items():
-                    left = deviation(primitive, trace, trials[0].dt)
-                    yield expected, name, material, *_errors(left, trace)
-
-    return pd.DataFrame(rows(), columns=["expected", "demonstration", "material", "rms", "nmse"])
+    by_material, dt, rows = _by_material(trials, parameters), trials[0].dt, []
+    for expected, learned in by_material.items():
+        primitive = fit_expected_traces(list(learned.values()), dt, parameters.smoothing_hz)
+        for material in (one for one in by_material if one != expected):
+            for name, trace in by_material[material].items():
+                rows.append((expected, name, material, *_errors(deviation(primitive, trace, dt), trace)))
+    return pd.DataFrame(rows, columns=["expected", "demonstration", "material", "rms", "nmse"])
 
 
 def trial_groups(names: Sequence[str], parameters: SurfaceParameters) -> dict[str, str]:
     """Group of every trial: `learned`, `left out` (a fault of the sensor) or `other material`."""
     sound = Counter(material_of(name) for name in names if name not in parameters.left_out)
-    most = sound.most_common(1)
-    learned = parameters.material if parameters.material in sound or not most else most[0][0]
-    return {
-        name: "left out"
-        if name in parameters.left_out
-        else ("learned" if material_of(name) == learned else "other material")
-        for name in names
-    }
+    learned = parameters.material
+    if sound and learned not in sound:
+        learned = sound.most_common(1)[0][0]
+    groups = {name: "learned" if material_of(name) == learned else "other material" for name in names}
+    return groups | {name: "left out" for name in names if name in parameters.left_out}
 
 
 def _errors(left: np.ndarray, trace: np.ndarray) -> tuple[float, float]:

@@ -18,6 +18,15 @@ class ForceParameters(Parameters):
     penalties: tuple[PositiveFloat, ...] = Field(min_length=1)
 
 
+class PublishedParameters(Parameters):
+    """Errors that a skin's authors report of the end of each run, after the start was learned from."""
+
+    first_share: float = Field(gt=0, lt=1)
+    place_mm: float = Field(gt=0)
+    force_n: float = Field(gt=0)
+    shear_n: float = Field(gt=0)
+
+
 class ServoParameters(Parameters):
     """Closed loops on the table of another recording's presses."""
 
@@ -77,6 +86,7 @@ class TouchParameters(SourceParameters):
     geodesics: GeodesicParameters
     spaces: LatentSpaceParameters
     force: ForceParameters | None
+    published: PublishedParameters | None
     servo: ServoParameters | None
     surfaces: SurfaceParameters | None
     transfer: TransferParameters | None

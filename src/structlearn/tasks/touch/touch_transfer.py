@@ -13,7 +13,6 @@ taken for pressed, and magnitudes are compared with magnitudes.
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -43,25 +42,10 @@ from structlearn.tactile.touch_dataset import (
     contact_points,
     prepare,
 )
-from structlearn.tasks.touch.touch_names import (
-    COMPONENTS,
-    MAGNITUDES,
-    NEW_MATERIAL,
-    NEW_SET,
-    NEW_TRIALS,
-    OWN_UNITS,
-    PARTNERS,
-    PLAIN,
-    SIMULATED,
-    SLIDES,
-    STRUCTURED,
-    UNSCREWING,
-)
+from structlearn.tasks.touch import touch_names as names
+from structlearn.tasks.touch.touch_calibration import in_sets, pca_dimensions
+from structlearn.tasks.touch.touch_names import NEW_MATERIAL, PARTNERS, SLIDES, UNSCREWING
 from structlearn.tasks.touch.touch_parameters import TouchParameters
-from structlearn.tasks.touch.touch_statistics import in_sets, variance_shares
-
-if TYPE_CHECKING:
-    from sklearn.decomposition import PCA
 
 LEARNED = "learned from"
 RECORDED = (SLIDES, UNSCREWING)
@@ -86,23 +70,17 @@ class TouchSet:
 
 def held_touch(demonstrations: Sequence[Demonstration], skin: Skin, cutoff_hz: float) -> TouchDataset:
     """Samples of trials in which something touches from start to end; every trial is one contact."""
-    parts = []
-    for number, one in enumerate(demonstrations):
+    parts: dict[str, list[np.ndarray]] = {}
+    for one in demonstrations:
         orientation = quaternion.normalised(signals.low_pass(one.signal("orientation"), one.dt, cutoff_hz))
         position = signals.low_pass(one.position, one.dt, cutoff_hz)
         velocity = signals.derivative(position, one.dt), quaternion.angular_velocity(orientation, one.dt)
-        parts.append(
-            {
-                "signals": -signals.low_pass(one.signal("tactile"), one.dt, cutoff_hz),
-                "velocity": np.hstack(velocity),
-                "orientation": orientation,
-                "time": one.time,
-                "trial": np.full(len(one.time), number),
-            }
-        )
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    trial = columns.pop("trial")
-    found = {name: values.astype(np.float32) for name, values in columns.items()}
+        columns = {"signals": -signals.low_pass(one.signal("tactile"), one.dt, cutoff_hz)}
+        columns |= {"velocity": np.hstack(velocity), "orientation": orientation, "time": one.time}
+        for name, values in columns.items():
+            parts.setdefault(name, []).append(values)
+    trial = np.repeat(np.arange(len(demonstrations)), [len(one.time) for one in demonstrations])
+    found = {name: np.concatenate(its).astype(np.float32) for name, its in parts.items()}
     return TouchDataset(
         **found,
         pressure=-found["signals"].mean(axis=1),
@@ -145,8 +123,8 @@ def touch_sets(
             groups = [material_of(one.name) if name == SLIDES else one.name for one in sound]
             found[name] = held_touch(sound, skin, cutoff_hz), groups
     handle = ["handle"] * (int(simulated.trial.max()) + 1)
-    found[SIMULATED] = simulated, handle
-    found[MAGNITUDES] = magnitudes(simulated, skin), handle
+    found[names.SIMULATED] = simulated, handle
+    found[names.MAGNITUDES] = magnitudes(simulated, skin), handle
     sets = {}
     for name, (samples, groups) in found.items():
         try:
@@ -213,11 +191,12 @@ def learn_transfer(
         if part == 0 or one.name in RECORDED
     ]
     tables = parallel_map(_errors, work, "latent spaces of touch", local=True)
+    likeness, correlations = _correlations(by_name)
     return {
         "errors": pd.concat(tables, ignore_index=True),
         "sets": pd.DataFrame([_statistics(one, skin) for one in sets]),
-        "likeness": _likeness(by_name),
-        "correlations": pd.concat([_correlation_table(one) for one in sets], ignore_index=True),
+        "likeness": likeness,
+        "correlations": correlations,
     }
 
 
@@ -228,10 +207,10 @@ def parts_left_out(touches: TouchSet, folds: int) -> dict[str, list[np.ndarray]]
     if len(trials) < 2:
         raise InputError(f"{touches.name}: of a single trial none can be left out")
     count = min(folds, len(trials))
-    found = {NEW_TRIALS: [trials[part::count] for part in range(count)]}
-    names = dict.fromkeys(touches.groups)
-    if 1 < len(names) < len(trials):
-        found[NEW_MATERIAL] = [trials[groups == name] for name in names]
+    found = {names.NEW_TRIALS: [trials[part::count] for part in range(count)]}
+    materials = dict.fromkeys(touches.groups)
+    if 1 < len(materials) < len(trials):
+        found[NEW_MATERIAL] = [trials[groups == name] for name in materials]
     return found
 
 
@@ -248,31 +227,27 @@ def _errors(
     asked = {LEARNED: (units, samples, source, TRAIN), new: (units, samples, source, TEST)}
     if new == NEW_MATERIAL:
         rest = source.without(np.setdiff1d(np.arange(len(source.groups)), trials))
-        asked[OWN_UNITS] = (own_units(rest, source.geodesics), rest, source, TRAIN)
+        asked[names.OWN_UNITS] = (own_units(rest, source.geodesics), rest, source, TRAIN)
     else:
         whole = partner.without(())
-        asked[NEW_SET] = (own_units(whole, partner.geodesics), whole, partner, TRAIN)
+        asked[names.NEW_SET] = (own_units(whole, partner.geodesics), whole, partner, TRAIN)
     seen = {
         name: seen_in(its_units, touches, of.geodesics, split, parameters.evaluation_pairs)
         for name, (its_units, touches, of, split) in asked.items()
     }
     spaces = latent_errors(models, seen).rename(columns={"split": "new"})
-    spaces["model"] = np.where(spaces.pop("structure"), STRUCTURED, PLAIN)
-    components = PCA(DIMENSIONS).fit(seen[LEARNED].signals.numpy())
-    rival = pd.DataFrame(
-        {"new": name, "model": COMPONENTS, "seed": 0, **_component_errors(components, data.signals.numpy())}
-        for name, data in seen.items()
-    )
-    table = pd.concat([spaces, rival], ignore_index=True)
+    spaces["model"] = np.where(spaces.pop("structure"), names.STRUCTURED, names.PLAIN)
+    components, rival = PCA(DIMENSIONS).fit(seen[LEARNED].signals.numpy()), []
+    for name, data in seen.items():
+        its = data.signals.numpy()
+        errors = nmse(components.inverse_transform(components.transform(its)), its)
+        rival.append((name, names.COMPONENTS, 0, errors.mean(), errors.max()))
+    columns = ["new", "model", "seed", "reconstruction", "worst_electrode"]
+    table = pd.concat([spaces, pd.DataFrame(rival, columns=columns)], ignore_index=True)
     if new == NEW_MATERIAL:  # its errors on what it learned from tell nothing more than those of `NEW_TRIALS`
         table = table[table["new"] != LEARNED]
     about = table["new"].map({name: of.name for name, (_, _, of, _) in asked.items()})
     return table.assign(learned_from=source.name, asked_about=about, part=part)
-
-
-def _component_errors(components: "PCA", seen: np.ndarray) -> dict[str, float]:
-    errors = nmse(components.inverse_transform(components.transform(seen)), seen)
-    return {"reconstruction": errors.mean(), "worst_electrode": errors.max()}
 
 
 def _statistics(touches: TouchSet, skin: Skin) -> dict[str, float | str]:
@@ -288,7 +263,6 @@ def _statistics(touches: TouchSet, skin: Skin) -> dict[str, float | str]:
     starts = np.flatnonzero(np.diff(samples.trial, prepend=-1))
     ends = np.append(starts[1:], len(samples)) - 1
     deviation = samples.signals.std(axis=0, dtype=float)
-    shares = variance_shares(samples.signals / deviation)
     return {
         "set": touches.name,
         "trials": len(touches.groups),
@@ -297,7 +271,7 @@ def _statistics(touches: TouchSet, skin: Skin) -> dict[str, float | str]:
         "against": np.mean(samples.signals > 0),
         "start_counts": samples.pressure[starts].mean(dtype=float),
         "end_counts": samples.pressure[ends].mean(dtype=float),
-        "components": int(np.searchsorted(np.cumsum(shares), 0.99) + 1),
+        "components": pca_dimensions(samples.signals / deviation, 0.99),
         "along_mm": 1e3 * along.mean(),
         "across_mm": 1e3 * across.mean(),
         "along_std_mm": 1e3 * along.std(),
@@ -305,33 +279,28 @@ def _statistics(touches: TouchSet, skin: Skin) -> dict[str, float | str]:
     }
 
 
-def _likeness(by_name: Mapping[str, TouchSet]) -> pd.DataFrame:
-    rows, recorded = [], [name for name in RECORDED if name in by_name]
+def _correlations(by_name: Mapping[str, TouchSet]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """`likeness` and `correlations` of `learn_transfer`."""
+    whole = {name: np.corrcoef(its.samples.signals.T) for name, its in by_name.items()}
+    recorded = [name for name in RECORDED if name in by_name]
+    likeness = []
     for name in recorded:
-        touches = by_name[name].samples.signals
-        groups = np.array(by_name[name].groups)[by_name[name].samples.trial]
-        matrices = [np.corrcoef(touches[groups == its].T) for its in dict.fromkeys(by_name[name].groups)]
-        alike = [_alike(*pair) for pair in combinations(matrices, 2)]
-        if alike:
-            rows.append((name, name, float(np.mean(alike))))
-    for name in recorded:
-        matrices = [np.corrcoef(by_name[its].samples.signals.T) for its in (name, PARTNERS[name])]
-        rows.append((name, PARTNERS[name], _alike(*matrices)))
-    return pd.DataFrame(rows, columns=["first", "second", "correlation"])
+        touches, group = by_name[name].samples, np.array(by_name[name].groups)
+        matrices = [np.corrcoef(touches.signals[(group == its)[touches.trial]].T) for its in pd.unique(group)]
+        if len(matrices) > 1:
+            alike = [_alike(*pair) for pair in combinations(matrices, 2)]
+            likeness.append((name, name, float(np.mean(alike))))
+    likeness += [(name, PARTNERS[name], _alike(whole[name], whole[PARTNERS[name]])) for name in recorded]
+    tables = []
+    for name, matrix in whole.items():
+        electrode, other = np.indices(matrix.shape).reshape(2, -1) + 1
+        columns = {"set": name, "electrode": electrode, "other": other, "correlation": matrix.ravel()}
+        tables.append(pd.DataFrame(columns))
+    found = pd.DataFrame(likeness, columns=["first", "second", "correlation"])
+    return found, pd.concat(tables, ignore_index=True)
 
 
 def _alike(first: np.ndarray, second: np.ndarray) -> float:
+    """Correlation of the elements above the diagonals."""
     upper = np.triu_indices(len(first), k=1)
     return float(np.corrcoef(first[upper], second[upper])[0, 1])
-
-
-def _correlation_table(touches: TouchSet) -> pd.DataFrame:
-    matrix = np.corrcoef(touches.samples.signals.T)
-    electrodes = np.arange(1, len(matrix) + 1)
-    columns = {
-        "set": touches.name,
-        "electrode": np.repeat(electrodes, len(electrodes)),
-        "other": np.tile(electrodes, len(electrodes)),
-        "correlation": matrix.ravel(),
-    }
-    return pd.DataFrame(columns)

@@ -17,9 +17,20 @@ from structlearn.readers.slide import material_of
 from structlearn.tasks.touch.surface_traces import trial_groups
 from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, shown_map
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters
-from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import entity, flat_view, layout, plot, recording, rgba, send_curve, time_column
+from structlearn.viewer.rrd import (
+    entity,
+    flat_view,
+    layout,
+    legend,
+    notes_view,
+    plot,
+    recording,
+    rgba,
+    send_curve,
+    send_notes,
+    time_column,
+)
 
 PRESS_MM, PROBE_MM = 0.3, 0.7
 """Radii of dots."""

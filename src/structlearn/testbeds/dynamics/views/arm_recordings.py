@@ -11,6 +11,7 @@ from pydantic import Field
 
 from structlearn.core.metrics import nmse
 from structlearn.core.params import Parameters
+from structlearn.palette import COLOUR_NAMES
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
@@ -21,14 +22,16 @@ from structlearn.testbeds.dynamics.names import PAYLOAD, REFERENCE, colour
 from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_plots, send_arm, send_followed
-from structlearn.viewer.notes import COLOUR_NAMES, legend, notes_view, send_notes
 from structlearn.viewer.rrd import (
     entity,
     layout,
+    legend,
+    notes_view,
     plot,
     recording,
     rgba,
     send_moving_frame,
+    send_notes,
     send_series,
     thinning,
     time_column,

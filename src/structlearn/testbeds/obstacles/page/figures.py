@@ -12,12 +12,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from structlearn.avoidance.avoidance_dataset import to_local
+from structlearn.avoidance.avoidance_dataset import baseline_axes, to_local
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
-from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, obstacle
+from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, Obstacle, obstacle
 from structlearn.palette import BLACK, BLUE, LIGHT_BLUE, LIGHT_GREY, ORANGE
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
 from structlearn.reporting.prose import capitalised, rounded
+from structlearn.simulation.still import Solid, View, still
 from structlearn.testbeds.obstacles.names import (
     DEMONSTRATIONS,
     FREE,
@@ -34,11 +35,10 @@ from structlearn.testbeds.obstacles.page.findings import (
     ObstacleResults,
     example_setting,
 )
-from structlearn.testbeds.obstacles.page.tables import FITS
+from structlearn.testbeds.obstacles.page.page import FITS
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import MOVING, NO_MODEL, TRAINED, UNSEEN
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, of_model
 from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M
-from structlearn.testbeds.obstacles.world.scene_still import Lane, reaches_still
 
 VIEWS = {"from the side": 2, "from above": 1}  # local axis that is shown over x, by the name of the view
 
@@ -53,6 +53,15 @@ MOMENTS = 5  # places at which a moving obstacle is drawn
 
 BALL = UNSEEN_RADIUS_M / HALF_SIZE_M["sphere"][0] * obstacle("sphere", np.zeros(3)).cloud(100)
 """An unseen sphere about its centre, (P, 3) m."""
+
+LANE_M = 0.42  # between neighbouring reaches of the still
+HAND_M, BEAD_M = 0.022, 0.006  # radii of the hand and of the beads of a path
+SPACING_M = 0.018  # about how far apart beads are
+SHOWN_ROWS = slice(90, 530)  # of the still: above and below is nothing but table
+
+OBSTACLE_RGBA, HAND_RGBA = (0.84, 0.37, 0.0, 1.0), (0.30, 0.33, 0.36, 1.0)
+DEMONSTRATED_RGBA, BARE_RGBA = (0.44, 0.47, 0.50, 1.0), (0.11, 0.12, 0.14, 1.0)
+TABLE_RGBA = (0.93, 0.92, 0.90, 1.0)
 
 DASHED: Mapping[str, Any] = {"linestyle": "--", "linewidth": 1.2}
 THIN: Mapping[str, Any] = {"linewidth": 0.7}
@@ -81,37 +90,70 @@ class Outline:
 
 def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures of the page by name; `largest_nmse` is the published one."""
-    setting = example_setting(results.found.scores, results.population.shown)
+    setting = example_setting(results.scores, results.population.shown)
     kinds = (NETWORK, HUMAN_INSPIRED)
     contenders: list[tuple[str, str, Sequence[str]]] = [
         (NO_MODEL, "", [""]),
-        (HUMAN_INSPIRED, "per setting", [SETTING]),
-        (NETWORK, "per setting", [SETTING]),
+        *((kind, "per setting", [SETTING]) for kind in (HUMAN_INSPIRED, NETWORK)),
         (ENSEMBLE, "per shape", SHAPES),
     ]
+    rows_beyond = [[_beyond_panel(results, protocol) for protocol in pair] for pair in (GRID[:2], GRID[2:])]
     example = _to_scale([_example_panel(results, shape, setting) for shape in SHAPES])
     closest = closest_panel(results, setting)
     closest.set_figheight(example[0].get_figheight())
     return {
-        "still": still(results, setting),
+        "still": simulated_scene(results, setting),
         "example": [*example, closest],
         "fit": [fit_panel(results, kind, column, largest_nmse) for column in FITS for kind in kinds],
         "people": [Raster(people_panel(results, *contender)) for contender in contenders],
         "hits": hits_panel(results),
         "unseen": _to_scale([_unseen_panel(results, source) for source in (*SHAPES, ALL)]),
-        "beyond": [one for pair in (GRID[:2], GRID[2:]) for one in _beyond_panels(results, pair)],
+        "beyond": [panel for row in rows_beyond for panel in _to_scale(row)],
         "distances": [Raster(distances_panel(results, protocol)) for protocol in GRID],
     }
 
 
-def still(results: ObstacleResults, setting: int) -> np.ndarray:
-    """The simulated scene: a demonstrated reach past each shape, and one without avoidance."""
-    lanes = []
-    for scenario in (one for one in results.scenarios if one.setting == setting):
-        bare = _reach(results, SituationKey(TRAINED, scenario.shape, setting))
+def simulated_scene(results: ObstacleResults, setting: int) -> np.ndarray:
+    """A still (H, W, 3) of a demonstrated reach past each shape, and one without avoidance, side by side.
+
+    The hand of each is above its obstacle. In truth all are at one place.
+    """
+    shown = [scenario for scenario in results.scenarios if scenario.setting == setting]
+    along, across, _ = baseline_axes(results.baseline).T
+    middle = 0.5 * (results.baseline.start + results.baseline.goal)
+    floor = min(one.obstacle.centre[2] - one.obstacle.half_size[2] for one in shown)
+    solids = [Solid("box", (1.5, 1.2, 0.01), (middle[0], middle[1], floor - 0.011), colour=TABLE_RGBA)]
+    for number, scenario in enumerate(shown):
+        shift = (0.5 * (len(shown) - 1) - number) * LANE_M * across
+        solids.append(_solid(scenario.obstacle, shift))
         demonstrated = results.demonstrations[scenario.shape][0].position
-        lanes.append(Lane(scenario.obstacle, demonstrated, bare.position))
-    return reaches_still(lanes, results.baseline)
+        bare = _reach(results, SituationKey(TRAINED, scenario.shape, setting)).position
+        for path, colour in ((bare, BARE_RGBA), (demonstrated, DEMONSTRATED_RGBA)):
+            solids += [Solid("sphere", (BEAD_M,), bead + shift, colour=colour) for bead in _beads(path)]
+        over = demonstrated[np.abs((demonstrated - scenario.obstacle.centre) @ along).argmin()]
+        solids.append(Solid("sphere", (HAND_M,), over + shift, colour=HAND_RGBA))
+    view = View(target=(*middle[:2], floor + 0.09), distance=1.95, yaw_deg=14.0, pitch_deg=-22.0)
+    return still(view, solids)[SHOWN_ROWS]
+
+
+def _beads(path: np.ndarray) -> np.ndarray:
+    """Points (N, 3) of a path (T, 3) at equal distances, but for its rests."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    places = np.linspace(0.0, length[-1], max(2, round(length[-1] / SPACING_M)))
+    return np.stack([np.interp(places, length, values) for values in path.T], axis=1)
+
+
+def _solid(obstacle: Obstacle, shift: np.ndarray) -> Solid:
+    from scipy.spatial.transform import Rotation
+
+    half = obstacle.half_size
+    kind, size = {
+        "sphere": ("sphere", half[:1]),
+        "cube": ("box", half),
+        "cylinder": ("cylinder", np.array([half[0], 2.0 * half[2]])),
+    }[obstacle.shape]
+    turn = Rotation.from_matrix(obstacle.rotation).as_quat(scalar_first=True)
+    return Solid(kind, size, obstacle.centre + shift, turn, OBSTACLE_RGBA)
 
 
 def worst(results: ObstacleResults, protocol: str) -> tuple[int, float]:
@@ -151,17 +193,11 @@ def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
         for its, centre in sorted(zip(hit, centres.tolist(), strict=True))
     ]
     keys = [SituationKey(UNSEEN, "sphere", number) for number in range(1, len(hit) + 1)]
-    paths = [
-        _reach(results, key, ENSEMBLE, source).position[::2] for key in keys
-    ]  # enough for small pictures
-    colour = SOURCES[source].colour
-    curves = [Curve(to_local(path, results.baseline), colour, style=THIN) for path in paths]
+    # every other sample is enough for small pictures
+    paths = [to_local(_reach(results, key, ENSEMBLE, source).position[::2], results.baseline) for key in keys]
+    curves = [Curve(path, SOURCES[source].colour, style=THIN) for path in paths]
     curves += _curves(results, _reach(results, keys[0]), BLACK, KINDS[NO_MODEL].name)
     return two_views(capitalised(model_name(ENSEMBLE, source)), outlines, curves)
-
-
-def _beyond_panels(results: ObstacleResults, protocols: Sequence[str]) -> list[Figure]:
-    return _to_scale([_beyond_panel(results, protocol) for protocol in protocols])
 
 
 def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
@@ -219,7 +255,7 @@ def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) 
 @styled
 def closest_panel(results: ObstacleResults, setting: int) -> Figure:
     """Closest distance to the obstacle of one setting, by shape, of the person shown and of models."""
-    people = results.found.people
+    people = results.demonstration_scores
     people = people[(people["scenario"] == setting) & (people["person"] == results.population.shown)]
     rows = [(DEMONSTRATIONS.name, DEMONSTRATIONS.colour, "o", people)]
     for kind, sources, words, marker in (

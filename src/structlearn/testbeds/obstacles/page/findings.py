@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from pandas.core.groupby import SeriesGroupBy
 
 from structlearn.avoidance.learned_models import (
     ALL,
@@ -27,7 +28,6 @@ from structlearn.primitives.position import PositionPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.claims import Evidence
 from structlearn.reporting.findings import Findings
-from structlearn.testbeds.obstacles.files import Evaluation
 from structlearn.testbeds.obstacles.names import KINDS, SITUATIONS
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     GOAL_CHANGE,
@@ -55,7 +55,9 @@ PARTS = {"learned from": "train", "held out": "test"}
 class ObstacleResults:
     """Outputs of the stages of the testbed, and selections of them."""
 
-    found: Evaluation  # scores and paths of the unrolls, scores of the demonstrations
+    scores: pd.DataFrame  # of every unroll, see `avoidance_protocols.evaluate`
+    paths: pd.DataFrame  # of the unrolls with limits at the goal, of the person that is shown, see there
+    demonstration_scores: pd.DataFrame  # of everybody, see `people.demonstration_scores`
     errors: pd.DataFrame  # how well the models fit, see `avoidance_fits.learn`
     baselines: Mapping[int, PositionPrimitive]  # the unhindered reaches, by person
     scenarios: Sequence[Scenario]  # those of the demonstrations, in their order
@@ -63,11 +65,6 @@ class ObstacleResults:
     demonstrations: Mapping[str, Sequence[Demonstration]]
     population: Population  # whose models are judged, and who is shown
     parameters: Mapping[str, Any]  # of the stages, by their keys in `params.yaml`
-
-    @property
-    def simulated(self) -> bool:
-        """Whether any of the shown demonstrations was simulated."""
-        return any(one.simulated for its in self.demonstrations.values() for one in its)
 
     @property
     def people(self) -> list[int]:
@@ -89,14 +86,8 @@ class ObstacleResults:
 
     @cached_property
     def demonstrated(self) -> pd.DataFrame:
-        """Scores of the demonstrations."""
-        return self._of_people(self.found.people)
-
-    @cached_property
-    def limited(self) -> pd.DataFrame:
-        """Scores of every unroll with limits at the goal."""
-        scores = self._of_people(self.found.scores)
-        return scores[scores["rules"] == LIMITED]
+        """Scores of the demonstrations of those whose models are judged."""
+        return self._of_people(self.demonstration_scores)
 
     def rows(
         self,
@@ -110,7 +101,7 @@ class ObstacleResults:
         """Scores of one protocol and model, in their order."""
         sources = [learned_from] if isinstance(learned_from, str) else list(learned_from)
         keys = [(protocol, rules, model, source) for source in sources]
-        none = self.found.scores.iloc[:0]
+        none = self.scores.iloc[:0]
         found = pd.concat([self._by_model.get(key, none) for key in keys]).sort_index(kind="stable")
         mask = found["person"].isin(self.people if person is None else [person])
         return found[mask if obstacle is None else mask & (found["obstacle"] == obstacle)]
@@ -128,8 +119,9 @@ class ObstacleResults:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Hits (P,) of each person with a kind of model and its rules, and of how many reaches (P,)."""
         kind, rules = form
-        hits = self.rows(protocol, kind, learned_from, rules).groupby("person", sort=False)["hit"]
-        return hits.sum().to_numpy(int), hits.size().to_numpy(int)
+        return _sums_and_sizes(
+            self.rows(protocol, kind, learned_from, rules).groupby("person", sort=False)["hit"]
+        )
 
     @cached_property
     def fits(self) -> pd.DataFrame:
@@ -142,19 +134,14 @@ class ObstacleResults:
 
     def fit(self, model: str, learned_from: str, obstacle: str, part: str = "test") -> pd.DataFrame:
         """Rows of `fits` of a model that learned several scenarios, one per person, in their order."""
+        keys = {"model": model, "learned_from": learned_from, "obstacle": obstacle, "part": part}
         fits = self._of_people(self.fits)
-        mask = (fits["model"] == model) & (fits["learned_from"] == learned_from)
-        return fits[mask & (fits["obstacle"] == obstacle) & (fits["part"] == part)]
+        return fits[(fits[list(keys)] == pd.Series(keys)).all(axis=1)]
 
     def fit_by_person(self, model: str, all_shapes: bool = False) -> np.ndarray:
         """Held-out `nmse_across` (P,), mean over shapes, of models of a shape each or of one of all."""
         rows = [self.fit(model, ALL if all_shapes else shape, shape)["nmse_across"] for shape in SHAPES]
         return np.mean(rows, axis=0)
-
-    def shown_error(self, model: str) -> float:
-        """Held-out error along the worse of y and z of a model of all shapes of the person that is shown."""
-        fits = self.fits[(self.fits["person"] == self.population.shown) & (self.fits["part"] == "test")]
-        return float(fits[(fits["model"] == model) & (fits["learned_from"] == ALL)]["nmse_worse"].max())
 
     def setting_fits(self, column: str, part: str) -> pd.DataFrame:
         """NMSE of models that learned one scenario: one row per scenario that has it, a column per model."""
@@ -166,9 +153,8 @@ class ObstacleResults:
     @cached_property
     def reaches(self) -> dict[SituationKey, list[Reach]]:
         """Every unroll with limits at the goal of the person that is shown."""
-        scores = self.found.scores
-        own = scores[scores["person"] == self.population.shown]
-        return reaches_by_situation(self.found.paths, own, self.baseline)
+        own = self.scores[self.scores["person"] == self.population.shown]
+        return reaches_by_situation(self.paths, own, self.baseline)
 
     @cached_property
     def contenders(self) -> list[tuple[str, str]]:
@@ -179,11 +165,15 @@ class ObstacleResults:
     @cached_property
     def _by_model(self) -> dict[tuple[str, ...], pd.DataFrame]:
         """Scores of everybody by protocol, rules, model and what it learned from."""
-        groups = self.found.scores.groupby(["protocol", "rules", "model", "learned_from"], sort=False)
-        return dict(iter(groups))
+        return dict(iter(self.scores.groupby(["protocol", "rules", "model", "learned_from"], sort=False)))
 
     def _of_people(self, table: pd.DataFrame) -> pd.DataFrame:
         return table[table["person"].isin(self.people)]
+
+
+def _sums_and_sizes(by_person: SeriesGroupBy) -> tuple[np.ndarray, np.ndarray]:
+    """How many of each person are true (P,), of how many (P,)."""
+    return by_person.sum().to_numpy(int), by_person.size().to_numpy(int)
 
 
 def example_setting(scores: pd.DataFrame, person: int) -> int:
@@ -210,8 +200,10 @@ def findings(results: ObstacleResults, published: Mapping[str, Any]) -> Findings
     _hits(results, find)
     _goals(results, find, published["per_setting"][NETWORK]["goal_max"])
     shown = find.among(f"person {results.population.shown}, on whom constants were tuned")
+    keys = ["person", "part", "learned_from", "model"]
+    worst = results.fits.groupby(keys)["nmse_worse"].max().loc[results.population.shown, "test", ALL]
     for name, kind in (("modulated", PHASE_MODULATED), ("not_modulated", NETWORK)):
-        shown.exact(f"nmse_shown_{name}", results.shown_error(kind))
+        shown.exact(f"nmse_shown_{name}", worst[kind])
     return find
 
 
@@ -230,24 +222,13 @@ def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None
     ):
         errors = {words: results.setting_fits(column, part) for words, part in PARTS.items()}
         low = {words: (its[NETWORK] <= largest_nmse).groupby(level="person") for words, its in errors.items()}
-        find.clustered_share(
-            low_name,
-            {words: (its.sum().to_numpy(), its.size().to_numpy()) for words, its in low.items()},
-        )
+        find.clustered_share(low_name, {words: _sums_and_sizes(its) for words, its in low.items()})
         means = {words: its.groupby(level="person").mean() for words, its in errors.items()}
-        find.difference(
-            worse,
-            {words: (its[HUMAN_INSPIRED], its[NETWORK]) for words, its in means.items()},
-        )
+        find.difference(worse, {words: (its[HUMAN_INSPIRED], its[NETWORK]) for words, its in means.items()})
     find.mean("rai_across_settings", results.fit_by_person(HUMAN_INSPIRED))
-    find.mean(
-        "error_per_shape",
-        {
-            f"{shape}, {axis}": results.fit(NETWORK, shape, shape)[f"nmse_{axis}"]
-            for shape in SHAPES
-            for axis in "yz"
-        },
-    )
+    per_shape = {shape: results.fit(NETWORK, shape, shape) for shape in SHAPES}
+    errors = {f"{shape}, {axis}": its[f"nmse_{axis}"] for shape, its in per_shape.items() for axis in "yz"}
+    find.mean("error_per_shape", errors)
     for kind, word in ((NETWORK, "single"), (ENSEMBLE, "ensemble")):
         apart, together = (results.fit_by_person(kind, every) for every in (False, True))
         find.difference(f"{word}_of_all_shapes", together, apart)
@@ -265,8 +246,8 @@ def _hits(results: ObstacleResults, find: Findings) -> None:
     find.clustered_share("hits_per_setting", hits, sizes)
     rai = results.hits_by_person(TRAINED, (HUMAN_INSPIRED, PUBLISHED), SETTING)
     find.clustered_share("hits_of_rai", *rai)
-    for form, word, trained in ((TEXT, "single_", SHAPES), (OURS, "", EVERY)):
-        for protocol, name, sources in ((TRAINED, "per_shape", trained), (UNSEEN, "unseen", trained)):
+    for form, word, sources in ((TEXT, "single_", SHAPES), (OURS, "", EVERY)):
+        for protocol, name in ((TRAINED, "per_shape"), (UNSEEN, "unseen")):
             cases = {source: results.hits_by_person(protocol, form, source) for source in sources}
             find.clustered_share(f"{word}hits_{name}", cases)
     for protocol in SITUATIONS:
@@ -302,10 +283,10 @@ def _goals(results: ObstacleResults, find: Findings, largest_goal_m: float) -> N
     """Distances from the goal: at the prescribed time, at 1.5 times it (late), and between (excursion)."""
     own = results.rows(TRAINED, NETWORK, SETTING, PUBLISHED)
     far = (own["goal_distance_m"] > largest_goal_m).groupby(own["person"])
-    find.clustered_share("goal_of_network", far.sum().to_numpy(), far.size().to_numpy())
+    find.clustered_share("goal_of_network", *_sums_and_sizes(far))
     rai = results.rows(TRAINED, HUMAN_INSPIRED, SETTING, PUBLISHED)["goal_distance_m"]
     find.exact("goal_of_rai", rai.max(), len(rai), unit="m")
-    limited = results.limited
+    limited = results.scores[results.scores["person"].isin(results.people)].query("rules == @LIMITED")
     for name in ("goal", "late_goal"):
         find.exact(f"{name}_distance_max_m", limited[f"{name}_distance_m"].max(), len(limited), unit="m")
     goals = {"prescribed time": "goal_distance_m", "1.5 times it": "late_goal_distance_m"}

@@ -1,27 +1,41 @@
-"""The page of the obstacle testbed: what its template and its claims name."""
+"""The page of the obstacle testbed: what its template and its claims name, and its tables.
 
-from collections.abc import Mapping
+Tables show the published beside the reproduced, and models beside models.
+"""
+
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from structlearn.avoidance.learned_models import ENSEMBLE, HUMAN_INSPIRED, NETWORK
+from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import Document, Source, environment
+from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import provenance, read_study
 from structlearn.testbeds.obstacles import files
+from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
 from structlearn.testbeds.obstacles.page.findings import (
     EVERY,
     FEW_HITS,
+    OURS,
+    TEXT,
     ObstacleResults,
     example_setting,
 )
-from structlearn.testbeds.obstacles.page.tables import tables
-from structlearn.testbeds.obstacles.protocol.avoidance_protocols import UNSEEN
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
+    LIMITED,
+    MOVING,
+    NO_MODEL,
+    PAIR,
+    PUBLISHED,
+    TRAINED,
+    UNSEEN,
+)
 from structlearn.testbeds.obstacles.world.reaching_person import DETOURS_M
 from structlearn.testbeds.obstacles.world.scenarios import END_CLEARANCE_M
 
@@ -30,7 +44,7 @@ FOLDER = Path(__file__).parent
 
 STUDIES = ("members", "displaced", "clearance")  # that the page quotes
 
-SOURCES = {
+WRITTEN_BY = {
     "recorded": Source(files.RUNS, "obstacles_demonstrate"),
     "people": Source(files.PEOPLE_FILE, "obstacles_dataset"),
     "errors": Source(files.ERRORS_FILE, "obstacles_train"),
@@ -61,10 +75,10 @@ def document(results: ObstacleResults, find: Findings) -> Document:
         facts=named,
         tables=shown,
         judged=judge(read_claims(FOLDER / "claims.yaml"), find, environment(PACKAGE), named),
-        sources=SOURCES,
+        sources=WRITTEN_BY,
         parameters=results.parameters,
         recordings="../rerun/obstacles",
-        simulated=results.simulated,
+        simulated=any(one.simulated for its in results.demonstrations.values() for one in its),
     )
 
 
@@ -78,7 +92,7 @@ def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, A
         "few_hits": FEW_HITS,
         "shown": results.population.shown,
         "tuning": results.population.tuning,
-        "setting": example_setting(results.found.scores, results.population.shown),
+        "setting": example_setting(results.scores, results.population.shown),
         "length": length,
         "longest_detour_m": DETOURS_M[-1],
         "end_clearance_m": END_CLEARANCE_M,
@@ -104,3 +118,206 @@ def worst_hits(study: str) -> str:
     means = found.table.groupby("variant", sort=False)[columns].mean().mean(axis=1)
     quoted = "; ".join(f"{variant}: {value:.1f}" for variant, value in means.items())
     return f"{quoted} ({provenance(found)})"
+
+
+PRINTED, HERE = "dissertation", "here"
+
+FITS = {"nmse": "all three axes", "nmse_across": "y and z", "nmse_dominant": "dominant axis"}
+"""Columns of `ObstacleResults.fits` and over what they are averaged."""
+
+FORMATS = {
+    **dict.fromkeys(("nmse_train", "nmse_test", "nmse_x", "nmse_y", "nmse_z"), ".3f"),
+    **dict.fromkeys(("goal_max", "goal_mean", "late_goal_max", "obstacle_min", "obstacle_mean"), ".3f"),
+    **{f"{name}_{rules}": ".3f" for name in ("goal", "late_goal") for rules in ("text", "limited")},
+    **dict.fromkeys(("train_mean", "test_mean", "closest", "excursion"), ".3f"),
+    **dict.fromkeys(("detour_unseen", "detour_moving", "detour_pair"), ".2f"),
+    "restrained": ".1%",
+}
+HEADINGS = {
+    **{"source": "", "nmse_train": "NMSE train", "nmse_test": "test", "goal_mean": "mean"},
+    **{"goal_max": "goal max", "late_goal_max": "late max", "obstacle_min": "obstacle min"},
+    **{"obstacle_mean": "mean", "nmse_x": "x", "nmse_y": "y", "nmse_z": "z", "over": "NMSE over"},
+    **{"train_mean": "learned from, mean", "test_mean": "held out, mean"},
+    **{"train_low": "learned from, low", "test_low": "held out, low", "excursion": "between"},
+    **{"hits_text": "hits, text", "hits_limited": "limits", "goal_text": "goal, text"},
+    **{"goal_limited": "limits", "late_goal_text": "late, text", "late_goal_limited": "limits"},
+    **{"moving_0.1": "0.1 m/s", "moving_0.2": "0.2 m/s", "pair": "two", "goal_change": "moving goal"},
+    **{"detour_unseen": "detour, unseen", "detour_moving": "moving", "detour_pair": "two"},
+    "none": KINDS[NO_MODEL].name,
+    **{f"{source}_text": f"{SOURCES[source].name}, text" for source in (*SHAPES, ALL)},
+    **{f"{source}_ours": "ours" for source in (*SHAPES, ALL)},
+}
+COMPARED = (
+    *("obstacle", "model", "source", "nmse_train", "nmse_test", "goal_max", "goal_mean"),
+    *("late_goal_max", "obstacle_min", "obstacle_mean", "hits", "of"),
+)
+"""Columns of the tables that stand beside the dissertation's, in their order."""
+
+Row = dict[str, Any]
+
+
+def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Table]:
+    """Tables by name; `published` is the YAML."""
+    frames = {
+        "people": people(results),
+        "per_setting": per_setting(results, published["per_setting"]),
+        "per_shape": per_shape(results, published["per_shape"]),
+        "unseen": unseen(results, published["unseen"]),
+        "fit": fit(results, published["largest_nmse"]),
+        "limits": limits(results),
+        "all_shapes": all_shapes(results),
+        "hits": hits(results),
+    }
+    return {name: Table(frame, FORMATS, HEADINGS, _strong(frame)) for name, frame in frames.items()}
+
+
+def people(results: ObstacleResults) -> pd.DataFrame:
+    """Unseen spheres hit by person: without avoidance, by single networks as published, and by ensembles."""
+    columns = {"person": results.people, "none": results.hits_by_person(UNSEEN, (NO_MODEL, LIMITED), "")[0]}
+    for source in (*SHAPES, ALL):
+        columns[f"{source}_text"] = results.hits_by_person(UNSEEN, TEXT, source)[0]
+        columns[f"{source}_ours"] = results.hits_by_person(UNSEEN, OURS, source)[0]
+    return pd.DataFrame(columns)
+
+
+def per_setting(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
+    """Table IV.1: a model for each scenario."""
+    rows = []
+    for kind in (NO_MODEL, HUMAN_INSPIRED, NETWORK):
+        source = "" if kind == NO_MODEL else SETTING
+        labels = {"model": KINDS[kind].name}
+        rows.append(labels | {"source": PRINTED, "of": len(results.scenarios)} | printed[kind])
+        rows += _rows(results, labels, kind, TRAINED, source)
+    here = summary(results.demonstrated) | {"of": len(results.demonstrated)}
+    people = {PRINTED: printed["demonstrations"], HERE: here}
+    name = DEMONSTRATIONS.name
+    return _compared(rows + [{"model": name, "source": words} | its for words, its in people.items()])
+
+
+def per_shape(results: ObstacleResults, printed: Mapping[str, Mapping[str, Row]]) -> pd.DataFrame:
+    """Table IV.2: models for the settings of each shape; `nmse_train` and `nmse_test` over y and z."""
+    rows = []
+    for shape in SHAPES:
+        for kind in (NO_MODEL, NETWORK, ENSEMBLE):
+            labels = {"obstacle": shape, "model": KINDS[kind].name}
+            if kind in printed[shape]:
+                rows.append(labels | {"source": PRINTED, "of": len(results.scenarios) // len(SHAPES)})
+                rows[-1] |= printed[shape][kind]
+            if kind != NO_MODEL:
+                fits = {
+                    part: results.fit(kind, shape, shape, part)["nmse_across"] for part in ("train", "test")
+                }
+                labels |= {f"nmse_{part}": errors.mean() for part, errors in fits.items()}
+            rows += _rows(results, labels, kind, TRAINED, "" if kind == NO_MODEL else shape, shape)
+    return _compared(rows)
+
+
+def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
+    """Table IV.3: models past unseen spheres, by what they learned from."""
+    spheres = len(results.situations[UNSEEN].numbers)
+    labels = {"model": KINDS[NO_MODEL].name}
+    rows = [labels | {"source": PRINTED, "of": spheres} | printed[NO_MODEL]]
+    rows += _rows(results, labels, NO_MODEL, UNSEEN, "")
+    for shape in SHAPES:
+        rows.append({"model": model_name(NETWORK, shape), "source": PRINTED, "of": spheres} | printed[shape])
+        for kind in (NETWORK, ENSEMBLE):
+            rows += _rows(results, {"model": model_name(kind, shape)}, kind, UNSEEN, shape)
+    return _compared(rows)
+
+
+def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
+    """Figure IV.10 in numbers: NMSE of models that learned one scenario, and how many have at most `low`."""
+    rows = []
+    for column, over in FITS.items():
+        parts = {part: results.setting_fits(column, part) for part in ("train", "test")}
+        for kind in (NETWORK, HUMAN_INSPIRED) if len(parts["test"]) else ():
+            row: Row = {"over": over, "model": KINDS[kind].name, "scenarios": len(parts["test"])}
+            row |= {f"{part}_mean": its[kind].mean() for part, its in parts.items()}
+            rows.append(row | {f"{part}_low": int((its[kind] <= low).sum()) for part, its in parts.items()})
+    return pd.DataFrame(rows)
+
+
+def limits(results: ObstacleResults) -> pd.DataFrame:
+    """Published rules beside limits at the goal: hits, largest goal distances (m), and samples restrained."""
+    families = {"per setting": (SETTING,), "per shape": SHAPES, "all shapes": (ALL,)}
+    groups = [
+        (protocol, kind, words) for protocol in (TRAINED, UNSEEN) for kind in KINDS for words in families
+    ]
+    rows = []
+    for protocol, kind, words in groups:
+        rules = {"text": PUBLISHED, "limited": LIMITED}
+        found = {name: results.rows(protocol, kind, families[words], its) for name, its in rules.items()}
+        count = len(found["limited"])
+        if count == 0:
+            continue
+        row: Row = {"obstacles": protocol, "model": f"{KINDS[kind].name}, {words}", "unrolls": count}
+        row |= {f"hits_{name}": int(its["hit"].sum()) for name, its in found.items()}
+        for column in ("goal", "late_goal"):
+            row |= {f"{column}_{name}": its[f"{column}_distance_m"].max() for name, its in found.items()}
+        row["excursion"] = found["limited"]["excursion_m"].max()
+        rows.append(row | {"restrained": found["limited"]["restrained"].mean()})
+    return pd.DataFrame(rows)
+
+
+def all_shapes(results: ObstacleResults) -> pd.DataFrame:
+    """A model of all shapes beside those of one shape, on the settings of each obstacle."""
+    groups = [(shape, kind, source) for shape in SHAPES for kind in KINDS for source in (shape, ALL)]
+    rows = []
+    for shape, kind, source in groups:
+        scored = results.rows(TRAINED, kind, source, obstacle=shape)
+        if len(scored):
+            row = {"obstacle": shape, "model": model_name(kind, source)}
+            row |= results.fit(kind, source, shape)[["nmse_x", "nmse_y", "nmse_z"]].mean().to_dict()
+            rows.append(row | summary(scored))
+    columns = ["obstacle", "model", "nmse_x", "nmse_y", "nmse_z", "hits", "obstacle_min", "goal_max"]
+    return pd.DataFrame(rows)[columns]
+
+
+def hits(results: ObstacleResults) -> pd.DataFrame:
+    """Hits with limits at the goal by model and situation on the grid of spheres; detours are means, in m."""
+    rows = []
+    for kind, source in results.contenders:
+        row: Row = {"model": model_name(kind, source)}
+        every = {
+            protocol: results.rows(protocol, kind, source) for protocol in SITUATIONS if protocol != TRAINED
+        }
+        for protocol, its in every.items():
+            for speed, count in its.groupby("speed_m_s")["hit"].sum().items():
+                row[f"{protocol}_{speed:g}" if protocol == MOVING else protocol] = int(count)
+        row["closest"] = min(its["obstacle_distance"].min() for its in every.values())
+        row |= {f"detour_{name}": every[name]["detour_m"].mean() for name in (UNSEEN, MOVING, PAIR)}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def summary(rows: pd.DataFrame) -> Row:
+    """Extremes and means over scenarios of `avoidance_scores.scores` or `people.demonstration_scores`."""
+    goal, obstacle = rows["goal_distance_m"], rows["obstacle_distance"]
+    row: Row = {"goal_max": goal.max(), "goal_mean": goal.mean(), "hits": int(rows["hit"].sum())}
+    row |= {"obstacle_min": obstacle.min(), "obstacle_mean": obstacle.mean()}
+    return row | (
+        {"late_goal_max": rows["late_goal_distance_m"].max()} if "late_goal_distance_m" in rows else {}
+    )
+
+
+def _rows(
+    results: ObstacleResults, labels: Row, kind: str, protocol: str, source: str, obstacle: str | None = None
+) -> list[Row]:
+    """Rows of a model with either rules; without coupling term these are one."""
+    rules = {LIMITED: HERE} if kind == NO_MODEL else {its: f"{HERE}, {words}" for its, words in RULES.items()}
+    rows = []
+    for its, words in rules.items():
+        scored = results.rows(protocol, kind, source, its, obstacle)
+        rows.append(labels | {"source": words} | summary(scored) | {"of": len(scored)})
+    return rows
+
+
+def _compared(rows: Sequence[Row]) -> pd.DataFrame:
+    frame = pd.DataFrame(rows)
+    return frame[[name for name in COMPARED if name in frame]]
+
+
+def _strong(frame: pd.DataFrame) -> frozenset[int]:
+    """Rows of unrolls with the text's rules: those are to be compared with what is printed."""
+    sources = frame.get("source", pd.Series(dtype=str))
+    return frozenset(row for row, words in enumerate(sources) if words == f"{HERE}, {RULES[PUBLISHED]}")

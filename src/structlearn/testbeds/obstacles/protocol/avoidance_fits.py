@@ -7,6 +7,7 @@ than all the rest, so settings are dealt out: each is learned by one person (`ow
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from typing import TypeVar
 
@@ -18,9 +19,12 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.avoidance_network import AvoidanceNetworks
 from structlearn.avoidance.learned_models import (
     ALL,
+    ENSEMBLE,
+    HUMAN_INSPIRED,
+    NETWORK,
+    PHASE_MODULATED,
     SETTING,
     AvoidanceModels,
-    PhaseModulatedAvoidance,
     train_phase_modulated,
 )
 from structlearn.avoidance.network_training import (
@@ -68,10 +72,6 @@ class _Lesson:
     dataset: AvoidanceDataset  # all samples
     test: np.ndarray  # (S,) mask of those that test
 
-    @property
-    def training(self) -> AvoidanceDataset:
-        return self.dataset.where(~self.test)
-
 
 def learn(
     datasets: Mapping[int, AvoidanceDataset],
@@ -89,16 +89,14 @@ def learn(
     too few samples; a constant target.
     """
     own = own_scenarios(scenarios, list(datasets))
-    lessons = [
-        lesson
-        for person, dataset in datasets.items()
-        for lesson in _lessons(
-            person, dataset, held_out_rows(dataset, parameters.split), scenarios, own[person]
-        )
-    ]
+    lessons: list[_Lesson] = []
+    for person, dataset in datasets.items():
+        test = held_out_rows(dataset, parameters.split)
+        lessons += _lessons(person, dataset, test, scenarios, own[person])
     of_setting = [one for one in lessons if one.learned_from == SETTING]
     of_shape = [one for one in lessons if one.learned_from not in (SETTING, ALL)]
-    across = sorted([one for one in lessons if one.learned_from != SETTING], key=_longest_first)
+    across = [one for one in lessons if one.learned_from != SETTING]
+    across.sort(key=lambda one: -len(one.dataset))  # the longest first, so that no process waits at the end
     steered = [*of_shape, *of_setting]
     modulating = [one for one in across if one.person == modulated]
 
@@ -106,22 +104,25 @@ def learn(
     ensembles = fit_networks(_training(across), parameters.ensemble, "ensembles across settings")
     own_networks = fit_networks(_training(of_setting), parameters.per_setting, "networks per setting")
     human_inspired = fit_human_inspired_models(_training(steered), "human-inspired models")
-    work = [(one, parameters) for one in _training(modulating)]
-    found = parallel_map(_phase_modulated, work, "phase-modulated networks")
-
-    models = {
-        person: AvoidanceModels(
-            networks=_models(across, networks, person) | _models(of_setting, own_networks, person),
-            ensembles=_models(across, ensembles, person),
-            human_inspired=_models(steered, human_inspired, person),
-            phase_modulated={
-                one.learned_from: model
-                for one, model in zip(modulating, found, strict=True)
-                if person == modulated
-            },
-        )
+    models: dict[int, AvoidanceModels] = {
+        person: {
+            NETWORK: _models(across, networks, person) | _models(of_setting, own_networks, person),
+            ENSEMBLE: _models(across, ensembles, person),
+            HUMAN_INSPIRED: _models(steered, human_inspired, person),
+        }
         for person in datasets
     }
+    found = parallel_map(
+        partial(
+            train_phase_modulated,
+            parameters=parameters.phase_modulated,
+            hidden=parameters.phase_modulated_hidden,
+        ),
+        _training(modulating),
+        "phase-modulated networks",
+    )
+    sources = [one.learned_from for one in modulating]
+    models[modulated] = {**models[modulated], PHASE_MODULATED: dict(zip(sources, found, strict=True))}
     return models, _errors(models, [one for one in lessons if one.learned_from != ALL])
 
 
@@ -144,12 +145,8 @@ def _lessons(
     yield lesson(range(len(scenarios)), ALL)
 
 
-def _longest_first(lesson: _Lesson) -> int:
-    return -len(lesson.dataset)
-
-
 def _training(lessons: Sequence[_Lesson]) -> list[AvoidanceDataset]:
-    return [one.training for one in lessons]
+    return [one.dataset.where(~one.test) for one in lessons]
 
 
 def _models(lessons: Sequence[_Lesson], stack: Stack, person: int) -> dict[str, Stack]:
@@ -165,20 +162,14 @@ def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -
     """Errors on every lesson of the models that learned it, or more."""
     keys, scored = [], []
     for (person, source), same in groupby(lessons, key=lambda one: (one.person, one.learned_from)):
-        kinds, own = models[person].kinds, models[person].per_scenario
         for place, one in enumerate(same):
-            for kind, found in kinds.items():
+            for kind, found in models[person].items():
                 for name in (source, ALL) if source != SETTING else (source,):
                     if name in found:
-                        model = own[kind].take([place]) if source == SETTING else found[name]
+                        model = found[SETTING].take([place]) if source == SETTING else found[name]
                         names = (person, kind, name, one.obstacle, one.setting)
                         keys.append(dict(zip(KEYS, names, strict=True)))
                         scored.append((one.dataset, one.test, model))
     found = fit_errors(*zip(*scored, strict=True))
     rows = pd.DataFrame(keys).iloc[found.pop("model")].reset_index(drop=True)
     return pd.concat([rows, found], axis=1)
-
-
-def _phase_modulated(work: tuple[AvoidanceDataset, AvoidanceTrainingParameters]) -> PhaseModulatedAvoidance:
-    dataset, parameters = work
-    return train_phase_modulated(dataset, parameters.phase_modulated, parameters.phase_modulated_hidden)

@@ -9,7 +9,7 @@ goal_change   the same spheres while the goal moves
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -27,17 +27,12 @@ from structlearn.avoidance.shapes import (
     Shape,
     cloud_batch,
     constant_velocity,
+    ringed_sphere,
 )
 from structlearn.core.params import Parameters
 from structlearn.primitives.position import PositionPrimitive
-from structlearn.readers.demonstration import Demonstration
-from structlearn.testbeds.obstacles.protocol import avoidance_scores
-from structlearn.testbeds.obstacles.world.scenarios import (
-    UNSEEN_RADIUS_M,
-    Scenario,
-    unseen_centres,
-    unseen_clouds,
-)
+from structlearn.testbeds.obstacles.protocol.avoidance_scores import LATE_FACTOR, scores
+from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M, Scenario, unseen_centres
 
 TRAINED, UNSEEN, MOVING, PAIR, GOAL_CHANGE = "trained", "unseen", "moving", "pair", "goal_change"
 
@@ -64,10 +59,8 @@ class AvoidanceEvaluationParameters(Parameters):
 
     @model_validator(mode="after")
     def _limited(self) -> Self:
-        if self.postprocessing.late_factor > avoidance_scores.LATE_FACTOR:
-            raise ValueError(
-                f"late_factor must be at most {avoidance_scores.LATE_FACTOR:g}, where goals are scored"
-            )
+        if self.postprocessing.late_factor > LATE_FACTOR:
+            raise ValueError(f"late_factor must be at most {LATE_FACTOR:g}, where goals are scored")
         return self
 
 
@@ -84,15 +77,21 @@ class Situations:
     scenarios: np.ndarray | None = None
     goal_change: GoalChange | None = None  # the goal moves
 
+    @property
+    def keys(self) -> pd.DataFrame:
+        """Columns `protocol`, `obstacle`, `scenario` and `speed_m_s` of every reach."""
+        keys = {"protocol": self.protocol, "obstacle": self.obstacle}
+        return pd.DataFrame(keys | {"scenario": self.numbers, "speed_m_s": self.speed})
+
     def where(self, rows: np.ndarray) -> Self:
         """Some reaches past obstacles at rest, by a mask (B,)."""
-        obstacles = tuple(
-            replace(one, points=one.points[rows], centre=one.centre[rows], radius=one.radius[rows])
-            for one in self.obstacles
+        return replace(
+            self,
+            numbers=self.numbers[rows],
+            obstacles=tuple(one.where(rows) for one in self.obstacles),
+            speed=self.speed[rows],
+            scenarios=None if self.scenarios is None else self.scenarios[rows],
         )
-        scenarios = None if self.scenarios is None else self.scenarios[rows]
-        kept = {"numbers": self.numbers[rows], "speed": self.speed[rows], "scenarios": scenarios}
-        return replace(self, obstacles=obstacles, **kept)
 
 
 @dataclass(frozen=True)
@@ -105,13 +104,12 @@ class Learner:
     own: np.ndarray  # (K,) ascending numbers of the scenarios that there are models per setting of
 
 
-@dataclass(frozen=True)
-class Contender:
+class Contender(NamedTuple):
     """A coupling model in the reaches that it is meant for."""
 
     model: str  # its kind
     learned_from: str  # see `learned_models.AvoidanceModels`
-    coupling: CouplingModel  # the model
+    coupling: CouplingModel
     rows: np.ndarray  # (B,) mask of the reaches of a batch
 
 
@@ -145,14 +143,11 @@ def trained(
 
 def unseen(baseline: PositionPrimitive) -> Situations:
     """The grid of spheres round the baseline (IV.8.7)."""
-    clouds = unseen_clouds(baseline.start, baseline.goal)
-    obstacles = cloud_batch(
-        to_local(clouds, baseline),
-        to_local(unseen_centres(baseline.start, baseline.goal), baseline),
-        UNSEEN_RADIUS_M,
-    )
-    count = len(clouds)
-    return Situations(UNSEEN, "sphere", np.arange(1, count + 1), (obstacles,), np.zeros(count))
+    centres = unseen_centres(baseline.start, baseline.goal)
+    clouds = to_local(ringed_sphere(centres, UNSEEN_RADIUS_M), baseline)
+    obstacles = cloud_batch(clouds, to_local(centres, baseline), UNSEEN_RADIUS_M)
+    numbers = np.arange(1, len(centres) + 1)
+    return Situations(UNSEEN, "sphere", numbers, (obstacles,), np.zeros(len(centres)))
 
 
 def moving(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
@@ -186,12 +181,8 @@ def pairs(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters
     first, second = np.nonzero(along[None] - along[:, None] >= PAIR_SPACING_M)
     rng = np.random.default_rng(parameters.pair_seed)
     chosen = np.sort(rng.permutation(len(first))[: parameters.pairs])
-    obstacles = tuple(
-        replace(spheres, points=spheres.points[one], centre=spheres.centre[one], radius=spheres.radius[one])
-        for one in (first[chosen], second[chosen])
-    )
-    count = len(chosen)
-    return Situations(PAIR, "sphere", np.arange(1, count + 1), obstacles, np.zeros(count))
+    obstacles = (spheres.where(first[chosen]), spheres.where(second[chosen]))
+    return Situations(PAIR, "sphere", np.arange(1, len(chosen) + 1), obstacles, np.zeros(len(chosen)))
 
 
 def goal_change(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
@@ -210,12 +201,11 @@ def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
     every = np.ones(len(situation.numbers), dtype=bool)
     yield Contender(NO_MODEL, "", no_coupling, every)
     shapes = SHAPES if situation.scenarios is None else (situation.obstacle,)
-    own = learner.models.per_scenario
-    for kind, found in learner.models.kinds.items():
-        if situation.scenarios is not None and kind in own:
+    for kind, found in learner.models.items():
+        if situation.scenarios is not None and SETTING in found:
             rows = np.isin(situation.scenarios, learner.own)
             if rows.any():
-                stack = own[kind].take(np.searchsorted(learner.own, situation.scenarios[rows]))
+                stack = found[SETTING].take(np.searchsorted(learner.own, situation.scenarios[rows]))
                 yield Contender(kind, SETTING, stack, rows)
         yield from (Contender(kind, name, found[name], every) for name in (*shapes, ALL) if name in found)
 
@@ -237,19 +227,19 @@ def evaluate(
         published = {"passed_decay_per_m2": parameters.postprocessing.passed_decay_per_m2}
         rules[PUBLISHED] = TEXT_ONLY.model_copy(update=published)
     bare = unrolled(situation, no_coupling, learner.baseline, parameters, parameters.postprocessing)
-    scores, paths = [], []
+    tables, paths = [], []
     for contender in contenders(learner, situation):
         its = situation if contender.rows.all() else situation.where(contender.rows)
-        keys = situation_keys(its).assign(model=contender.model, learned_from=contender.learned_from)
+        keys = its.keys.assign(model=contender.model, learned_from=contender.learned_from)
         for name, postprocessing in rules.items():
             found = bare  # whatever the rules
             if contender.model != NO_MODEL:
                 found = unrolled(its, contender.coupling, learner.baseline, parameters, postprocessing)
-            scored = avoidance_scores.scores(found, its.obstacles, bare.path.position[contender.rows])
-            scores.append(pd.concat([keys.assign(person=learner.person, rules=name), scored], axis=1))
+            scored = scores(found, its.obstacles, bare.path.position[contender.rows])
+            tables.append(pd.concat([keys.assign(person=learner.person, rules=name), scored], axis=1))
             if name == LIMITED and learner.person == with_paths_of:
                 paths.append(_path_table(keys, found, parameters.kept_every))
-    return pd.concat(scores, ignore_index=True), pd.concat(paths or [pd.DataFrame()], ignore_index=True)
+    return pd.concat(tables, ignore_index=True), pd.concat(paths or [pd.DataFrame()], ignore_index=True)
 
 
 def unrolled(
@@ -266,47 +256,9 @@ def unrolled(
         situation.obstacles,
         1.0 / parameters.rate_hz,
         postprocessing,
-        until_factor=avoidance_scores.LATE_FACTOR,
+        until_factor=LATE_FACTOR,
         goal_change=situation.goal_change,
     )
-
-
-def situation_keys(situation: Situations) -> pd.DataFrame:
-    """Columns `protocol`, `obstacle`, `scenario` and `speed_m_s` of every reach."""
-    return pd.DataFrame(
-        {
-            "protocol": situation.protocol,
-            "obstacle": situation.obstacle,
-            "scenario": situation.numbers,
-            "speed_m_s": situation.speed,
-        }
-    )
-
-
-def demonstration_scores(
-    sets: Sequence[Sequence[Demonstration]],
-    scenarios: Sequence[Scenario],
-    baseline: PositionPrimitive,
-    cloud_count: int = CLOUD_COUNT,
-) -> pd.DataFrame:
-    """How the demonstrations themselves avoid their obstacles and reach the baseline's goal.
-
-    Returns the columns of `avoidance_scores.demonstration_scores` per `obstacle`, `scenario` (number of the
-    setting) and `demonstration` (from 1).
-    """
-    rows = []
-    for scenario, its in zip(scenarios, sets, strict=True):
-        cloud = cloud_batch(to_local(scenario.obstacle.cloud(cloud_count), baseline)[None])
-        found = avoidance_scores.demonstration_scores(
-            [one.time for one in its],
-            [to_local(one.position, baseline) for one in its],
-            to_local(baseline.goal, baseline),
-            [cloud] * len(its),
-        )
-        keys = {"obstacle": scenario.shape, "scenario": scenario.setting}
-        numbers = np.arange(1, len(its) + 1)
-        rows.append(pd.concat([pd.DataFrame(keys | {"demonstration": numbers}), found], axis=1))
-    return pd.concat(rows, ignore_index=True)
 
 
 def _path_table(keys: pd.DataFrame, paths: AvoidancePaths, kept_every: int) -> pd.DataFrame:
@@ -314,10 +266,8 @@ def _path_table(keys: pd.DataFrame, paths: AvoidancePaths, kept_every: int) -> p
     time = paths.path.time[kept]
     table = keys.iloc[np.repeat(np.arange(len(keys)), len(time))].reset_index(drop=True)
     table["time_s"] = np.tile(time, len(keys))
-    for prefix, suffix, signal in (
-        ("", "_m", paths.in_base_frame.position),
-        ("coupling_", "", paths.coupling),
-    ):
-        for axis, values in zip("xyz", np.moveaxis(signal[:, kept], -1, 0), strict=True):
-            table[f"{prefix}{axis}{suffix}"] = values.ravel().astype(np.float32)
+    position = paths.in_base_frame.position[:, kept].astype(np.float32).reshape(-1, 3)
+    coupling = paths.coupling[:, kept].astype(np.float32).reshape(-1, 3)
+    table[["x_m", "y_m", "z_m"]] = position
+    table[["coupling_x", "coupling_y", "coupling_z"]] = coupling
     return table

@@ -6,7 +6,6 @@ metres, stands beside it.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -81,51 +80,3 @@ def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndar
             "restrained": (paths.asked != paths.coupling)[:, :end].any(axis=-1).mean(axis=1),
         }
     )
-
-
-def demonstration_scores(
-    times: Sequence[np.ndarray],
-    positions: Sequence[np.ndarray],
-    goals: np.ndarray,
-    obstacles: Sequence[CloudBatch],
-) -> pd.DataFrame:
-    """The same of demonstrations, whose lengths differ.
-
-    `times`: of each demonstration, (T_i,) s since its start; `positions`: of each, (T_i, 3) m in the frame of
-    goals and obstacles; `goals` (D, 3) or (3,) m. Returns columns `obstacle_distance`, `hit`, `clearance_m`
-    and, at its last sample, `goal_distance_m`.
-    """
-    rows = []
-    for time, position, goal, obstacle in zip(
-        times, positions, np.broadcast_to(goals, (len(positions), 3)), obstacles, strict=True
-    ):
-        distance, clearance = closest_approaches(time, position[None], [obstacle])
-        rows.append((distance[0], distance[0] <= 0.0, clearance[0], np.linalg.norm(position[-1] - goal)))
-    return pd.DataFrame(rows, columns=["obstacle_distance", "hit", "clearance_m", "goal_distance_m"])
-
-
-def summary(
-    rows: pd.DataFrame, nmse_train: float | None = None, nmse_test: float | None = None
-) -> dict[str, Any]:
-    """One row of the tables: extremes and means over scenarios.
-
-    `rows`: of `scores` or `demonstration_scores`, at least one. Returns `goal_max`, `goal_mean` (m),
-    `obstacle_min`, `obstacle_mean` (unitless), `hits`, `clearance_min_m`, with `late_goal_max`,
-    `detour_mean`, `detour_max` (m) of unrolls and `nmse_train`, `nmse_test` where given. Raises InputError:
-    there are no rows.
-    """
-    if rows.empty:
-        raise InputError("no movements to summarise")
-    row = {
-        "goal_max": float(rows["goal_distance_m"].max()),
-        "goal_mean": float(rows["goal_distance_m"].mean()),
-        "obstacle_min": float(rows["obstacle_distance"].min()),
-        "obstacle_mean": float(rows["obstacle_distance"].mean()),
-        "hits": int(rows["hit"].sum()),
-        "clearance_min_m": float(rows["clearance_m"].min()),
-    }
-    if "late_goal_distance_m" in rows:
-        row["late_goal_max"] = float(rows["late_goal_distance_m"].max())
-        row |= {f"detour_{name}": float(rows["detour_m"].agg(name)) for name in ("mean", "max")}
-    fits = {"nmse_train": nmse_train, "nmse_test": nmse_test}
-    return row | {name: float(value) for name, value in fits.items() if value is not None}

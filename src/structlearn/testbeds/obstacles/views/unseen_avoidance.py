@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.components import FillMode
 
 from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.avoidance.learned_models import ENSEMBLE
@@ -21,26 +22,28 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
     of_model,
     without_avoidance,
 )
-from structlearn.testbeds.obstacles.views.avoidance_scene import (
+from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     BARE,
     PALE,
-    in_base_frame,
-    obstacle_colour,
+    SOLID_OPACITY,
+    arrow_vectors,
+    send_hand,
     send_paths,
-    send_sphere,
-    send_trail,
 )
-from structlearn.viewer.notes import legend, notes_path, notes_view, send_notes
 from structlearn.viewer.rrd import (
     FLOOR_SQUARE_M,
     entity,
     layout,
+    legend,
+    notes_path,
+    notes_view,
     plot,
     recording,
     rgba,
     scene_view,
     send_curve,
     send_floor_axes,
+    send_notes,
     send_series,
     time_column,
 )
@@ -122,7 +125,7 @@ def _send_spheres(
     steps: Sequence[rr.TimeColumn],
 ) -> None:
     """All centres as small balls, and the sphere of each step in its size."""
-    colours = [obstacle_colour(without_avoidance(group)) for group in groups]
+    colours = [(HIT if without_avoidance(group).hit else FREE).colour for group in groups]
     labels = [str(number) for number in situation.numbers]
     balls = rr.Points3D(centres, colors=rgba(colours), radii=0.006, labels=labels, show_labels=False)
     stream.log("centres", balls, static=True)
@@ -283,3 +286,43 @@ def _changing_notes(title: str, protocol: str, groups: Sequence[Group]) -> str:
         f"reaches, evenly spread over the {hit} of {len(groups)} that hit without avoidance. Hits of all "
         f"reaches:\n\n{hits_table(groups)}"
     )
+
+
+def in_base_frame(points: np.ndarray, baseline: PositionPrimitive) -> np.ndarray:
+    """Points (..., 3) m of the baseline's local frame in the base frame."""
+    return baseline.start + points @ baseline_axes(baseline).T
+
+
+def send_sphere(
+    stream: rr.RecordingStream,
+    path: str,
+    cloud: np.ndarray,
+    radius: float,
+    indexes: Sequence[rr.TimeColumn],
+    centres: np.ndarray,
+    colours: Sequence[str],
+) -> None:
+    """Log a sphere that changes its place and its colour.
+
+    `cloud` (P, 3) m, relative to its centre; `radius`: m; `indexes`: the time lines, each with T times;
+    `centres` (T, 3) m; `colours`: T of them.
+    """
+    solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid)
+    stream.log(f"{path}/solid", solid, static=True)
+    stream.log(f"{path}/cloud", rr.Points3D(cloud, radii=-1.5), static=True)
+    pale = rr.Ellipsoids3D.columns(colors=rgba(colours, SOLID_OPACITY))
+    stream.send_columns(path, indexes, rr.Transform3D.columns(translation=centres))
+    stream.send_columns(f"{path}/solid", indexes, pale)
+    stream.send_columns(f"{path}/cloud", indexes, rr.Points3D.columns(colors=rgba(colours)))
+
+
+def send_trail(stream: rr.RecordingStream, path: str, reach: Reach, colour: str) -> None:
+    """Log a reach as it comes about: its hand with the coupling term, and the path that lies behind it."""
+    times = [time_column(reach.time)]
+    send_hand(stream, f"{path}/hand", reach.time, reach.position, colour)
+    stream.log(f"{path}/trail", rr.LineStrips3D.from_fields(colors=rgba([colour]), radii=-1.5), static=True)
+    trails = [reach.position[: max(end, 2)] for end in range(1, len(reach.time) + 1)]
+    stream.send_columns(f"{path}/trail", times, rr.LineStrips3D.columns(strips=trails))
+    stream.log(f"{path}/coupling", rr.Arrows3D.from_fields(colors=rgba([colour]), radii=-1.5), static=True)
+    arrows = rr.Arrows3D.columns(origins=reach.position, vectors=arrow_vectors(reach.coupling_in_base))
+    stream.send_columns(f"{path}/coupling", times, arrows)

@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, Obstacle, Shape, obstacle, ringed_sphere
+from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, Obstacle, Shape, obstacle
 from structlearn.core.errors import InputError
 from structlearn.core.frames import frame_kind, local_frame
 from structlearn.core.params import Parameters
@@ -145,11 +145,6 @@ def unseen_centres(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(np.subtract(goal, start))
     grid = np.meshgrid(length * GRID_ALONG, GRID_ACROSS_M, GRID_ACROSS_M, indexing="ij")
     return start + np.stack(grid, axis=-1).reshape(-1, 3) @ axes.T
-
-
-def unseen_clouds(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Clouds (63, 35, 3) m of the unseen spheres, of radius `UNSEEN_RADIUS_M`."""
-    return ringed_sphere(unseen_centres(start, goal), UNSEEN_RADIUS_M)
 
 
 def _positions(parameters: SceneParameters) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from typing import Any
 from structlearn.core.params import read_values
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.reporting import movement_figures, segmentation_figures
+from structlearn.reporting import movement_figures
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
@@ -110,12 +110,12 @@ def drawings(results: ScrapingResults) -> dict[str, Drawing | Sequence[Drawing]]
         "demonstrations": demonstration_figures.demonstrations_figure(cut),
         "one_demonstration": demonstration_figures.one_demonstration_figure(cut.example, cut.segmentation),
         "space": demonstration_figures.space_figure(cut),
-        "downsampling": segmentation_figures.downsampling_figure(cut.downsampling),
+        "downsampling": movement_figures.downsampling_figure(cut.downsampling),
         "position_fit": demonstration_figures.position_fit_figure(cut),
         "forcing": demonstration_figures.forcing_figure(cut),
         "sequence": movement_figures.sequence_figure(cut.sequences),
         "sequence_space": demonstration_figures.sequence_space_figure(cut.sequences),
-        "noise_sweep": segmentation_figures.noise_figure(cut.sweep, cut.sweep_comparison),
+        "noise_sweep": movement_figures.noise_figure(cut.sweep, cut.sweep_comparison),
         "orientation_fit": demonstration_figures.orientation_fit_figure(cut),
         "expected_traces": feedback_figures.expected_figure(fed),
         "coupling_targets": feedback_figures.targets_figure(fed),
@@ -135,10 +135,10 @@ def drawings(results: ScrapingResults) -> dict[str, Drawing | Sequence[Drawing]]
         made[f"closed_loop_{name}"] = [Raster(panel) for panel in panels]  # lines by the hundred
     if cut.guesses:
         first = cut.found_primitives[0]
-        made["correspondences"] = segmentation_figures.correspondence_figure(
+        made["correspondences"] = movement_figures.correspondence_figure(
             cut.reference, cut.most_refined_guess(first.name), cut.segmentation, first
         )
-        made["alignment"] = segmentation_figures.alignment_figure(
+        made["alignment"] = movement_figures.alignment_figure(
             cut.was_cut, cut.segmentation, cut.found_primitives
         )
     if refined.evaluated:

@@ -37,7 +37,6 @@ from structlearn.testbeds.scraping.views.search_recording import searches, send_
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 from structlearn.viewer import rrd
 from structlearn.viewer.arm_meshes import arm_contents, send_arm
-from structlearn.viewer.notes import legend, notes_view, origin_sentence, send_notes
 
 FEEDBACK_NOTE = f"""### Scraping with feedback
 
@@ -126,7 +125,7 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
     times = rrd.time_column(one.run.time[one.kept])
     scale = full_scale([one])
     with rrd.recording(path, title) as stream:
-        send_notes(stream, _notes(ROBOT_NOTE, [one]))
+        rrd.send_notes(stream, _notes(ROBOT_NOTE, [one]))
         send_arm(stream, "arm", URDF, JOINTS, times, angles[one.kept])
         send_scene(stream, "run", one, scale)
         names = [f"joint {number + 1}" for number in range(len(JOINTS))]
@@ -140,7 +139,7 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
         details = rrb.Horizontal(
             close_view(f"board at {one.board_deg:g} degrees", ["/run/**"]),
             rrb.Vertical(
-                send_electrode_map(stream, "electrodes", one, scale), notes_view(), row_shares=[2, 3]
+                send_electrode_map(stream, "electrodes", one, scale), rrd.notes_view(), row_shares=[2, 3]
             ),
         )
         moving = rrd.plot("joints since the start (degrees)", ["/joints"], legend=False)
@@ -153,8 +152,8 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
 
 def _notes(text: str, executions: Sequence[Execution]) -> str:
     """A panel's text: what is shown, whence, which colour is which run, and how to read the rest."""
-    colours = legend({one.look.name: one.look.colour for one in executions})
-    origin = origin_sentence([one.run for one in executions])
+    colours = rrd.legend({one.look.name: one.look.colour for one in executions})
+    origin = rrd.origin_sentence([one.run for one in executions])
     return f"{text}\n**{origin}**\n\n{colours}\n\n{FINGERS}"
 
 
@@ -162,7 +161,7 @@ def _send_lane(stream: rr.RecordingStream, one: Execution) -> rrb.StateTimelineV
     """Log which primitive runs, at the same times in every setting, and return the view of it."""
     segments = one.run.signal("true_segments")
     times = rrd.time_column(np.append(segments[:, 0], segments[-1, 1]))
-    rrd.send_primitive_lane(stream, "primitive", [times], [*one.primitives, ""])
+    rrd.send_primitive_lane(stream, "primitive", [times], one.primitives)
     return rrd.lanes(["primitive"])
 
 
@@ -172,7 +171,7 @@ def _send_settings(
     """Log the executions of all settings; colours of electrodes are comparable among all of them."""
     everything = [one for group in settings.values() for one in group]
     scale = full_scale(everything)
-    send_notes(stream, _notes(note, next(iter(settings.values()))))
+    rrd.send_notes(stream, _notes(note, next(iter(settings.values()))))
     return [
         _send_setting(stream, f"{setting:g} degrees", group, scale) for setting, group in settings.items()
     ]
@@ -196,7 +195,9 @@ def _send_setting(
     maps = [
         send_electrode_map(stream, rrd.entity(tab, "electrodes", one.look.name), one, scale) for one in group
     ]
-    left = rrb.Vertical(rrb.Horizontal(*scenes), rrb.Horizontal(*maps), notes_view(), row_shares=[10, 5, 7])
+    left = rrb.Vertical(
+        rrb.Horizontal(*scenes), rrb.Horizontal(*maps), rrd.notes_view(), row_shares=[10, 5, 7]
+    )
     plots = rrb.Vertical(*send_signals(stream, tab, group), _send_lane(stream, group[0]))
     return rrb.Horizontal(left, plots, column_shares=[3, 2], name=tab)
 

@@ -17,8 +17,16 @@ from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.touch_dataset import TouchDataset
 from structlearn.testbeds.servoing.names import ESTIMATED, LATENT, TRUE, electrode_colours
 from structlearn.testbeds.servoing.views import servoing_scene as scene
-from structlearn.viewer.notes import colour_words, send_notes
-from structlearn.viewer.rrd import entity, layout, origin_label, recording, rgba, send_curve
+from structlearn.viewer.rrd import (
+    colour_words,
+    entity,
+    layout,
+    origin_label,
+    recording,
+    rgba,
+    send_curve,
+    send_notes,
+)
 
 TITLE = "Touch: demonstrations"
 

@@ -17,8 +17,7 @@ from structlearn.tactile.electrodes import Skin
 from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, LATENT, OURS, TEXT, TRUE
 from structlearn.testbeds.servoing.protocol.servo_scores import rows_of
 from structlearn.testbeds.servoing.views import servoing_scene as scene
-from structlearn.viewer.notes import colour_words, send_notes
-from structlearn.viewer.rrd import entity, layout, recording, rgba, send_curve
+from structlearn.viewer.rrd import colour_words, entity, layout, recording, rgba, send_curve, send_notes
 
 TITLE = "Touch: closed loops"
 

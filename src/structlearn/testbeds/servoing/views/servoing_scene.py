@@ -16,10 +16,10 @@ from pydantic import Field
 from structlearn.core import quaternion
 from structlearn.core.params import Parameters
 from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
-from structlearn.viewer.notes import notes_view
 from structlearn.viewer.rrd import (
     deviation_colours,
     entity,
+    notes_view,
     plot,
     rgba,
     send_moving_frame,

@@ -11,8 +11,7 @@ import pandas as pd
 
 from structlearn.core.artefacts import Metrics, read_csv, read_metrics, write_csv, write_metrics
 from structlearn.core.publication import publish
-from structlearn.reporting.document import Document, Table, render
-from structlearn.reporting.source_commit import UNKNOWN_COMMIT, source_commit
+from structlearn.reporting.document import UNKNOWN_COMMIT, Document, Table, render, source_commit
 
 RESULTS = Path("reports/reliability")
 BROKEN_BY = ("src", "stages", "tests/faults")

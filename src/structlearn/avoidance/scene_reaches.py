@@ -1,0 +1,156 @@
+"""Reaches of people through scenes of several obstacles, cut from recordings (IV.8).
+
+Everything is in each reach's own local frame and in units of its duration: coupling terms are scaled by
+tau^2, so a path does not depend on how long it takes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, PositiveInt
+
+from structlearn.avoidance.look_ahead import LookAheadParameters
+from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters
+from structlearn.avoidance.shapes import Obstacle, recorded_obstacle
+from structlearn.core.errors import InputError
+from structlearn.core.frames import local_frame
+from structlearn.core.params import Parameters
+from structlearn.primitives.trajectory import Trajectory, differentiated
+from structlearn.readers.demonstration import Demonstration
+
+OPEN = "has no obstacles"
+"""Why a reach is left out: in the open it shows nothing of avoidance."""
+
+
+class SceneReachParameters(Parameters):
+    """From recordings to reaches. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.reaches`."""
+
+    smoothing_hz: float = Field(gt=0, le=45)
+    onset_share: float = Field(gt=0, lt=1)
+    fastest_m_s: float = Field(gt=0)
+    longest_s: float = Field(gt=0)
+    samples: int = Field(ge=20, le=2000)
+
+
+class SceneLearningParameters(Parameters):
+    """Learning to reach through scenes. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
+
+    tuned_on: tuple[str, ...]  # people on whom constants were chosen: learned from, never judged on
+    ignored: tuple[str, ...]  # beginnings of names of shapes that are in nobody's way
+    walls: tuple[str, ...]  # likewise, of what the hand could meet but does not reach past
+    reaches: SceneReachParameters
+    folds: int = Field(ge=2)
+    hand_radius_m: float = Field(gt=0)
+    straight_share: float = Field(gt=0, lt=1)
+    keep_every: PositiveInt
+    cloud_count: int = Field(ge=6)
+    look_ahead: LookAheadParameters
+    network: EnsembleParameters
+    return_stiffness: float = Field(ge=0)
+    end_limit_m: float = Field(gt=0)
+    return_coupling: float = Field(ge=0)
+    text_network: NetworkParameters
+    text_decay_per_m2: float = Field(ge=0)
+
+
+@dataclass(frozen=True)
+class SceneReach:
+    """One person's reach through a scene."""
+
+    name: str  # of the recording
+    person: str  # who
+    path: Trajectory  # (T, 3) in the local frame, relative to the start; time in durations, from 0 to 1
+    start: np.ndarray  # (3,) m, base frame
+    frame: np.ndarray  # (3, 3) local to base
+    duration_s: float  # s
+    obstacles: tuple[Obstacle, ...]  # base frame
+    walls: tuple[Obstacle, ...]  # what else the hand could meet, base frame
+
+    @property
+    def goal(self) -> np.ndarray:
+        """(3,) m, local frame: where the target was reached."""
+        return self.path.position[-1]
+
+    @property
+    def bend(self) -> float:
+        """How far it leaves the straight line, in its lengths."""
+        return float(np.linalg.norm(self.path.position[:, 1:], axis=1).max() / self.goal[0])
+
+    @property
+    def in_base_frame(self) -> np.ndarray:
+        """(T, 3) m."""
+        return self.start + self.path.position @ self.frame.T
+
+
+def reaches_past_obstacles(
+    runs: Sequence[Demonstration], parameters: SceneLearningParameters
+) -> tuple[list[SceneReach], pd.DataFrame]:
+    """The reach of each run, and which were left out.
+
+    A reach lasts from where the hand's speed first exceeds a share of its peak to where it last does. Where a
+    run says when the hand had moved, well after it began to, and when it reached its target (`moved_s` and
+    `reached_s` in its provenance), the reach begins where the speed, looked at backwards from there, first is
+    below that share, or with the slowest sample if the run began too late for that, and ends at the target.
+
+    `runs`: with shapes, and with the `person` in their provenance. Returns the reaches, and per run left out
+    `trial`, `person` and `reason`. Raises InputError: no run has obstacles, or one does not say whose it is.
+    """
+    reaches, left_out = [], []
+    for run in runs:
+        found = _reach(run, parameters)
+        if isinstance(found, str):
+            left_out.append((run.name, run.provenance["person"], found))
+        else:
+            reaches.append(found)
+    if left_out and not reaches and all(reason == OPEN for _, _, reason in left_out):
+        raise InputError(
+            f"{left_out[0][0]}: {OPEN}, nor have the others; name their topic, or put obstacles.csv beside "
+            "them"
+        )
+    return reaches, pd.DataFrame(left_out, columns=["trial", "person", "reason"])
+
+
+def _reach(run: Demonstration, parameters: SceneLearningParameters) -> SceneReach | str:
+    """The reach of a run, or why there is none."""
+    if "person" not in run.provenance:
+        raise InputError(f"{run.name}: its provenance does not say whose reach it is")
+    walls = tuple(recorded_obstacle(one) for one in run.shapes if one.name.startswith(parameters.walls))
+    others = parameters.walls + parameters.ignored
+    obstacles = tuple(recorded_obstacle(one) for one in run.shapes if not one.name.startswith(others))
+    if not obstacles:
+        return OPEN
+    cutting = parameters.reaches
+    smooth = differentiated(run.position, run.dt, cutting.smoothing_hz)
+    speed = np.linalg.norm(smooth.velocity, axis=1)
+    if "moved_s" in run.provenance:
+        times = [float(run.provenance[key]) for key in ("moved_s", "reached_s")]
+        begins, ends = (int(np.searchsorted(run.time, at - 1e-6)) for at in times)
+        ends = min(ends, len(run.time) - 1)
+        if begins >= ends:
+            return "does not move before it ends"
+        before = speed[: begins + 1]
+        slow = np.flatnonzero(before < cutting.onset_share * speed[begins : ends + 1].max())
+        part = slice(int(slow[-1]) if len(slow) else int(before.argmin()), ends + 1)
+    else:
+        moving = np.flatnonzero(speed >= cutting.onset_share * speed.max())
+        part = slice(max(int(moving[0]) - 1, 0), int(moving[-1]) + 2)
+    time = run.time[part]
+    duration = float(time[-1] - time[0])
+    jump = np.linalg.norm(np.diff(run.position[part], axis=0), axis=1).max() / run.dt
+    if jump > cutting.fastest_m_s:
+        return f"tracking jumps, {jump:.1f} m/s"
+    if duration > cutting.longest_s:
+        return f"takes {duration:.1f} s"
+    start, goal = smooth.position[part][[0, -1]]
+    frame = local_frame(start, goal)
+    grid, time = np.linspace(0.0, 1.0, cutting.samples), (time - time[0]) / duration
+    factors = (smooth.position - start, duration * smooth.velocity, duration**2 * smooth.acceleration)
+    signals = (signal[part] @ frame for signal in factors)
+    # linearly: the signals are smooth over many samples
+    path = [np.stack([np.interp(grid, time, column) for column in one.T], axis=1) for one in signals]
+    trajectory = Trajectory(grid, *path)
+    return SceneReach(
+        run.name, run.provenance["person"], trajectory, start, frame, duration, obstacles, walls
+    )
