@@ -75,10 +75,7 @@ def fit_baseline(
 
 
 def smooth_path(demonstration: Demonstration, parameters: AvoidanceDataParameters) -> Trajectory:
-    """A recorded reach in the base frame on a finer clock, smoothed and differentiated twice.
-
-    Raises InputError: there are fewer than five samples.
-    """
+    """A reach of at least five samples, base frame, on a finer clock, smoothed and differentiated twice."""
     from scipy.interpolate import CubicSpline
 
     if len(demonstration.time) < 5:

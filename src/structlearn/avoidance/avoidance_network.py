@@ -145,10 +145,7 @@ def input_range(inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def output_scale(target: np.ndarray) -> np.ndarray:
-    """Standard deviation (3,) of (S, 3) targets.
-
-    Raises InputError: an axis is constant.
-    """
+    """Standard deviation (3,) of (S, 3) targets; InputError where an axis is constant."""
     scale = target.std(axis=0)
     if not (scale > 0.0).all():
         raise InputError("the coupling target of an axis is constant: there is nothing to learn")

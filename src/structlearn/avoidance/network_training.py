@@ -177,10 +177,7 @@ def train_member(
 
 
 def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description: str) -> HumanInspiredModels:
-    """Fit one model of Rai et al. per dataset, over processes.
-
-    Raises InputError: there are too few samples.
-    """
+    """Fit one model of Rai et al. per dataset, over processes; InputError with too few samples."""
     models = parallel_map(_steered, datasets, description)
     return HumanInspiredModels(np.concatenate([model.weights for model in models]))
 
@@ -260,10 +257,7 @@ def _demonstrations(dataset: AvoidanceDataset) -> np.ndarray:
 def _validation_rows(
     dataset: AvoidanceDataset, training: LevenbergMarquardtParameters, stream: Sequence[int]
 ) -> np.ndarray:
-    """Mask (S,) of whole demonstrations that say when to stop.
-
-    Raises InputError: there is only one demonstration.
-    """
+    """Mask (S,) of whole demonstrations that say when to stop; InputError where there is only one."""
     which = _demonstrations(dataset)
     number = int(which.max()) + 1
     if number < 2:

@@ -68,10 +68,7 @@ class Obstacle:
             )
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance to the surface, negative inside.
-
-        `points` (..., 3) m. Returns (...) m.
-        """
+        """Distance (...) m of points (..., 3) m to the surface, negative inside."""
         return self.distance_and_normal(points)[0]
 
     def distance_and_normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -119,19 +116,13 @@ def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
 
 
 def recorded_obstacle(shape: NamedShape) -> Obstacle:
-    """A shape of a recording as an obstacle.
-
-    Raises InputError: it is not as round as its form says.
-    """
+    """A shape of a recording as an obstacle; InputError where it is not as round as its form says."""
     half = 0.5 * np.asarray(shape.size, dtype=float)
     return Obstacle(shape.form, shape.position, half, quaternion.matrix(shape.orientation))
 
 
 def virtual_radius(cloud: np.ndarray) -> np.ndarray | float:
-    """Mean distance of the points of a cloud (..., P, 3) to their mean, (...) m.
-
-    Raises InputError: the cloud is empty.
-    """
+    """Mean distance of the points of a cloud (..., P, 3) to their mean, (...) m; InputError if empty."""
     check_cloud(cloud)
     return np.linalg.norm(cloud - cloud.mean(axis=-2, keepdims=True), axis=-1).mean(axis=-1)
 

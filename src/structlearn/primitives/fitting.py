@@ -82,11 +82,7 @@ def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
 
 
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
-    """One primitive from its segments in all demonstrations.
-
-    `segments`: one per demonstration. Returns position primitive in the local frame, and orientation
-    primitive where orientations were recorded.
-    """
+    """One primitive from its segments, one per demonstration; with orientation where that was recorded."""
     positions = [position for position, _ in segments]
     orientations = [orientation for _, orientation in segments if orientation is not None]
     choice = (parameters.regression, parameters.kernel_count)

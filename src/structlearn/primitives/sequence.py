@@ -186,7 +186,6 @@ def largest_acceleration_jump(table: pd.DataFrame) -> float:
     """Largest change of the acceleration within one sample at a switch, relative to the largest acceleration.
 
     Without eq. IV.12 it would be of the order of 1; with it, it is what a smooth path changes in one sample.
-
     `table`: of `sequence_table`. 0 for a single primitive.
     """
     acceleration = table[["ax", "ay", "az"]].to_numpy()

@@ -92,11 +92,10 @@ def fit_twist_swing(
 
 
 def dominant_axes(demonstrations: Sequence[OrientationTrajectory]) -> np.ndarray:
-    """Axis about which the demonstrations turn most, and two axes perpendicular to it.
+    """Axis about which the demonstrations turn most, and two axes perpendicular to it, (3, 3) columns.
 
-    The first is the principal axis of the angular velocities, directed along the net turn.
-
-    `demonstrations`: with (T_l, 3) angular velocities. Returns (3, 3) orthonormal columns, right-handed.
+    The first is the principal axis of the (T_l, 3) angular velocities, directed along the net turn; all are
+    orthonormal and right-handed.
     """
     second_moment = sum(path.angular_velocity.T @ path.angular_velocity for path in demonstrations)
     axis = np.linalg.eigh(second_moment)[1][:, -1]

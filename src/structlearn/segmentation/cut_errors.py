@@ -21,9 +21,7 @@ def cut_errors(demonstrations: Sequence[Demonstration], segmentation: Segmentati
     """Errors of the cut points of primitives that have an axis, where the true ones are known.
 
     Primitives in between have no cut points of their own, and the reference is not guessed: both are left
-    out.
-
-    `demonstrations`: with `true_segments` in the order of the primitives. Returns `demonstration`,
+    out. `demonstrations`: with `true_segments` in the order of the primitives. Returns `demonstration`,
     `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
     """
     true = {one.name: one.true_segments for one in demonstrations if one.true_segments is not None}
@@ -92,10 +90,7 @@ def distances_to_reference_mm(
 ) -> pd.Series:
     """Mean distance in mm of each aligned segment from the reference's, each relative to its own mean.
 
-    One number per demonstration, so that two methods can be compared in pairs; `aligned_spread_mm` is one
-    number for them all.
-
-    Returns distances, index demonstration, without the reference.
+    Index: demonstration, without the reference, so that two methods can be compared in pairs.
     """
     curves, names = aligned_segments(demonstrations, segmentation, primitive, method, axis)
     curves = curves - curves.mean(axis=1, keepdims=True)
@@ -177,10 +172,9 @@ BASELINE = "ls"  # The method that the text compares weighted least squares with
 
 
 def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
-    """Mean absolute cut error of every simulated person.
+    """Mean absolute cut error of every simulated person: `noise_mm`, `seed`, `method`, `error_ms`.
 
-    `noise`: of `simulation.cut_sweep.noise_sweep`. Returns `noise_mm`, `seed`, `method`, `error_ms`: mean
-    over demonstrations, primitives and both ends.
+    Over demonstrations, primitives and both ends. `noise`: of `cut_sweep.noise_sweep`.
     """
     found = noise[noise["method"] != "left_out"]
     both_ends = found[["start_error_s", "end_error_s"]].abs().mean(axis=1)
@@ -206,9 +200,8 @@ def errors_by_level(by_seed: pd.DataFrame) -> pd.DataFrame:
 def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
     """Error of every other method minus that of the result's, in pairs over the seeds.
 
-    People differ more than methods do; the same person cut by two methods shows the difference.
-
-    `by_seed`: of `errors_by_seed`. Returns `noise_mm`, `method` (the other), `seeds`, `difference_ms`
+    People differ more than methods do; the same person cut by two methods shows the difference. `by_seed`: of
+    `errors_by_seed`. Returns `noise_mm`, `method` (the other), `seeds`, `difference_ms`
     (positive where the result is better), `low_ms`, `high_ms` (95 % confidence interval) and `verdict` on the
     result.
     """
@@ -226,10 +219,7 @@ def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
 
 
 def wins_at_every_noise_level(by_level: pd.DataFrame) -> bool:
-    """Whether the result's mean error is the smallest at every level with noise; False if there is none.
-
-    `by_level`: of `errors_by_level`.
-    """
+    """Whether the result has the smallest of `errors_by_level` at every level with noise, if there is one."""
     means = by_level.pivot_table(index="noise_mm", columns="method", values="mean_ms")
     means = means[means.index > 0]
     wins = means.drop(columns=RESULT).min(axis=1) > means[RESULT]
@@ -244,12 +234,10 @@ def alignment_comparison(
     """How closely the refined segments lie together, and whether closer than by ordinary least squares.
 
     The spread is one number for the whole set, so the test is on the distances from the reference's segment,
-    in pairs over the demonstrations.
-
-    `segmentation`: of these, with at least one demonstration beside the reference. Returns one row per
-    primitive and method: `primitive`, `method`, `spread_mm`, `distance_mm` (mean over the demonstrations),
-    `gain_mm` (distance by ordinary least squares minus this one, positive where this one is closer),
-    `low_mm`, `high_mm` (95 % confidence interval) and `verdict` on this method.
+    in pairs over the demonstrations. `segmentation`: of these, with at least one demonstration beside the
+    reference. Returns one row per primitive and method: `primitive`, `method`, `spread_mm`, `distance_mm`
+    (mean over the demonstrations), `gain_mm` (distance by ordinary least squares minus this one, positive
+    where this one is closer), `low_mm`, `high_mm` (95 % confidence interval) and `verdict` on this method.
     """
     rows = []
     for primitive in primitives:

@@ -111,9 +111,8 @@ def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:
     """(T, D) m of the position; of `rot` (T, 3) rad, the rotations from sample to sample added up.
 
     The sum of small rotations in the base frame is no orientation, but its derivative is the angular
-    velocity, and it has no half turn at which it would jump.
-
-    Raises InputError: the orientation is asked for and was not recorded.
+    velocity, and it has no half turn at which it would jump. Raises InputError: the orientation is asked for
+    and was not recorded.
     """
     if axis != "rot":
         return demonstration.position[:, AXES[axis]]
@@ -158,10 +157,7 @@ def pace(motions: Sequence[Motion]) -> float:
 
 
 def events(demonstration: Demonstration, until: BoundParameters) -> np.ndarray:
-    """(E,) samples at which a signal passes a value in the direction asked for.
-
-    Raises InputError: the signal was not recorded.
-    """
+    """(E,) samples at which a signal passes a value in the direction asked for; InputError without it."""
     values = _signal(demonstration, until.signal)
     passed = values > until.above if until.above is not None else values < until.below
     return np.flatnonzero(passed[1:] & ~passed[:-1]) + 1
@@ -215,11 +211,9 @@ class Search:
 
 
 def candidates(moved: Motion, search: Search) -> Candidates:
-    """Runs at every threshold, and neighbouring runs joined, each cut at its ends.
+    """Runs at every threshold, and neighbouring runs joined, each cut at its ends; there may be none.
 
     Long pauses are cut alike at all thresholds; a short one shows at a high threshold alone.
-
-    Returns all candidates; there may be none.
     """
     step = np.linalg.norm(np.diff(moved.path, axis=0, prepend=moved.path[:1]), axis=1)
     travelled = np.cumsum(np.where(moved.smooth_speed > search.thresholds[0], step, 0.0))
