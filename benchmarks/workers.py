@@ -23,8 +23,7 @@ from structlearn.core.parallel import BACKEND, PROCESSES
 from structlearn.core.params import read_parameters
 from structlearn.readers.recording import Recording
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters, guided_demonstrations
 
 PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
 DEMONSTRATIONS, ROUNDS = 16, 2

@@ -1,5 +1,8 @@
 """Repeat a run of each testbed with a moving arm in PyBullet, and hold the compiled engine against it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 import pandas as pd
 
@@ -10,8 +13,9 @@ from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.joint_log import JointLog
 from structlearn.readers.recording import Recording
+from structlearn.rigid_body.compiled_chain import kinematics
 from structlearn.simulation.arm import ArmParameters
-from structlearn.simulation.bullet_arm import differences
+from structlearn.simulation.bullet_arm import BulletArm, differences
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     RecordMotionParameters,
@@ -23,7 +27,9 @@ from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
     execute_run,
 )
-from structlearn.testbeds.scraping.world.in_pybullet import in_pybullet
+from structlearn.testbeds.scraping.world import scraping_robot
+from structlearn.testbeds.scraping.world.execution import Advance
+from structlearn.testbeds.scraping.world.scraping_world import World, load
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 COMPARED_S = 8.0
@@ -42,6 +48,22 @@ def corrected_execution() -> pd.DataFrame:
     (one,) = corrected_runs([max(settings)], 1)
     runs = [_felt(execute_run(one, 0, skill, testbed, engine)) for engine in (None, in_pybullet)]
     return differences(f"scraping, {max(settings):g} degrees, corrected by a person", *runs)
+
+
+@contextmanager
+def in_pybullet(world: World) -> Iterator[Advance]:
+    """What `scraping_world.advance` does, with PyBullet integrating the motion."""
+    robot = scraping_robot.whole()
+    with BulletArm(robot.tree, robot.inertias, np.zeros(len(world.q)), world.dt) as arm:
+        arm.place(world.q, world.v)
+
+        def step_in_pybullet(torques: np.ndarray) -> None:
+            for _ in range(world.substeps):
+                load(world, torques)
+                world.q[:], world.v[:] = arm.step(world.torques)
+                kinematics(world.body, world.q, world.work)
+
+        yield step_in_pybullet
 
 
 def stand_in_on_sines() -> pd.DataFrame:

@@ -8,7 +8,7 @@ from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.skill import Limits
 from structlearn.readers.clock import synchronise
 from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_rollouts import Board
+from structlearn.testbeds.scraping.protocol.board_refinement import Board
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

@@ -16,8 +16,9 @@ from structlearn.primitives import canonical
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.studies import Study
 from structlearn.segmentation.segments import commanded_cuts
-from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
+from structlearn.testbeds.scraping.page.board_results import BoardResults
 from structlearn.testbeds.scraping.page.findings import OURS
+from structlearn.testbeds.scraping.page.results import FeedbackResults
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION
 
 PRIMITIVES = ("down", "turn", "scrape")
@@ -183,10 +184,9 @@ def feedback_results() -> FeedbackResults:
     return FeedbackResults(
         primitives=PRIMITIVES,
         unrolls=unrolls,
-        unroll_cuts=cuts,
         expected=learn_expected(unrolls, cuts, 10.0, ["tactile"]),
         datasets={name: dataset() for name in ADAPTED},
-        checks={name: checks() for name in ADAPTED},
+        checks=pd.concat([checks().assign(primitive=name) for name in ADAPTED], ignore_index=True),
         networks={name: network() for name in ADAPTED},
         comparison=table,
         orderings=orderings(table),

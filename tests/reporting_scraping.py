@@ -15,7 +15,7 @@ from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
+from structlearn.testbeds.scraping.page.results import SegmentationResults
 from structlearn.testbeds.scraping.protocol.cut_sweep import EFFECT
 
 DT = 0.01

@@ -15,11 +15,12 @@ from structlearn.primitives import canonical
 from structlearn.primitives.vector import fit_expected_traces
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     SETTLED_S,
+    ExecutedSet,
     cost_ratios,
     execution_scores,
-    feedback_traces,
     nominal_orientation,
     orientation_cost,
+    traces,
 )
 
 SCORED = ("turn", "scrape")
@@ -108,13 +109,16 @@ def expected():
 def test_traces_hold_what_the_model_made_of_the_deviations(expected):
     network = random_network(np.random.default_rng(0))
     runs = {5.0: [execution("01", seed=1), execution("02", seed=2)], 10.0: [execution("01", seed=3)]}
-    segments = {setting: cuts(group)["turn"] for setting, group in runs.items()}
-    table = feedback_traces(runs, segments, expected, network, PARAMETERS)
+    segments = {setting: cuts(group) for setting, group in runs.items()}
+    executed = ExecutedSet("ours", {"turn": network}, runs, segments)
+    own = PARAMETERS.model_copy(update={"primitives": ("turn",)})
+    table = traces([executed], {"turn": expected}, own).drop(columns=["model", "primitive"])
     channels = [f"channel_{index:02d}" for index in range(6)]
     assert list(table.columns) == ["setting_deg", "run", "time_s", "coupling", *channels]
     for (setting, name), rows in table.groupby(["setting_deg", "run"]):
         run = next(run for run in runs[setting] if run.name == name)
-        _, deviation = executed_primitive(run, segments[setting].loc[name], expected, PARAMETERS.sensors)
+        cut = segments[setting]["turn"].loc[name]
+        _, deviation = executed_primitive(run, cut, expected, PARAMETERS.sensors)
         np.testing.assert_allclose(rows["time_s"], 0.02 * np.arange(101), atol=1e-9)
         np.testing.assert_allclose(rows[channels], deviation[::2])
         p, u = canonical.phase(rows["time_s"].to_numpy(), canonical.time_constant(2.0))

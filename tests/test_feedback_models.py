@@ -12,7 +12,7 @@ from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_
 from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
 from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.testbeds.scraping.page.feedback_results import dominant_features
+from structlearn.testbeds.scraping.page.results import dominant_features
 
 FEW = FeedbackParameters(
     network="pmnn",

@@ -13,7 +13,7 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling import AXES, direction
 from structlearn.feedback.models.pmnn import open_loop
-from structlearn.feedback.runtime import Controller, Status, tick_latency
+from structlearn.feedback.runtime import Controller, Status
 from structlearn.feedback.skill import (
     Limits,
     ReactiveSkill,
@@ -540,14 +540,6 @@ def test_the_controller_runs_without_torch():
     code = "import sys; import structlearn.feedback.runtime; print('torch' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "False"
-
-
-def test_latencies_are_those_of_as_many_ticks_as_asked():
-    controller = Controller(with_feedback(np.random.default_rng(18)), RATE)
-    latency = tick_latency(controller, 1500)  # more than one run
-    assert all(values.shape == (1500,) and (values >= 0).all() for values in latency)
-    assert (latency.processor_s <= latency.seconds).all()
-    assert latency.processor_s.sum() > 0.0
 
 
 def test_the_bound_follows_from_the_largest_demonstrated_coupling():

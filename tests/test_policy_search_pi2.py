@@ -15,13 +15,15 @@ from structlearn.policy_search.pi2 import (
     PI2Parameters,
     SearchDistribution,
     adapted_covariance,
+    bounded_temperatures,
     cost_to_go,
     covariance_factor,
+    normalised,
+    probabilities,
     sample,
     update,
 )
 from structlearn.policy_search.refinement import kernel_activation
-from structlearn.policy_search.temperature import bounded_temperatures, normalised, probabilities
 from structlearn.primitives.vector import fit_vector
 
 rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)

@@ -56,13 +56,20 @@ from structlearn.reporting.document import render, words_in_view
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page import findings as own
-from structlearn.testbeds.scraping.page import scraping_report as module
-from structlearn.testbeds.scraping.page.feedback_results import (
+from structlearn.testbeds.scraping.page import page as module
+from structlearn.testbeds.scraping.page.findings import (
+    ScrapingPeople,
+    findings,
+    refinement_of_one,
+    share_left,
+)
+from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
+from structlearn.testbeds.scraping.page.results import (
+    PEOPLE,
+    ScrapingResults,
     informative_channel,
 )
-from structlearn.testbeds.scraping.page.findings import ScrapingPeople, refinement_of_one, share_left
-from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
-from structlearn.testbeds.scraping.page.scraping_report import ScrapingResults
+from structlearn.testbeds.scraping.page.tables import tables
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 
@@ -93,16 +100,16 @@ class Made:
     results: ScrapingResults
 
     def __post_init__(self):
-        self.find = module.scraping_findings(self.results)
+        self.find = findings(self.results)
         self.numbers = self.find.numbers()
-        tables = module.all_tables(self.results, module.published())
-        self.pages = module.pages(self.results, self.find, tables, module.published())
+        shown = tables(self.results, module.published())
+        self.pages = module.pages(self.results, self.find, shown, module.published())
 
 
 @pytest.fixture
 def made(settings, segmentation):
     def make(feedback=None, refinement=None, segmentation=segmentation, study=None, **studies):
-        studies = {own.STUDY: study} | {f"scraping/{name}": one for name, one in studies.items()}
+        studies = {PEOPLE: study} | {f"scraping/{name}": one for name, one in studies.items()}
         parts = segmentation, feedback or feedback_results(), refinement or refinement_results()
         return Made(ScrapingResults(*parts, studies, settings))
 
@@ -146,7 +153,7 @@ PAGES = {"segmentation": sweep_evidence, "feedback": feedback_evidence, "refinem
 def judged(page, results):
     """By evidence, the verdicts on the cases of a page's claims; nothing is known of what was not found."""
     found = defaultdict(lambda: UNKNOWN, PAGES[page](results))
-    return reporting_verdicts.cases(module.PACKAGE, found, f"{page}_claims.yaml")
+    return reporting_verdicts.cases(module.__package__, found, f"{page}_claims.yaml")
 
 
 def verdicts(page, results):
@@ -260,7 +267,7 @@ def test_a_claim_about_one_primitive_is_not_one_about_both(feedback):
     study = people(numbers, **same)
     evidence = rows(own.feedback_of_people, ScrapingPeople(study, own.OURS, PRIMITIVES), ADAPTED, [])
     found = reporting_verdicts.cases(
-        module.PACKAGE, defaultdict(lambda: UNKNOWN, evidence), "feedback_claims.yaml"
+        module.__package__, defaultdict(lambda: UNKNOWN, evidence), "feedback_claims.yaml"
     )["phase_helps"]
     assert found == {"turn": UNDECIDED, "scrape": YES}
 
@@ -285,9 +292,9 @@ def test_people_are_judged_where_they_were_studied(made, feedback, segmentation)
     numbers = rows(own.feedback_of_one, feedback).numbers() | sweep_evidence(segmentation).numbers()
     report = made(feedback, study=people(numbers))
     assert NOT_TESTED not in {one.verdict for one in report.pages["feedback"].judged}
-    assert set(claims_table(report.pages["feedback"].judged)["study"]) == {own.STUDY}
+    assert set(claims_table(report.pages["feedback"].judged)["study"]) == {PEOPLE}
     index = claims_table(report.pages["index"].judged)
-    assert set(index.loc[index["verdict"] != NOT_TESTED, "study"]) == {own.STUDY, ""}  # of this run
+    assert set(index.loc[index["verdict"] != NOT_TESTED, "study"]) == {PEOPLE, ""}  # of this run
     assert report.numbers["people"] == 5
     nmse = report.find["level_of_error_validated"]["turn"]
     assert nmse.low < nmse.value < nmse.high
@@ -322,7 +329,7 @@ def test_the_dissertation_s_claims_are_decided_by_its_own_form():
     """Ours improves, the text's does not: the row of the text is no, that of ours yes."""
     worse = refinement_results(**changed(10.0, after=90.0))
     found = refinement_evidence(refinement_results(), worse)
-    words = reporting_verdicts.cases(module.PACKAGE, defaultdict(lambda: UNKNOWN, found), CLAIMS)
+    words = reporting_verdicts.cases(module.__package__, defaultdict(lambda: UNKNOWN, found), CLAIMS)
     assert set(words["lower_text"].values()) == {NO}
     assert set(words["lower_ours"].values()) == {YES}
     for claim in read_claims(Path(module.__file__).with_name(CLAIMS)):

@@ -20,19 +20,26 @@ from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.names import CUT_METHODS, ROLLOUTS, RUNS
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.views.executions_recording import (
+    read_feedback_runs,
+    read_refined_runs,
     write_refinement,
     write_robot,
 )
 from structlearn.testbeds.scraping.views.nominal_recordings import write_alignment, write_demonstrations
-from structlearn.testbeds.scraping.views.scraping_scene import electrodes
+from structlearn.testbeds.scraping.views.scraping_scene import Execution, electrodes
 from structlearn.testbeds.scraping.views.search_recording import CHEAP, Search, cost_colours, searches
-from structlearn.testbeds.scraping.views.shown_execution import (
-    Execution,
-    read_feedback_runs,
-    read_refined_runs,
-)
 from structlearn.testbeds.scraping.world import scraping_robot
-from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
+from structlearn.testbeds.scraping.world.layout import (
+    CONTACT_M,
+    EDGE_M,
+    FLAT_ORIENTATION,
+    ROLL_AXIS,
+    board_orientation,
+    grasp_place,
+    hand_roll_deg,
+    tool_orientation,
+    tool_roll_deg,
+)
 from structlearn.viewer.rrd import entity, rgba
 
 PRIMITIVES = ("down", "turn", "scrape")
@@ -116,22 +123,23 @@ def test_traces_of_the_primitives_lie_on_the_clock_of_the_run():
 
 def test_a_tool_flat_on_the_board_is_parallel_to_it_and_meets_the_hand_that_turned_as_far():
     one = shown(hand_deg=10.0, tool_on_board_deg=0.0)
-    normal = quaternion.rotate(one.board_orientation, np.array([0.0, 0.0, 1.0]))
-    down = quaternion.rotate(one.tool_orientation, np.array([0.0, 0.0, 1.0]))
+    normal = quaternion.rotate(board_orientation(10.0), np.array([0.0, 0.0, 1.0]))
+    down = quaternion.rotate(tool_orientation(one.run, 10.0), np.array([0.0, 0.0, 1.0]))
     assert normal == pytest.approx([np.sin(np.radians(10.0)), 0.0, np.cos(np.radians(10.0))])
     assert down == pytest.approx(np.tile(-normal, (len(down), 1)))
-    assert one.hand_roll[[0, -1]] == pytest.approx([0.0, 10.0], abs=1e-9)
-    assert one.roll_on_board == pytest.approx(0.0, abs=1e-9)
-    edge = one.grasp + EDGE_M * down  # with the hand turned as far as the board it is where the hand says
+    assert hand_roll_deg(one.run)[[0, -1]] == pytest.approx([0.0, 10.0], abs=1e-9)
+    assert tool_roll_deg(one.run) == pytest.approx(0.0, abs=1e-9)
+    # with the hand turned as far as the board the edge is where the hand says
+    edge = grasp_place(one.run) + EDGE_M * down
     assert edge[-1] == pytest.approx(one.run.position[-1])
 
 
 def test_a_tool_that_gives_way_is_drawn_with_its_own_roll():
     one = shown(hand_deg=0.0, tool_on_board_deg=-7.0)
-    across = quaternion.rotate(one.tool_orientation, np.array([1.0, 0.0, 0.0]))
+    across = quaternion.rotate(tool_orientation(one.run, 10.0), np.array([1.0, 0.0, 0.0]))
     lies = np.radians(10.0 - 7.0)  # of the edge in the base frame; the flat tool's x points to -x
     assert across[-1] == pytest.approx([-np.cos(lies), 0.0, np.sin(lies)])
-    assert one.roll_on_board[-1] == pytest.approx(-7.0)
+    assert tool_roll_deg(one.run)[-1] == pytest.approx(-7.0)
 
 
 def test_electrodes_lie_under_the_skin_and_face_each_other():

@@ -14,8 +14,11 @@ from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import Rollout, open_loop_weights
-from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
-from structlearn.testbeds.scraping.protocol.board_rollouts import Board
+from structlearn.testbeds.scraping.protocol.board_refinement import (
+    Board,
+    BoardRefinementParameters,
+    refine_on_board,
+)
 
 TURN, SCRAPE = NAMES[1:]
 DATASETS = {TURN: toy_dataset(seed=0), SCRAPE: toy_dataset(seed=1)}

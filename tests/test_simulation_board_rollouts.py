@@ -19,8 +19,12 @@ from structlearn.primitives.primitive_files import write_primitives, write_vecto
 from structlearn.readers import synchronise
 from structlearn.readers.runs import read_runs, write_runs
 from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol import board_rollouts
-from structlearn.testbeds.scraping.protocol.board_rollouts import REFINED, read_board
+from structlearn.testbeds.scraping.protocol import board_refinement
+from structlearn.testbeds.scraping.protocol.board_refinement import (
+    REFINED,
+    BoardRefinementParameters,
+    read_board,
+)
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
@@ -77,7 +81,7 @@ def test_samples_say_what_the_policy_did(runs):
 @pytest.fixture
 def executing(monkeypatch):
     """Puts another function in the place of the one that executes runs."""
-    return lambda other: monkeypatch.setattr(board_rollouts, "execute_run", other)
+    return lambda other: monkeypatch.setattr(board_refinement, "execute_run", other)
 
 
 @pytest.fixture
@@ -212,7 +216,8 @@ def data(board, tmp_path):
 
 
 def read(data, board, settings=(5.0, 10.0)):
-    return read_board(data, settings, 20.0, board.supervision, board.testbed, CLOCK)
+    refined = committed(BoardRefinementParameters, "refine", settings_deg=settings, setting_deg=20.0)
+    return read_board(data, refined, board.supervision, board.testbed, CLOCK)
 
 
 def test_the_board_is_read_with_the_demonstrations_of_the_settings_asked_for(data, board):

@@ -25,9 +25,8 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     orientation_of,
 )
 from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, ControlParameters, execute, roll_of
-from structlearn.testbeds.scraping.world.guided_demonstrations import guided_motion, pressure
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
-from structlearn.testbeds.scraping.world.testbed import GuidanceParameters
+from structlearn.testbeds.scraping.world.testbed import GuidanceParameters, guided_motion, pressure
 
 DT = 1 / 300
 SILENT = committed(ControlParameters, "testbed.control", force_noise_n=0.0, torque_noise_n_m=0.0)

@@ -17,8 +17,11 @@ from structlearn.testbeds.scraping.protocol.executions import (
     nominal_runs,
 )
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
-from structlearn.testbeds.scraping.world.testbed import RecorderParameters, TestbedParameters
+from structlearn.testbeds.scraping.world.testbed import (
+    RecorderParameters,
+    TestbedParameters,
+    guided_demonstrations,
+)
 
 KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]
 KINDS += ["tactile", "tactile", "tool_to_board"]

@@ -24,7 +24,7 @@ from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
-from structlearn.tasks import bags
+from structlearn.tasks import task_import
 from structlearn.tasks.motion.joint_motion import learn_motion
 from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
 
@@ -230,7 +230,7 @@ def test_a_labs_bag_and_a_public_log_become_tables_of_one_form(tmp_path):
         np.savetxt(public / f"run_{word}.txt", np.arange(7.0 * count))
     tables = {}
     for name, found in (
-        ("lab", bags.read_motion(tmp_path / "bags", lab, {})),
+        ("lab", task_import.read_motion(tmp_path / "bags", lab, {})),
         ("panda", panda.read_motion(public)),
     ):
         write_log_table(found, tmp_path / f"{name}.parquet")

@@ -12,8 +12,11 @@ from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search import refinement
 from structlearn.policy_search.sample_efficiency import ComparisonParameters, compare
 from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.board_rollouts import Board, read_board
+from structlearn.testbeds.scraping.protocol.board_refinement import (
+    Board,
+    BoardRefinementParameters,
+    read_board,
+)
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
@@ -26,10 +29,9 @@ def main() -> None:
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
-    settings = (refined.settings_deg, refined.setting_deg)
     with publish(f"{DATA}/search") as folder:
         folder.mkdir()
-        board, _ = read_board("data", *settings, supervision, testbed, clock)
+        board, _ = read_board("data", refined, supervision, testbed, clock)
         before, after = (read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER))
         write_table(searches(board, before, after, refined, parameters), folder / "trials.parquet")
 
@@ -42,17 +44,14 @@ def searches(
     parameters: ComparisonParameters,
 ) -> pd.DataFrame:
     """Both searches for every primitive that is refined, from what its model before refinement does."""
-    names = [primitive.name for primitive in board.primitives if primitive.name in before]
     tables = []
-    for place, name in enumerate(names):
-        if name in refined.exploration:
-            own = replace(board, name=name, preceding={one: after[one] for one in names[:place]})
-            exploration = refined.exploration[name]
-            start = refinement.start(own, before[name], refined, exploration).compressed
-            silent = replace(own, telling=False)
-            first = refined.seed * parameters.seeds
-            table = compare(silent, start, exploration, refined.search, parameters, first)
-            tables.append(table.assign(primitive=name))
+    for name in [one.name for one in board.primitives if one.name in refined.exploration]:
+        own, exploration = board.of(name, after), refined.exploration[name]
+        start = refinement.start(own, before[name], refined, exploration).compressed
+        first = refined.seed * parameters.seeds
+        silent = replace(own, telling=False)
+        table = compare(silent, start, exploration, refined.search, parameters, first)
+        tables.append(table.assign(primitive=name))
     return pd.concat(tables, ignore_index=True)
 
 

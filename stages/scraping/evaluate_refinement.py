@@ -8,8 +8,7 @@ from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.readers.runs import write_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import execution_scores
-from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.board_rollouts import read_board
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, read_board
 from structlearn.testbeds.scraping.protocol.executions import executed_set
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
@@ -22,8 +21,7 @@ def main() -> None:
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
-    settings = (refinement.settings_deg, refinement.setting_deg)
-    board, _ = read_board("data", *settings, supervision, testbed, clock)
+    board, _ = read_board("data", refinement, supervision, testbed, clock)
     networks = {execution_scores.NOMINAL: {}}
     networks |= {
         model: read_networks(f"{DATA}/refinement/{model}.safetensors")

@@ -4,8 +4,7 @@ from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import write_recordings
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters, guided_demonstrations
 
 
 def main() -> None:

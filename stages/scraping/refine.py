@@ -6,8 +6,11 @@ from structlearn.feedback.coupling_model import write_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search.refinement import Progress
 from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
-from structlearn.testbeds.scraping.protocol.board_rollouts import read_board
+from structlearn.testbeds.scraping.protocol.board_refinement import (
+    BoardRefinementParameters,
+    read_board,
+    refine_on_board,
+)
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
@@ -16,10 +19,9 @@ def main() -> None:
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
-    settings = (parameters.settings_deg, parameters.setting_deg)
     with publish("data/feedback/scraping/refinement") as folder:
         folder.mkdir()
-        board, datasets = read_board("data", *settings, supervision, testbed, clock)
+        board, datasets = read_board("data", parameters, supervision, testbed, clock)
         refined = refine_on_board(board, datasets, parameters, tell)
         write_networks(list(refined.before.items()), folder / "before.safetensors")
         write_networks(list(refined.after.items()), folder / "after.safetensors")

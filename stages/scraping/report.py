@@ -13,14 +13,10 @@ from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.page.scraping_report import (
-    all_drawings,
-    all_tables,
-    pages,
-    published,
-    read_results,
-    scraping_findings,
-)
+from structlearn.testbeds.scraping.page.findings import findings
+from structlearn.testbeds.scraping.page.page import drawings, pages, published
+from structlearn.testbeds.scraping.page.results import read_results
+from structlearn.testbeds.scraping.page.tables import tables
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
@@ -52,15 +48,9 @@ PARAMETERS = {
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     results, printed = read_results(ScrapingFiles(), parameters), published()
-    find, shown = scraping_findings(results), all_tables(results, printed)
-    publish_report(
-        "reports/scraping",
-        pages(results, find, shown, printed),
-        all_drawings(results),
-        shown,
-        find,
-        recorded=quoted_claims(),
-    )
+    find, shown = findings(results), tables(results, printed)
+    documents = pages(results, find, shown, printed)
+    publish_report("reports/scraping", documents, drawings(results), shown, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

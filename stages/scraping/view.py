@@ -6,6 +6,8 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import read_segmentation
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.views.executions_recording import (
+    read_feedback_runs,
+    read_refined_runs,
     write_executions,
     write_refinement,
     write_robot,
@@ -15,7 +17,6 @@ from structlearn.testbeds.scraping.views.nominal_recordings import (
     write_demonstrations,
     write_primitives,
 )
-from structlearn.testbeds.scraping.views.shown_execution import read_feedback_runs, read_refined_runs
 
 
 def main() -> None:

@@ -18,16 +18,15 @@ from structlearn.reporting.prose import level_name
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.scraping.page.execution_results import ExecutionResults
+from structlearn.testbeds.scraping.page.board_results import ExecutionResults
 from structlearn.testbeds.scraping.page.findings import segmentation_of_one
-from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
+from structlearn.testbeds.scraping.page.results import SegmentationResults
 from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import executed_set, executions, nominal_runs
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters, guided_demonstrations
 
 NOT_OF_ONE = ("demonstrations", "simulated", "sweep_", "wls_wins", "downsampling_")
 """Beginnings of numbers that are not compared: known beforehand, or of sweeps, which take longer."""

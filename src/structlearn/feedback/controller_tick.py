@@ -199,8 +199,23 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
         state.window[0, 0, 1, d] = plan.position_forcing[following, d]
         state.window[1, 0, 0, d] = plan.orientation_forcing[row, d]
         state.window[1, 0, 1, d] = plan.orientation_forcing[following, d]
-    _step_point(plan, state, primitive, matrix, tau)
-    _step_turn(plan, state, primitive, matrix, tau)
+    goal = plan.position_goal[primitive : primitive + 1]
+    transformation.step_batch(0, matrix, tau, goal, state.point, state.window[0], state.held[0], state.path)
+    orientation.step_batch(
+        0,
+        matrix,
+        state.turned,
+        state.rate,
+        state.remaining,
+        state.window[1],
+        plan.orientation_goal[primitive : primitive + 1],
+        state.held[1],
+        state.orientation,
+        state.turning,
+    )
+    for d in range(3):
+        state.turning[0, 0, 0, d] /= tau
+        state.turning[1, 0, 0, d] /= tau**2
     state.clock[ROW] = following if last else row + 1
     return flags
 
@@ -231,28 +246,3 @@ def _bounded(plan: Plan, state: State, place: int, wanted: float) -> tuple[float
         flags |= RATE_LIMITED
     state.coupling[place] = wanted
     return wanted, flags
-
-
-@_part_of_a_tick
-def _step_point(plan: Plan, state: State, primitive: int, matrix: np.ndarray, tau: float) -> None:
-    goal = plan.position_goal[primitive : primitive + 1]
-    transformation.step_batch(0, matrix, tau, goal, state.point, state.window[0], state.held[0], state.path)
-
-
-@_part_of_a_tick
-def _step_turn(plan: Plan, state: State, primitive: int, matrix: np.ndarray, tau: float) -> None:
-    orientation.step_batch(
-        0,
-        matrix,
-        state.turned,
-        state.rate,
-        state.remaining,
-        state.window[1],
-        plan.orientation_goal[primitive : primitive + 1],
-        state.held[1],
-        state.orientation,
-        state.turning,
-    )
-    for d in range(3):
-        state.turning[0, 0, 0, d] /= tau
-        state.turning[1, 0, 0, d] /= tau**2

@@ -2,23 +2,18 @@
 
     r = R c        error = rms (R c - r_cd)
 
-The path needs no file of its own: c_target was computed such that the primitive with it as its coupling
-term is the demonstration (`coupling`), so r_cd follows from the coupling dataset. `stacked_pmnn`
-learns to follow such paths.
+The path needs no file of its own: the primitive with c_target as its coupling term is the demonstration
+(`coupling`), so r_cd follows from the coupling dataset. `stacked_pmnn` learns to follow such paths.
 
 The transformation system is linear in c, so what a coupling term (held over each step) adds to a movement is
-a sum of responses. They are derived from the same exact step as `primitives.transformation.unroll`, depend on
-dt / tau alone, and replace T steps in sequence by a matrix product. On a grid of T samples in normalised time
-all movements share them, whatever their durations.
+a sum of responses. They depend on dt / tau alone: on a grid of T samples in normalised time all movements
+share one matrix, whatever their durations.
 
-Orientations: as long as everything turns about one fixed axis, the angle about it obeys this system
-exactly. A correction about a fixed axis of the base frame, on top of a nominal movement with other
-rotations, is not quite linear, since rotations do not commute. With 10 degrees of roll, its angle differs
-from that of `primitives.orientation.unroll` by less than 0.001, 0.02 and 0.1 degrees on nominal movements
-through 1, 4 and 10 degrees about other axes; with corrections of 2, 5 and 10 degrees about two axes at once
-by less than 0.15, 0.35 and 0.7 degrees (the tests hold it). That is below what feedback models leave over, so
-there is no second, sequential unroll on SO(3) here: training uses the response, `orientation.unroll` is the
-reference. Positions are linear: along any axes the response is exact.
+For positions, and for turns about one fixed axis, this is exact. A correction of 10 degrees about a fixed
+axis, on top of a nominal movement through 1, 4 and 10 degrees about other axes, differs from
+`primitives.orientation.unroll` by less than 0.001, 0.02 and 0.1 degrees, since rotations do not commute;
+corrections of 2, 5 and 10 degrees about two axes at once by less than 0.15, 0.35 and 0.7 degrees (the tests
+hold it). That is below what feedback models leave over, so there is no sequential unroll on SO(3) here.
 """
 
 from collections.abc import Mapping
@@ -77,28 +72,22 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
     """Demonstrations of a coupling dataset in normalised time, with the corrections that they asked for.
 
     The correction is unrolled at the demonstration's own rate, so that nothing faster than the common samples
-    folds into it; everything is then interpolated linearly.
-
-    `dataset`: samples of each demonstration from the start to the end of the primitive, on a uniform clock.
-    Returns CorrectedPaths in the order of setting, then demonstration. Raises InputError: a demonstration is
-    not on a uniform clock from the start to the end of the primitive.
+    folds into it; everything is then interpolated linearly. Ordered by setting, then demonstration. Raises
+    InputError: a demonstration is not on a uniform clock from the start to the end of the primitive.
     """
     keys = sorted(set(zip(dataset.setting.tolist(), dataset.demonstration.tolist(), strict=True)))
-    columns: dict[str, list[np.ndarray]] = {"deviation": [], "target": [], "correction": []}
+    found = []
     for setting, number in keys:
         chosen = np.flatnonzero((dataset.setting == setting) & (dataset.demonstration == number))
         rows = dataset.where(chosen[np.argsort(dataset.time[chosen], kind="stable")])
         _check_whole_movement(rows, f"setting {setting_label(setting)}, demonstration {number}")
-        for name, values in (
-            ("deviation", rows.deviation),
-            ("target", rows.target[:, None]),
-            ("correction", _correction(rows.target)),
-        ):
-            columns[name].append(time_normalised(values, samples))
+        columns = np.column_stack([rows.target, _correction(rows.target), rows.deviation])
+        found.append(time_normalised(columns, samples))
+    paths = np.array(found)  # (L, T, 2 + D)
     return CorrectedPaths(
-        deviation=np.array(columns["deviation"]),
-        target=np.array(columns["target"])[..., 0],
-        correction=np.array(columns["correction"])[..., 0],
+        deviation=paths[..., 2:],
+        target=paths[..., 0],
+        correction=paths[..., 1],
         setting=np.array([setting for setting, _ in keys]),
         demonstration=np.array([number for _, number in keys]),
     )
@@ -107,8 +96,7 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
 def unrolled_error(network: CouplingModel, paths: CorrectedPaths) -> np.ndarray:
     """Difference between the unrolled and the demonstrated path, given the demonstration's sensors.
 
-    `network`: any feedback model of this coupling dimension, however it was training. Returns (L,) m or rad,
-    root mean square over each demonstration.
+    Returns (L,) m or rad, root mean square over each demonstration.
     """
     unrolled = network.coupling(paths.deviation, *paths.phase) @ paths.response.T
     return np.sqrt(np.mean((unrolled - paths.correction) ** 2, axis=1))
@@ -125,28 +113,19 @@ def path_errors(
     """
     tables = []
     for name, dataset in datasets.items():
+        paths = corrected_paths(dataset, SAMPLES)
         for model, networks in models.items():
-            network = networks[name]
-            paths = corrected_paths(dataset, SAMPLES)
-            tables.append(
-                pd.DataFrame(
-                    {
-                        "model": model,
-                        "primitive": name,
-                        "setting_deg": paths.setting,
-                        "demonstration": paths.demonstration,
-                        "error_deg": np.degrees(unrolled_error(network, paths)),
-                    }
-                )
-            )
+            errors = np.degrees(unrolled_error(networks[name], paths))
+            keys = {"model": model, "primitive": name, "setting_deg": paths.setting}
+            columns = keys | {"demonstration": paths.demonstration, "error_deg": errors}
+            tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
 
 
 def split(paths: CorrectedPaths, share: float, seed: int) -> tuple[CorrectedPaths, CorrectedPaths]:
     """Demonstrations to train on and demonstrations to validate on; no number of a demonstration is in both.
 
-    `paths`: demonstrations of at least two numbers. `share`: of the demonstration numbers, to validate on; at
-    least one number. Raises InputError: the demonstrations have one number only.
+    `share`: of the demonstration numbers, to validate on; at least one. Raises InputError: there is only one.
     """
     numbers = np.unique(paths.demonstration)
     if len(numbers) < 2:

@@ -48,10 +48,10 @@ def unit(axis: Axis) -> str:
 def position_target(
     path: Trajectory, primitive: VectorPrimitive, goal: np.ndarray | None = None
 ) -> np.ndarray:
-    """Coupling target of a corrected vector movement (eq. IV.23).
+    """Coupling target (T, D) of a corrected vector movement (eq. IV.23); 0 at the first sample.
 
     `path`: corrected demonstration of one primitive, (T, D), in the primitive's coordinates. `goal`: (D,)
-    steady goal; default the primitive's. Returns (T, D) c_target; 0 at the first sample.
+    steady goal; default the primitive's.
     """
     goal = primitive.goal if goal is None else goal
     tau = canonical.time_constant(path.duration)
@@ -84,10 +84,10 @@ def reach_target(path: Trajectory, primitive: PositionPrimitive) -> np.ndarray:
 def orientation_target(
     path: OrientationTrajectory, primitive: QuaternionPrimitive, goal: np.ndarray | None = None
 ) -> np.ndarray:
-    """Coupling target of a corrected orientation movement (eq. IV.24).
+    """Coupling target (T, 3) of a corrected orientation movement, base frame (eq. IV.24); 0 at first.
 
     `path`: corrected demonstration of one primitive, (T, 4) orientations. `goal`: (4,) steady goal; default
-    the primitive's. Returns (T, 3) c_target in the base frame; 0 at the first sample.
+    the primitive's.
     """
     goal = primitive.goal if goal is None else goal
     tau = canonical.time_constant(path.duration)

@@ -60,8 +60,7 @@ def concatenated(parts: Sequence[CouplingDataset]) -> CouplingDataset:
 
 def to_table(dataset: CouplingDataset) -> pd.DataFrame:
     """One row per sample of a dataset with settings in degrees; channels are `channel_00` and so on."""
-    keys = {"setting_deg": dataset.setting}
-    return pd.DataFrame(keys | _times(dataset) | {"target": dataset.target} | _channels(dataset))
+    return _table({"setting_deg": dataset.setting}, dataset, {"target": dataset.target})
 
 
 def from_table(table: pd.DataFrame) -> CouplingDataset:
@@ -79,7 +78,7 @@ def to_axes_table(datasets: Mapping[Axis, CouplingDataset]) -> pd.DataFrame:
     first = next(iter(datasets.values()))
     keys = {"setting": first.setting.astype(str).astype(object)}
     targets = {f"target_{axis}": datasets[axis].target for axis in AXES if axis in datasets}
-    return pd.DataFrame(keys | _times(first) | targets | _channels(first))
+    return _table(keys, first, targets)
 
 
 def from_axes_table(table: pd.DataFrame) -> dict[Axis, CouplingDataset]:
@@ -94,23 +93,19 @@ def from_axes_table(table: pd.DataFrame) -> dict[Axis, CouplingDataset]:
     return {axis: replace(one, target=table[f"target_{axis}"].to_numpy(float)) for axis in axes}
 
 
-def _times(dataset: CouplingDataset) -> dict[str, np.ndarray]:
-    return {
-        "demonstration": dataset.demonstration,
-        "time_s": dataset.time,
-        "phase": dataset.phase,
-        "phase_velocity": dataset.phase_velocity,
-    }
-
-
-def _channels(dataset: CouplingDataset) -> dict[str, np.ndarray]:
+def _table(
+    keys: Mapping[str, np.ndarray], dataset: CouplingDataset, targets: Mapping[str, np.ndarray]
+) -> pd.DataFrame:
+    times = {"demonstration": dataset.demonstration, "time_s": dataset.time}
+    phases = {"phase": dataset.phase, "phase_velocity": dataset.phase_velocity}
     groups = dataset.groups or (dataset.deviation.shape[1],)
     names = [
         f"channel_{f'{group}_' if group else ''}{index:02d}"
         for group, count in enumerate(groups)
         for index in range(count)
     ]
-    return dict(zip(names, dataset.deviation.T, strict=True))
+    channels = dict(zip(names, dataset.deviation.T, strict=True))
+    return pd.DataFrame({**keys, **times, **phases, **targets, **channels})
 
 
 def _dataset(table: pd.DataFrame, setting: str, target: str) -> CouplingDataset:

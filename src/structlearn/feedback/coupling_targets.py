@@ -6,7 +6,7 @@ samples in between would be interpolations that count twice.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -100,10 +100,9 @@ def learn_expected(
 ) -> dict[str, VectorPrimitive]:
     """Expected traces of every primitive from nominal executions (associative skill memory).
 
-    `runs`: executions in the default setting. `cuts`: of these runs; those that are not in it are left out.
-    `smoothing_hz`: low-pass of the traces; about 12 / duration is what 25 kernels resolve. Returns by
-    primitive, a vector primitive with one dimension per channel. Raises InputError: a run has no stream of a
-    sensor.
+    Runs that are not in `cuts` are left out. `smoothing_hz`: low-pass of the traces; about 12 / duration is
+    what 25 kernels resolve. Returns by primitive, a vector primitive with one dimension per channel. Raises
+    InputError: a run has no stream of a sensor.
     """
     traces = {run.name: without_offset(felt(run, sensors)) for run in runs}
     return {
@@ -135,11 +134,10 @@ def corrected_primitive(
     expected: VectorPrimitive,
     parameters: CorrectionParameters,
 ) -> CorrectedPrimitive:
-    """Supervised data of one primitive in one corrected demonstration.
+    """Supervised data of one primitive in one corrected demonstration, on its clock.
 
-    `cut`: `start_s` and `end_s` of the primitive in it. Returns signals on the demonstration's clock, from
-    the primitive's start to its end. Raises InputError: orientation or a sensor's stream is missing, or the
-    primitive turns beyond half a circle.
+    `cut`: `start_s` and `end_s` of the primitive in it. Raises InputError: orientation or a sensor's stream
+    is missing, or the primitive turns beyond half a circle.
     """
     dt, ticks = demonstration.dt, _ticks(demonstration, cut)
     time, deviating = executed_primitive(demonstration, cut, expected, parameters.sensors)
@@ -205,10 +203,7 @@ def sensor_channels(
 def require_parts(
     names: Sequence[str], primitives: Sequence[PosePrimitive], expected: Mapping[str, VectorPrimitive]
 ) -> None:
-    """Check that feedback can be learned for the primitives of these names.
-
-    Raises InputError: there is no such primitive, or nothing is expected of its sensors.
-    """
+    """InputError where there is no primitive of one of these names, or nothing is expected of its sensors."""
     known = [primitive.name for primitive in primitives]
     for name in names:
         if name not in known:
@@ -259,15 +254,11 @@ def coupling_dataset(
 def coupling_samples(
     corrected: CorrectedPrimitive, setting: float | str, number: int, parameters: CorrectionParameters
 ) -> dict[Axis, CouplingDataset]:
-    """Supervised data of each axis from one corrected primitive.
-
-    `setting`: in degrees, or its label. `parameters`: axes, and the samples per second that are kept.
-    """
-    one, key = corrected, (setting, number)
+    """Supervised data of each axis from one corrected primitive; `setting`: in degrees, or its label."""
+    whole = _samples(corrected.time, corrected.deviation, (setting, number), parameters.rate_hz)
+    kept = thinned(corrected.time, parameters.rate_hz)
     return {
-        axis: _samples(
-            one.time, one.deviation, one.target[:, AXES.index(axis)], key, parameters.rate_hz, one.groups
-        )
+        axis: replace(whole, target=corrected.target[kept, AXES.index(axis)], groups=corrected.groups)
         for axis in parameters.axes
     }
 
@@ -279,48 +270,33 @@ def level_dataset(
     parameters: CorrectionParameters,
     setting: float | str = 0.0,
 ) -> CouplingDataset:
-    """Supervised data of executions in the default setting, with c_target = 0.
+    """Supervised data of one primitive in nominal executions in the default setting, with c_target = 0.
 
-    Args:
-        runs: nominal executions in the default setting.
-        cuts: the primitive's segments in them; executions that are not in it are left out.
-        expected: the primitive's expected traces.
-        parameters: sensors, and the samples per second that are kept.
-        setting: the default one; that of a board is level.
+    `cuts`: the primitive's segments in them; executions that are not in it are left out.
     """
     parts = []
     for number, run in enumerate(runs):
         if run.name in cuts.index:
             time, deviation = executed_primitive(run, cuts.loc[run.name], expected, parameters.sensors)
-            groups = channel_groups(run, parameters.sensors)
-            none = np.zeros(len(time))
-            parts.append(_samples(time, deviation, none, (setting, number), parameters.rate_hz, groups))
+            samples = _samples(time, deviation, (setting, number), parameters.rate_hz)
+            parts.append(replace(samples, groups=channel_groups(run, parameters.sensors)))
     return concatenated(parts)
 
 
+def thinned(time: np.ndarray, rate_hz: float) -> slice:
+    """Samples of a clock (T,) that are kept to have about so many per second."""
+    return slice(None, None, max(1, round(1.0 / (rate_hz * (time[1] - time[0])))))
+
+
 def _samples(
-    time: np.ndarray,
-    deviation: np.ndarray,
-    target: np.ndarray,
-    key: tuple[float | str, int],
-    rate_hz: float,
-    groups: tuple[int, ...],
+    time: np.ndarray, deviation: np.ndarray, key: tuple[float | str, int], rate_hz: float
 ) -> CouplingDataset:
-    """Samples of one primitive in one execution; `key` is its setting and its number there."""
-    kept = slice(None, None, max(1, round(1.0 / (rate_hz * (time[1] - time[0])))))
+    """Samples of one primitive in one execution with c_target = 0; `key`: its setting, its number there."""
+    kept = thinned(time, rate_hz)
     duration, time = time[-1], time[kept]
     p, u = canonical.phase(time, canonical.time_constant(duration))
-    setting, number = key
-    return CouplingDataset(
-        deviation=deviation[kept],
-        phase=p,
-        phase_velocity=u,
-        target=target[kept],
-        setting=np.full(len(time), setting),
-        demonstration=np.full(len(time), number),
-        time=time,
-        groups=groups,
-    )
+    setting, number = (np.full(len(time), value) for value in key)
+    return CouplingDataset(deviation[kept], p, u, np.zeros(len(time)), setting, number, time)
 
 
 def _checks(

@@ -11,6 +11,7 @@ folds of one train together; the representations are spread over the cores.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
+from itertools import product
 from typing import TypeVar
 
 import numpy as np
@@ -151,22 +152,15 @@ def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.Data
     folds = leave_one_out(dataset, FRACTIONS, parameters.chunk_samples, parameters.seed)
     network, hidden = NETWORKS[name]
     found = named_model(network).train([(dataset, fold) for fold in folds], parameters, hidden)
-    rows = [
-        {"representation": name, "fold": fold.number, "stopping": stopping, "step": trained.steps[stopping]}
-        | _errors(trained.models[stopping], dataset, dict(zip(PARTS, fold.parts(), strict=True)))
-        | {"dimensions": trained.code}
-        for stopping in STOPPINGS
-        for fold, trained in zip(folds, found, strict=True)
-    ]
+    rows = []
+    for stopping, (fold, trained) in product(STOPPINGS, zip(folds, found, strict=True)):
+        model = trained.models[stopping]
+        coupling = model.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity)
+        keys = {"representation": name, "fold": fold.number, "stopping": stopping}
+        errors = [float(nmse(coupling[part], dataset.target[part])) for part in fold.parts()]
+        row = keys | {"step": trained.steps[stopping]} | dict(zip(PARTS, errors, strict=True))
+        rows.append(row | {"dimensions": trained.code})
     return pd.DataFrame(rows)
-
-
-def _errors(
-    model: CouplingModel, dataset: CouplingDataset, parts: Mapping[str, np.ndarray]
-) -> dict[str, float]:
-    """NMSE of a model on each part."""
-    coupling = model.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity)
-    return {part: float(nmse(coupling[rows], dataset.target[rows])) for part, rows in parts.items()}
 
 
 def paired_orderings(table: pd.DataFrame) -> pd.DataFrame:

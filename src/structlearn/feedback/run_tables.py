@@ -21,9 +21,8 @@ Place = tuple[int, int]  # Index of the primitive, index of the axis
 HELD_DURATIONS = 4.0
 """How many durations after its end the last primitive's terms go on: by then u is 1e-11, and becomes 0."""
 
-MOST_TICKS = (
-    10**7
-)  # Of a run, which is planned ahead: almost three hours at 1 kHz; more suggests a unit error
+MOST_TICKS = 10**7
+"""Of a run, which is planned ahead: almost three hours at 1 kHz; more suggests a unit error."""
 
 
 def plan_in_time(
@@ -39,9 +38,8 @@ def plan_in_time(
     `rate_hz`: ticks per second. `durations`: of the primitives in s. `goals`, `turned_goals`: (3,) m and (4,)
     of the primitives. `feedback`: whether networks are used.
     """
-    dt, limits = 1.0 / rate_hz, skill.limits
+    dt, limits, axes = 1.0 / rate_hz, skill.limits, skill.axes
     ages = [round(seconds * rate_hz) for seconds in (limits.offset_within_s, limits.stale_after_s)]
-    axes = skill.axes
     taus = np.array([canonical.time_constant(duration) for duration in durations])
     counts = [sample_count(duration, dt) for duration in durations]
     counts[-1] = sample_count((1.0 + HELD_DURATIONS) * durations[-1], dt)
@@ -49,9 +47,8 @@ def plan_in_time(
     turning, expected = np.zeros((rows[-1], 3)), np.full((rows[-1], skill.channels), np.nan)
     networks = {
         (skill.index(name), axes.index(axis)): network
-        for name, by_axis in skill.networks.items()
+        for name, by_axis in (skill.networks if feedback else {}).items()
         for axis, network in by_axis.items()
-        if feedback
     }
     for index, (primitive, tau, count) in enumerate(zip(skill.primitives, taus, counts, strict=True)):
         part = slice(rows[index], rows[index + 1])
@@ -86,11 +83,7 @@ def plan_in_time(
 def compiled_networks(
     networks: Mapping[Place, CouplingModel], phases: Sequence[tuple[np.ndarray, np.ndarray]], axes: int
 ) -> dict[str, np.ndarray]:
-    """Networks as a tick evaluates them: the parts of a `Plan` that are theirs.
-
-    `networks`: by the index of the primitive and that of the axis. `phases`: p and u (T_i,) of each
-    primitive.
-    """
+    """The parts of a `Plan` that are the networks'; `phases`: p and u (T_i,) of each primitive."""
     shape, rows = (len(phases), axes), np.cumsum([0, *(len(p) for p, _ in phases)])
     compiled = {place: network.compiled() for place, network in networks.items()}
     tables = {place: network.table(*phases[place[0]]) for place, network in networks.items()}
@@ -195,20 +188,15 @@ def checked_goals(
     _check_count(skill, goals, "goals")
     positions, orientations = [], []
     for primitive, goal in zip(skill.primitives, goals, strict=True):
-        positions.append(checked_goal(skill, primitive.name, goal.position))
+        positions.append(checked_point(skill, goal.position, f"the goal of '{primitive.name}'"))
         unturned = primitive.orientation is None
         orientations.append(quaternion.IDENTITY if unturned else unit_goal(goal.orientation, primitive.name))
     return positions, orientations
 
 
-def checked_goal(skill: ReactiveSkill, name: str, position: np.ndarray) -> np.ndarray:
-    """The goal position (3,) of a primitive; InputError where it is not finite or outside the workspace."""
-    what = f"the goal of '{name}'"
-    return within_workspace(skill, require_finite(position, 3, what), what)
-
-
-def within_workspace(skill: ReactiveSkill, point: np.ndarray, what: str) -> np.ndarray:
-    """A point (3,), for which it raises InputError where the skill has a workspace that it is outside of."""
+def checked_point(skill: ReactiveSkill, position: np.ndarray, what: str) -> np.ndarray:
+    """A position (3,); InputError where it is not finite, or outside the workspace of the skill."""
+    point = require_finite(position, 3, what)
     if skill.workspace is not None:
         skill.workspace.require(point, what)
     return point

@@ -9,23 +9,18 @@
 Everything that depends on time only is worked out before the first tick; a tick takes the sensor's newest
 sample, evaluates the networks and steps the pose exactly, for any rate. Whatever the sensor does, coupling
 terms are bounded in size and in their rate of change, and fade with the phase, so the goal is reached.
-`tick_latency` tells how long ticks take on this machine, and what the long ones waited for.
+`benchmarks/controller.py` tells how long ticks take on a machine, and what the long ones waited for.
 """
 
-import gc
-import resource
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from enum import IntFlag
-from time import perf_counter, thread_time
-from typing import NamedTuple
 
 import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.feedback import controller_tick, run_tables
-from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
+from structlearn.feedback.skill import ReactiveSkill, require_unit
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import PoseGoal
 from structlearn.primitives.transformation import ALPHA, BETA
@@ -72,10 +67,9 @@ class Controller:
     ) -> None:
         """Work out what depends on time only.
 
-        `durations`: one per primitive in s; default the demonstrations' means. `goals`: one per primitive;
-        default the demonstrations' means. `feedback`: False leaves the coupling terms 0; deviations are still
-        reported. Raises InputError: the rate, a duration or a goal is no good, or a goal is outside the
-        skill's workspace.
+        `durations` (s), `goals`: one per primitive; default the demonstrations' means. `feedback`: False
+        leaves the coupling terms 0; deviations are still reported. Raises InputError: the rate, a duration or
+        a goal is no good, or a goal is outside the skill's workspace.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0):
             raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
@@ -106,8 +100,8 @@ class Controller:
         orientations. Raises InputError: the pose is not finite, outside the skill's workspace or no unit
         quaternion, or a reach has no direction.
         """
-        plan, state, start = self._plan, self._state, "the position at the start"
-        position = run_tables.within_workspace(self.skill, require_finite(position, 3, start), start)
+        plan, state = self._plan, self._state
+        position = run_tables.checked_point(self.skill, position, "the position at the start")
         turned = self.skill.primitives[0].orientation is not None
         if turned or orientation is not None:
             orientation = require_unit(orientation, 4, "the orientation at the start")
@@ -181,7 +175,7 @@ class Controller:
         name = self.skill.primitives[index].name
         if index < running:
             raise InputError(f"'{name}' has ended, its goal cannot be moved")
-        position = run_tables.checked_goal(self.skill, name, position)
+        position = run_tables.checked_point(self.skill, position, f"the goal of '{name}'")
         old, old_turned = plan.position_goal[index].copy(), plan.orientation_goal[index].copy()
         turned = old_turned if orientation is None else run_tables.unit_goal(orientation, name)
         goals = plan.position_goal.copy()
@@ -205,11 +199,7 @@ class Controller:
 
     def _due_point(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity, acceleration of the sample that is due."""
-        plan, row, running = (
-            self._plan,
-            self._clock[controller_tick.ROW],
-            self._clock[controller_tick.PRIMITIVE],
-        )
+        plan, (row, running) = self._plan, self._clock[[controller_tick.ROW, controller_tick.PRIMITIVE]]
         tau, (offset, rate, goal) = plan.tau[running], self._state.point[:, 0]
         force = ALPHA * (BETA * (goal - offset) - rate) + plan.position_forcing[row]
         return offset + plan.position_goal[running], rate / tau, force / tau**2
@@ -258,65 +248,3 @@ def _read_only(array: np.ndarray) -> np.ndarray:
     view = array.view()
     view.flags.writeable = False
     return view
-
-
-class TickLatency(NamedTuple):
-    """What (T,) ticks took, each with what befell the thread from the end of the tick before to its end."""
-
-    seconds: np.ndarray  # duration in s
-    # of the duration, what the thread ran; the rest it waited, or an interrupt or the host of a virtual
-    # machine had the core
-    processor_s: np.ndarray
-    switches: np.ndarray  # how often the system gave the core to other work
-    faults: np.ndarray  # how often a page of memory was not there
-    collections: np.ndarray  # how often garbage was collected
-
-
-def tick_latency(controller: Controller, ticks: int) -> TickLatency:
-    """Durations of ticks on this machine, with a new sensor sample each.
-
-    Runs follow one another from the demonstrations' mean start; starting them is not timed.
-
-    `controller`: any; its run is lost. `ticks`: number of ticks.
-    """
-    first = controller.skill.primitives[0]
-    orientation = None if first.orientation is None else first.orientation.start
-    samples = list(np.random.default_rng(0).normal(0.0, 10.0, (1000, controller.skill.channels)))
-    seconds, processor_s = np.zeros((2, ticks))
-    counters = np.zeros((3, ticks), dtype=np.int64)
-    with _counted_collections() as collected:
-        for k in range(ticks):
-            if k == 0 or controller.finished:
-                controller.start(first.position.start, orientation)
-                before = (*_counters(), len(collected))
-            sample = samples[k % len(samples)]
-            ran, begin = thread_time(), perf_counter()
-            controller.tick(sample)
-            seconds[k] = perf_counter() - begin
-            processor_s[k] = thread_time() - ran
-            after = (*_counters(), len(collected))
-            counters[:, k] = after[0] - before[0], after[1] - before[1], after[2] - before[2]
-            before = after
-    return TickLatency(seconds, np.minimum(processor_s, seconds), *counters)
-
-
-def _counters() -> tuple[int, int]:
-    """Context switches and page faults of this thread since its start."""
-    used = resource.getrusage(resource.RUSAGE_THREAD)
-    return used.ru_nivcsw + used.ru_nvcsw, used.ru_minflt + used.ru_majflt
-
-
-@contextmanager
-def _counted_collections() -> Iterator[list[str]]:
-    """A list that grows with every collection of garbage."""
-    collected: list[str] = []
-
-    def note(phase: str, _: dict) -> None:
-        if phase == "start":
-            collected.append(phase)
-
-    gc.callbacks.append(note)
-    try:
-        yield collected
-    finally:
-        gc.callbacks.remove(note)

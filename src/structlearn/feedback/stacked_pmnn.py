@@ -14,19 +14,17 @@ future work of the dissertation, V.2):
     r = R c        loss = mean (R c - r_cd)^2 / mean r_cd^2 + weight mean (c - c_target)^2 / mean c_target^2
 
 Sample by sample a model is asked for the right coupling term at every instant; what counts is where the
-movement ends up. Here c_t = PMNN(ds_t, G_t) runs through the primitive, whose state is its own, and the angle
-r that it adds to the nominal movement is compared with the demonstrated one. The sensors cannot be
-differentiated: their deviations are those of the corrected demonstration (teacher forcing).
+movement ends up. Here c_t = PMNN(ds_t, G_t) runs through the primitive, and the angle r that it adds to the
+nominal movement is compared with the demonstrated one. The sensors cannot be differentiated: their deviations
+are those of the corrected demonstration (teacher forcing).
 
 Since the primitive is linear in c (`coupling_response`), errors that it averages out weigh little, errors
 that add up to drift weigh much. So it pays where what cannot be predicted is in the demonstrated path, such
 as a hand's tremor, which differentiating twice magnifies in c_target. Where the noise is in the coupling term
-itself, single samples are as good or better: a path has fewer independent values, and the primitive blurs
-what they tell. For the same reason training from an untrained network is slow without some of the loss on c.
+itself, single samples are as good or better: a path has fewer independent values.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -49,13 +47,9 @@ MOVEMENT_SAMPLES = 1000  # Samples of one movement over which the mean phase vel
 class StackedPhaseModulatedNetworks:
     """M phase-modulated networks (eq. IV.27-IV.30): no output bias, c = 0 wherever u = 0.
 
-    Args:
-        models: number of networks M.
-        inputs: number of inputs D.
-        hidden: nodes of each regular hidden layer; empty for a network without.
-        kernels: number of phase kernels N.
-        dropout: probability with which a node of a regular hidden layer is left out of a training step.
-        generator: source of the initial weights and of the dropout masks.
+    `inputs`: number D. `hidden`: nodes of each regular hidden layer, whose nodes are left out of a training
+    step with probability `dropout`. `kernels`: number of phase kernels N. `generator`: source of the initial
+    weights and of the dropout masks.
     """
 
     def __init__(
@@ -78,10 +72,10 @@ class StackedPhaseModulatedNetworks:
         return [*self.layers.parameters(), self.output_weights]
 
     def forward(self, inputs: Tensor, modulation: Tensor, training: bool = False) -> Tensor:
-        """Coupling terms in units of the target's scale.
+        """Coupling terms (M, B) in units of the target's scale.
 
-        `inputs`: (M, B, D) standardised deviations. `modulation`: (M, B, N) phase features G(p, u)
-        (`primitives.kernels.features`). `training`: whether nodes are dropped. Returns (M, B) coupling terms.
+        `inputs`: (M, B, D) standardised deviations. `modulation`: (M, B, N) phase features G(p, u).
+        `training`: whether nodes are dropped.
         """
         units = self.layers.forward(inputs, training, self.dropout)
         scaled = self.output_weights * self.kernel_scale[:, None]  # (M, N, 1): scaling G would cost more
@@ -90,11 +84,7 @@ class StackedPhaseModulatedNetworks:
     def to_network(
         self, index: int, input_mean: np.ndarray, input_scale: np.ndarray, output_scale: float
     ) -> PhaseModulatedNetwork:
-        """One model of the stack as what a file holds, in float64.
-
-        `input_mean`: (D,) mean that was taken off its inputs. `input_scale`: (D,) positive scale by which
-        they were divided. `output_scale`: scale by which its targets were divided.
-        """
+        """One model of the stack in float64, with what its inputs (D,) and targets were standardised by."""
         scale = kernel_scale(len(self.kernel_scale))
         *hidden, (phase_weights, phase_biases) = self.layers.layers_of(index)
         return PhaseModulatedNetwork(
@@ -116,8 +106,7 @@ class StackedPhaseModulatedNetworks:
     ) -> Self:
         """A stack that starts from given networks of equal shape; the inverse of `to_network`.
 
-        `networks`: one per model; their standardisation of inputs stays with the caller. `output_scales`:
-        (M,) scales by which each model's targets are divided.
+        Standardisation of inputs stays with the caller. `output_scales`: (M,) by which targets are divided.
         """
         (inputs, *hidden), count = networks[0].sizes, len(networks[0].phase_biases)
         stack = cls(len(networks), inputs, hidden, count, dropout, generator)
@@ -175,13 +164,12 @@ def train_unrolled(
 
     Of all steps looked at, the initial network included, the one with the smallest mean squared unrolled
     error on the validation demonstrations is kept. That is honest only if the initial network has not seen
-    them.
-
-    `initial`: where to start: an untrained network, or one trained sample by sample on the training
-    demonstrations; its standardisation of the input is kept. Raises InputError: nothing was corrected in the
-    demonstrations.
+    them. The initial network's standardisation of the input is kept. Raises InputError: nothing was corrected
+    in the demonstrations.
     """
-    target_scale = float(np.sqrt(np.mean(training.target**2)))
+    target_scale, path_scale = (
+        float(np.sqrt(np.mean(values**2))) for values in (training.target, training.correction)
+    )
     if target_scale == 0.0:
         raise InputError("nothing was corrected in the demonstrations: all coupling targets are 0")
     generator = torch.Generator().manual_seed(parameters.seed)
@@ -189,14 +177,23 @@ def train_unrolled(
         [initial], [target_scale], parameters.dropout, generator
     )
     optimiser = torch.optim.Adam(stack.parameters(), lr=parameters.learning_rate)
-    data = _scaled(training, initial, target_scale)
+    # in the units that the stack trains in; L demonstrations of T samples
+    inputs = as_tensor((training.deviation - initial.input_mean) / initial.input_scale)  # (L, T, D)
+    modulation = as_tensor(kernels.unit_features(training.target.shape[1], initial.kernel_count))  # (T, N)
+    target = as_tensor(training.target / target_scale)  # (L, T)
+    correction = as_tensor(training.correction / path_scale)  # (L, T)
+    response = as_tensor(training.response * (target_scale / path_scale))  # (T, T)
     best, smallest = initial, np.mean(unrolled_error(initial, validation) ** 2)
     with one_thread():
         for step in range(1, parameters.steps + 1):
-            order = torch.randperm(len(data.target), generator=generator)
-            loss = _loss(stack, data, order[:DEMONSTRATIONS_PER_BATCH], parameters.coupling_loss_weight)
+            chosen = torch.randperm(len(target), generator=generator)[:DEMONSTRATIONS_PER_BATCH]
+            repeated = modulation.repeat(len(chosen), 1)
+            coupling = stack.forward(inputs[chosen].flatten(0, 1)[None], repeated[None], training=True)
+            coupling = coupling.reshape(len(chosen), -1)  # (B, T)
+            path_loss = (coupling @ response.T - correction[chosen]).square().mean()
+            coupling_loss = (coupling - target[chosen]).square().mean()
             optimiser.zero_grad()
-            loss.backward()
+            (path_loss + parameters.coupling_loss_weight * coupling_loss).backward()
             optimiser.step()
             if step % VALIDATION_INTERVAL == 0 or step == parameters.steps:
                 network = stack.to_network(0, initial.input_mean, initial.input_scale, target_scale)
@@ -204,36 +201,3 @@ def train_unrolled(
                 if error < smallest:
                     best, smallest = network, error
     return best
-
-
-@dataclass(frozen=True)
-class _Scaled:
-    """Demonstrations in the units that a stack of one network trains in."""
-
-    inputs: torch.Tensor  # (L, T, D)
-    modulation: torch.Tensor  # (T, N)
-    target: torch.Tensor  # (L, T)
-    correction: torch.Tensor  # (L, T)
-    response: torch.Tensor  # (T, T), from scaled coupling terms to scaled corrections
-
-
-def _scaled(paths: CorrectedPaths, network: PhaseModulatedNetwork, target_scale: float) -> _Scaled:
-    path_scale = float(np.sqrt(np.mean(paths.correction**2)))
-    return _Scaled(
-        inputs=as_tensor((paths.deviation - network.input_mean) / network.input_scale),
-        modulation=as_tensor(kernels.unit_features(paths.target.shape[1], len(network.output_weights))),
-        target=as_tensor(paths.target / target_scale),
-        correction=as_tensor(paths.correction / path_scale),
-        response=as_tensor(paths.response * (target_scale / path_scale)),
-    )
-
-
-def _loss(
-    stack: StackedPhaseModulatedNetworks, data: _Scaled, chosen: torch.Tensor, weight: float
-) -> torch.Tensor:
-    """Loss of some whole demonstrations: that on the path, plus that on the coupling terms."""
-    inputs = data.inputs[chosen].flatten(0, 1)  # (B T, D)
-    modulation = data.modulation.repeat(len(chosen), 1)
-    coupling = stack.forward(inputs[None], modulation[None], training=True).reshape(len(chosen), -1)  # (B, T)
-    path_loss = (coupling @ data.response.T - data.correction[chosen]).square().mean()
-    return path_loss + weight * (coupling - data.target[chosen]).square().mean()

@@ -55,11 +55,8 @@ class LearningCurves:
     """What was seen while a stack trained."""
 
     steps: np.ndarray  # (E,) gradient steps done
-    # (E, M, 2) normalised mean squared errors per model and part, in the order of `CHOOSING`; NaN for a part
-    # without samples
-    nmse: np.ndarray
-    # per part of `CHOOSING`, parameters of the stack with every model's best ones
-    weights: Mapping[str, Sequence[Tensor]]
+    nmse: np.ndarray  # (E, M, 2) per model and part of `CHOOSING`; NaN for a part without samples
+    weights: Mapping[str, Sequence[Tensor]]  # per part of `CHOOSING`, every model's best ones
 
     def best(self, part: str) -> np.ndarray:
         """Per model (M,), the index of the evaluation with the lowest error on a part."""
@@ -75,14 +72,11 @@ def train(network: Stack, data: StackedData, parameters: TrainingParameters) -> 
     """
     optimiser = RootMeanSquarePropagation(network.parameters(), parameters.learning_rate, DECAY)
     draws = [np.random.default_rng([parameters.seed, fold.stream, 1]) for fold in data.folds]
-    starts = range(0, parameters.steps, parameters.evaluate_every)
-    best, kept = (
-        np.full((len(data.folds), len(CHOOSING)), np.inf),
-        {part: _copy(network) for part in CHOOSING},
-    )
+    best = np.full((len(data.folds), len(CHOOSING)), np.inf)
+    kept = {part: [values.detach().clone() for values in network.parameters()] for part in CHOOSING}
     done, errors = [], []
     with one_thread():
-        for start in starts:
+        for start in range(0, parameters.steps, parameters.evaluate_every):
             count = min(parameters.evaluate_every, parameters.steps - start)
             shape = (count, parameters.batch_size)
             for rows in _batches(data.folds, draws, shape):
@@ -92,7 +86,9 @@ def train(network: Stack, data: StackedData, parameters: TrainingParameters) -> 
             better = errors[-1] < best
             best[better] = errors[-1][better]
             for place, part in enumerate(CHOOSING):
-                _keep(kept[part], network, better[:, place])
+                chosen = torch.from_numpy(better[:, place])
+                for found, values in zip(kept[part], network.parameters(), strict=True):
+                    found[chosen] = values.detach()[chosen]
     restore(network, kept["validation"])
     return LearningCurves(np.array(done), np.array(errors), kept)
 
@@ -117,11 +113,9 @@ def train_stack(
     for part in parts:
         restore(network, curves.weights[part])
         found[part] = [model(index) for index in range(len(data.folds))]
-    steps = {part: curves.steps[curves.best(part)] for part in parts}
+    steps = {part: curves.steps[curves.best(part)].tolist() for part in parts}
     return [
-        Trained(
-            {part: found[part][index] for part in parts}, {part: int(steps[part][index]) for part in parts}
-        )
+        Trained({part: found[part][index] for part in parts}, {part: steps[part][index] for part in parts})
         for index in range(len(data.folds))
     ]
 
@@ -145,10 +139,10 @@ def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np
 
 
 def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tuple[list[float], StackedData]:
-    """Scales of the jobs' targets (M,), and all that a stack trains on.
+    """Scales of the jobs' targets (M,), and all that a stack trains on, with inputs (M, S, D) standardised.
 
-    `inputs`: (M, S, D) standardised. `kernel_count`: number of phase features; None for networks without.
-    Raises InputError: a target is constant.
+    `kernel_count`: number of phase features; None for networks without. Raises InputError: a target is
+    constant.
     """
     scales = [target_scale(dataset.target, fold) for dataset, fold in jobs]
     modulation = None if kernel_count is None else as_tensor(jobs[0][0].modulation(kernel_count))
@@ -246,14 +240,3 @@ def _modulation(data: StackedData, rows: Tensor) -> Tensor | None:
     if data.modulation is None:
         return None
     return data.modulation.index_select(0, rows.reshape(-1)).unflatten(0, rows.shape)
-
-
-def _copy(network: Stack) -> list[Tensor]:
-    return [values.detach().clone() for values in network.parameters()]
-
-
-def _keep(kept: list[Tensor], network: Stack, better: np.ndarray) -> None:
-    """Take over the weights of the models that did better."""
-    chosen = torch.from_numpy(better)
-    for found, values in zip(kept, network.parameters(), strict=True):
-        found[chosen] = values.detach()[chosen]

@@ -2,6 +2,7 @@ from .pi2 import (
     PI2Parameters as PI2Parameters,
     SearchDistribution as SearchDistribution,
     cost_to_go as cost_to_go,
+    probabilities as probabilities,
     sample as sample,
     update as update,
 )
@@ -14,4 +15,3 @@ from .sample_efficiency import (
     EvolutionStrategy as EvolutionStrategy,
     PathIntegralSearch as PathIntegralSearch,
 )
-from .temperature import probabilities as probabilities

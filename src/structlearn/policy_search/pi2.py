@@ -18,6 +18,11 @@ is 0 at all time steps, as if its cost were infinite. With the worst cost of the
 weight, and would draw the mean towards itself where the others are all alike. A diverged rollout must return
 NaN or infinity, not a huge number: beside that, normalised by the range, all other costs would be equal.
 
+The weights are a softmax of the costs-to-go of each time step, P_k,t = exp(-S_k,t / lambda_t) / sum_k of it.
+The text leaves lambda open. Here it is fixed, or, as in relative-entropy policy search, the lowest one whose
+weights stay within a Kullback-Leibler divergence from the uniform weights, which says how greedy an update
+may be without knowing the scale of the costs.
+
     Sigma_ml = sum_t w_t sum_k P_k,t (theta_k - theta)(theta_k - theta)^T
 
 Around the old mean theta the estimate of the covariance does not shrink on its own (weights that do not
@@ -30,17 +35,23 @@ common size.
 from dataclasses import dataclass
 from typing import Literal, Self
 
+import numba
 import numpy as np
 from pydantic import Field
 from scipy.linalg import solve_triangular
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
-from structlearn.policy_search import temperature
 
 RIDGE = 1e-12
 """Of the mean variance, added to the variance of a full estimate: it stays positive definite in floating
 point where one direction has become very much narrower than another."""
+
+TOLERANCE = 1e-10
+"""Of the divergence, relative to its bound, which for rounding's sake is not much below 1e-6."""
+MOST_TRIALS = 400
+"""Every eighth halves the bracket, so this is enough whatever the costs; three to six are usual."""
+ROUNDING = 1e-12  # Costs at one time step that differ by less, relative to their size, are equal
 
 
 class CovarianceParameters(Parameters):
@@ -59,11 +70,7 @@ class CovarianceParameters(Parameters):
 
 
 def covariance_factor(covariance: np.ndarray) -> np.ndarray:
-    """Lower Cholesky factor of a covariance.
-
-    `covariance`: (D, D) symmetric. Returns (D, D) L with L L^T = covariance. Raises InputError: the
-    covariance is not positive definite.
-    """
+    """Lower Cholesky factor of a covariance (D, D); InputError where it is not positive definite."""
     try:
         return np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError as error:
@@ -132,10 +139,7 @@ class SearchDistribution:
 
     @classmethod
     def around(cls, mean: np.ndarray, std: float | np.ndarray) -> Self:
-        """Independent parameters.
-
-        `mean`: (D,) parameters. `std`: standard deviation of all, or (D,) of each.
-        """
+        """Independent parameters around a mean (D,); `std`: standard deviation of all, or (D,) of each."""
         return cls(np.array(mean, dtype=float), np.diag(np.broadcast_to(std, np.shape(mean)) ** 2.0))
 
 
@@ -175,10 +179,7 @@ def cost_to_go(costs: np.ndarray, horizon: float = 1.0) -> np.ndarray:
 
 
 def time_weights(steps: int) -> np.ndarray:
-    """T, T - 1, ..., 1 over their sum (algorithm IV.4, lines 9 and 10): early steps have more to decide.
-
-    `steps`: number of time steps T. Returns (T,) weights.
-    """
+    """T, T - 1, ..., 1 over their sum (algorithm IV.4, lines 9, 10): early steps have more to decide."""
     return np.arange(steps, 0.0, -1.0) * (2.0 / (steps * (steps + 1.0)))
 
 
@@ -204,21 +205,19 @@ def update(
         raise InputError(
             f"{valid.sum()} of {len(costs)} rollouts have finite costs, an update needs {FEWEST_ROLLOUTS}"
         )
-    relative = temperature.normalised(ahead[valid])
+    relative = normalised(ahead[valid])
     if parameters.temperature is None:
-        temperatures = temperature.bounded_temperatures(
-            relative, parameters.kl_bound, parameters.temperature_floor
-        )
+        temperatures = bounded_temperatures(relative, parameters.kl_bound, parameters.temperature_floor)
     else:
         temperatures = np.full(costs.shape[1], parameters.temperature)
-    probabilities = temperature.probabilities(relative, temperatures)  # (valid, T)
+    weights_at = probabilities(relative, temperatures)  # (valid, T)
     over_time = np.tile(time_weights(costs.shape[1])[:, None], len(distribution.mean))  # (T, D)
     if activation is not None and parameters.averaging == "per_weight":
         over_time = over_time * activation
         over_time /= over_time.sum(axis=0)
     weights = np.zeros(samples.shape)
     # summed over time by numpy: the last bits of a long matrix product depend on the number of threads
-    weights[valid] = np.einsum("kt,td->kd", probabilities, over_time)
+    weights[valid] = np.einsum("kt,td->kd", weights_at, over_time)
     deviations = samples[valid] - distribution.mean
     return Update(
         distribution=SearchDistribution(
@@ -226,7 +225,7 @@ def update(
             adapted_covariance(distribution.covariance, deviations, weights[valid], parameters.covariance),
         ),
         temperatures=temperatures,
-        effective_samples=1.0 / np.sum(probabilities**2, axis=0),
+        effective_samples=1.0 / np.sum(weights_at**2, axis=0),
         weights=weights,
         failed=~valid,
     )
@@ -249,3 +248,99 @@ def _check_shapes(
     expected = (costs.shape[1], samples.shape[1])
     if activation is not None and activation.shape != expected:
         raise InputError(f"the activation must be (T, D), here {expected}, not {activation.shape}")
+
+
+def normalised(costs: np.ndarray) -> np.ndarray:
+    """Finite costs (K, T) of every time step mapped from [lowest, highest over the samples] to [0, 1].
+
+    They are 0 at time steps where all samples cost the same.
+    """
+    lowest, highest = costs.min(axis=0), costs.max(axis=0)
+    # halved: the difference of two finite numbers may be infinite
+    half_range = highest / 2 - lowest / 2
+    differ = half_range > ROUNDING * np.maximum(abs(lowest), abs(highest))
+    return np.where(differ, (costs / 2 - lowest / 2) / np.where(differ, half_range, 1.0), 0.0)
+
+
+def probabilities(costs: np.ndarray, temperatures: np.ndarray) -> np.ndarray:
+    """Weights of the samples at every time step (algorithm IV.4, line 6).
+
+    `costs`: (K, T), smallest cost of each time step 0. `temperatures`: (T,) positive, in the costs' unit.
+    Returns (K, T) positive or 0, sum over the samples 1.
+    """
+    weights = np.exp(-costs / temperatures)
+    return weights / weights.sum(axis=0)
+
+
+def bounded_temperatures(costs: np.ndarray, kl_bound: float, floor: float) -> np.ndarray:
+    """Lowest temperatures at which the weights keep within a divergence from the uniform ones.
+
+    The root of KL(lambda) = bound is where the dual of relative-entropy policy search has its minimum:
+
+        g(lambda) = lambda bound + lambda log(mean_k exp(-S_k / lambda)),    dg/dlambda = bound - KL(lambda)
+
+    `costs`: (K, T) normalised costs, smallest of each time step 0, largest at most 1. `kl_bound`: largest
+    divergence in nat; beyond log K it is never met. `floor`: smallest temperature, where the bound leaves
+    room for less (too few samples, or ties). Returns (T,) temperatures; the divergence is the bound wherever
+    the temperature is above the floor.
+    """
+    return _bounded_temperatures(np.ascontiguousarray(costs.T), kl_bound, floor)
+
+
+@numba.njit(cache=True)
+def _bounded_temperatures(costs: np.ndarray, kl_bound: float, floor: float) -> np.ndarray:
+    """The same of costs (T, K), time step by time step: each begins with the answer of the one before.
+
+    Newton's method, bracketed, over x = log(1 / lambda).
+    """
+    steps, samples = costs.shape
+    temperatures = np.full(steps, floor)
+    coldest = -np.log(floor)
+    # KL is the integral of b var_b(S) over b = 1 / lambda, no variance on [0, 1] exceeds 1/4: KL <= b^2 / 8
+    warmest = 0.5 * np.log(8.0 * kl_bound)
+    x = warmest
+    for t in range(steps):
+        if _divergence(costs[t], coldest)[0] <= kl_bound:
+            continue
+        low, high = warmest, coldest
+        for trial in range(MOST_TRIALS):
+            divergence, slope = _divergence(costs[t], x)
+            if abs(divergence - kl_bound) <= TOLERANCE * kl_bound:
+                break
+            if divergence > kl_bound:
+                high = x
+            else:
+                low = x
+            x = _newton(x, divergence, slope, kl_bound, np.log(samples))
+            if trial % 8 == 7 or not low < x < high:
+                x = 0.5 * (low + high)
+        temperatures[t] = np.exp(-x)
+    return temperatures
+
+
+@numba.njit(cache=True)
+def _divergence(costs: np.ndarray, x: float) -> tuple[float, float]:
+    """KL divergence of the weights of costs (K,) from uniform ones, and its derivative over x."""
+    inverse = np.exp(x)
+    total = first = second = 0.0
+    for cost in costs:
+        scaled = inverse * cost
+        weight = np.exp(-scaled)
+        total += weight
+        first += weight * scaled
+        second += weight * scaled**2
+    mean = first / total
+    return np.log(len(costs) / total) - mean, second / total - mean**2
+
+
+@numba.njit(cache=True)
+def _newton(x: float, divergence: float, slope: float, kl_bound: float, most: float) -> float:
+    """Newton's step for the logit of KL / log K, NaN where there is none.
+
+    KL grows as exp(2 x) first and ends at log K, so that its logit is nearly a straight line.
+    """
+    missing = most - divergence
+    if divergence <= 0.0 or missing <= 0.0 or slope <= 0.0:
+        return np.nan
+    excess = np.log(divergence / missing) - np.log(kl_bound / (most - kl_bound))
+    return x - excess * divergence * missing / (slope * most)

@@ -80,11 +80,7 @@ def cost_matrix(runs: Sequence[Rollout]) -> np.ndarray:
 
 
 def kernel_activation(steps: int, kernel_count: int = KERNEL_COUNT) -> np.ndarray:
-    """How much each weight of an open-loop policy acts at every tick of a primitive: |G_i(p, u)|.
-
-    `steps`: ticks T from the primitive's start to its end. `kernel_count`: number of weights N. Returns
-    (T, N).
-    """
+    """How much each weight of an open-loop policy acts at every tick of a primitive: |G_i(p, u)|, (T, N)."""
     p, u = canonical.phase(np.linspace(0.0, 1.0, steps), canonical.TAU_PER_DURATION)
     return np.abs(features(p, u, kernel_count))
 
@@ -162,8 +158,10 @@ class Progress:
     @property
     def kept(self) -> int:
         """Iteration whose network is kept: fewest failures in its executions, then lowest mean cost."""
-        runs = self.history[self.history["kind"] == FEEDBACK].groupby("iteration")
-        return int(min(runs, key=lambda group: _standing(group[1]))[0])
+        runs = self.history[self.history["kind"] == FEEDBACK]
+        by_iteration = runs.assign(failed=runs["fault"] != "").groupby("iteration")
+        standing = by_iteration.agg({"failed": "sum", "cost_rad": "mean"})
+        return int(standing.sort_values(["failed", "cost_rad"]).index[0])
 
 
 def start(
@@ -175,15 +173,14 @@ def start(
     """
     count = initial.kernel_count
     runs = _execute(environment, [initial] * parameters.evaluation_runs, 0, FEEDBACK)
-    compressed = compress(runs, count)
     return Progress(
         iteration=0,
         network=initial,
         covariance=exploration**2 * np.eye(count),
+        compressed=compress(runs, count),
         history=history_rows(runs, 0, FEEDBACK),
         policies=np.empty((0, count)),
         samples=sample_rows(runs, 0, FEEDBACK, environment.rate_hz),
-        compressed=compressed,
     )
 
 
@@ -255,14 +252,11 @@ def refine(
 
 
 def executed(environment: Environment, policy: np.ndarray, runs: int) -> CouplingDataset:
-    """What is felt where an open-loop policy is executed in a setting that is known.
+    """What is felt where an open-loop policy (N,) is executed in a setting where it is right.
 
     People's demonstrations feel otherwise than executions: a hand guides the robot. The improved policy of a
     new setting is executed, so what is right in the known ones is, too: else the network takes the difference
-    between hand and no hand for one between settings.
-
-    `policy`: (N,) weights of what is right there. Returns their samples, numbered as those of `learnable`.
-    Raises InputError: all executions failed.
+    between hand and no hand for one between settings. Raises InputError: all executions failed.
     """
     seeds = [(0, KNOWN, number) for number in range(runs)]
     return learnable(environment.rollouts([open_loop(policy)] * runs, seeds), "executions in a known setting")
@@ -274,18 +268,14 @@ def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:
     Numbered down from -1: numbers of demonstrations are not negative.
     """
     samples = [run.samples for run in succeeded(runs, what) if run.samples is not None]
-    parts = [
-        replace(part, demonstration=np.full(len(part.target), -1 - number))
-        for number, part in enumerate(samples)
-    ]
-    return concatenated(parts)
+    numbers = np.repeat(-1 - np.arange(len(samples)), [len(part.target) for part in samples])
+    return replace(concatenated(samples), demonstration=numbers)
 
 
 def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.ndarray:
-    """Open-loop policy that does what executions did on average (algorithm IV.3, line 4).
+    """Weights (N,) of the open-loop policy that does what executions did on average (algorithm IV.3, line 4).
 
-    `runs`: executions; failed ones are left out. `kernel_count`: number of phase kernels N. Returns (N,)
-    weights. Raises InputError: all executions failed.
+    Failed ones are left out. Raises InputError: all executions failed.
     """
     return open_loop_weights(learnable(runs, "executions with the network"), kernel_count)
 
@@ -294,11 +284,6 @@ def open_loop_weights(samples: CouplingDataset, kernel_count: int = KERNEL_COUNT
     """Weights theta (N,) of the policy c = G(p, u) . theta nearest to what was done, by least squares."""
     features = samples.modulation(kernel_count)
     return np.linalg.lstsq(features, samples.target, rcond=SMALLEST_SINGULAR_VALUE)[0]
-
-
-def _standing(runs: pd.DataFrame) -> tuple[int, float]:
-    """By which networks compare, of the rows of their executions: the lower the better."""
-    return int((runs["fault"] != "").sum()), float(runs["cost_rad"].mean())
 
 
 def _execute(

@@ -11,6 +11,7 @@ A rollout that failed counts. PI2-CMA leaves it out; for CMA-ES, which only rank
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -156,8 +157,21 @@ def compare(
         in all rows; NaN if one failed), `best_rad` (lowest accumulated cost of any rollout so far; NaN at the
         start), `failed` (rollouts so far).
     """
-    trials = _trials(start, exploration, search, parameters, first_seed)
-    while going := [trial for trial in trials if _left(trial, parameters.budget) >= 0]:
+    trials = []
+    for method, seed in product((PI2, CMA_ES), range(first_seed, first_seed + parameters.seeds)):
+        rng = np.random.default_rng(seed)
+        own: Search
+        if method == PI2:
+            own = PathIntegralSearch(SearchDistribution.around(start, exploration), search, rng)
+        else:
+            own = EvolutionStrategy.around(start, exploration, rng)
+        if own.count > parameters.budget:
+            raise InputError(
+                f"a budget of {parameters.budget} rollouts is not enough for an update of {method}, "
+                f"which takes {own.count}"
+            )
+        trials.append(Trial(method, seed, own))
+    while going := [one for one in trials if len(one.costs) + one.search.count <= parameters.budget]:
         _advance(environment, going)
     policies = [start, *(mean for trial in trials for mean in trial.means)]
     before, *after = _mean_costs(environment, policies, parameters.evaluation_runs)
@@ -166,37 +180,6 @@ def compare(
         costs, after = after[: len(trial.means)], after[len(trial.means) :]
         tables.append(_rows(trial, [before, *costs]))
     return pd.concat(tables, ignore_index=True)
-
-
-def _trials(
-    start: np.ndarray,
-    exploration: float,
-    search: PI2Parameters,
-    parameters: ComparisonParameters,
-    first_seed: int,
-) -> list[Trial]:
-    """All searches at their start; InputError where the budget does not reach for an update."""
-    trials = []
-    for method in (PI2, CMA_ES):
-        for seed in range(first_seed, first_seed + parameters.seeds):
-            rng = np.random.default_rng(seed)
-            own: Search
-            if method == PI2:
-                own = PathIntegralSearch(SearchDistribution.around(start, exploration), search, rng)
-            else:
-                own = EvolutionStrategy.around(start, exploration, rng)
-            trials.append(Trial(method, seed, own))
-            if _left(trials[-1], parameters.budget) < 0:
-                raise InputError(
-                    f"a budget of {parameters.budget} rollouts is not enough for an update of {method}, "
-                    f"which takes {own.count}"
-                )
-    return trials
-
-
-def _left(trial: Trial, budget: int) -> int:
-    """Rollouts that would be left after one more update."""
-    return budget - len(trial.costs) - trial.search.count
 
 
 def _advance(environment: Environment, trials: Sequence[Trial]) -> None:

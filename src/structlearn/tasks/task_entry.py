@@ -46,17 +46,10 @@ class ObstacleEntry(SourceParameters, SceneLearningParameters):
     representations: RepresentationParameters | None
 
 
-ENTRIES: tuple[type[SourceParameters], ...] = (
-    MovementEntry,
-    MotionParameters,
-    TouchParameters,
-    ObstacleEntry,
-)
-KINDS = {entry.kind: entry for entry in ENTRIES}
+KINDS: dict[str, type[SourceParameters]] = {
+    entry.kind: entry for entry in (MovementEntry, MotionParameters, TouchParameters, ObstacleEntry)
+}
 """Kinds of data, as entries are grouped."""
-
-STAGES = {kind: (f"report_{kind}", f"view_{kind}") for kind in KINDS}
-"""Last stages of a task by kind, which bring up to date all others."""
 
 
 class Entry(NamedTuple):
@@ -122,11 +115,7 @@ def read_checked(path: Path) -> SourceParameters:
     return checked(value_at(path, "entry"), KINDS[kind], path, "entry")
 
 
-Digests = dict[str, dict[str, str]]
-"""SHA-256 of files by their path as it is written, by what they are for."""
-
-
-def source_digests(task: SourceParameters) -> Digests:
+def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:
     """`file_digests` of all that a task comes from, by what it is for."""
     return {
         name: {file: digest for path in paths for file, digest in file_digests(path).items()}
@@ -134,7 +123,7 @@ def source_digests(task: SourceParameters) -> Digests:
     }
 
 
-def write_task(task: SourceParameters, files: Digests, path: Path) -> None:
+def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: Path) -> None:
     """Publish a task's parameters with the digests that its sources had before they were read.
 
     Raises:
@@ -165,19 +154,16 @@ def file_digests(source: str) -> dict[str, str]:
         path = urdf_path(str(path))
     if not path.exists():
         raise InputError(f"{source}: no such file or folder")
-    if path.is_file():
-        return {source: _digest(path)}
-    found = {file: file.relative_to(path) for file in sorted(path.rglob("*")) if file.is_file()}
-    return {
-        f"{source}/{name.as_posix()}": _digest(file)
-        for file, name in found.items()
-        if not any(part.startswith(".") for part in name.parts)
-    }
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    found = {source: path} if path.is_file() else {}
+    for file in sorted(path.rglob("*")) if path.is_dir() else ():
+        below = file.relative_to(path)
+        if file.is_file() and not any(part.startswith(".") for part in below.parts):
+            found[f"{source}/{below.as_posix()}"] = file
+    digests = {}
+    for name, file in found.items():
+        with file.open("rb") as content:
+            digests[name] = hashlib.file_digest(content, "sha256").hexdigest()
+    return digests
 
 
 def targets(which: str, name: str = "") -> list[str]:
@@ -193,13 +179,12 @@ def targets(which: str, name: str = "") -> list[str]:
         raise InputError(
             f"{local_path('$DATA')}: holds no public set; name their folder: make recorded DATA=FOLDER"
         )
-    names = [name] if name else list(entries)
-    return [f"{project.pipeline()}:{stage}@{one}" for one in names for stage in STAGES[read_task(one).kind]]
-
-
-def _print_targets() -> None:
-    print("\n".join(targets(*sys.argv[1:])))
+    return [
+        f"{project.pipeline()}:{stage}_{read_task(one).kind}@{one}"
+        for one in ([name] if name else entries)
+        for stage in ("report", "view")
+    ]
 
 
 if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none
-    run(_print_targets)
+    run(lambda: print("\n".join(targets(*sys.argv[1:]))))

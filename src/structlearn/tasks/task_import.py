@@ -12,7 +12,8 @@ where `entry` has the task's parameters, and `left_out[file] = reason` names wha
 
 import importlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
@@ -24,12 +25,12 @@ from structlearn import readers
 from structlearn.avoidance.avoidance_dataset import to_table
 from structlearn.core.artefacts import publish, write_csv, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers import Recording, synchronise
+from structlearn.readers import Recording, read_recordings, synchronise
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.joint_log import write_log_table
+from structlearn.readers.joint_log import JointLog, read_joint_logs, write_log_table
 from structlearn.readers.runs import write_runs, write_streams
 from structlearn.readers.source import ClockParameters, SourceParameters, setting_folders
-from structlearn.readers.touch_log import write_touch_logs
+from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
 from structlearn.tasks.obstacles.coupling_samples import RecordedSamples
@@ -45,11 +46,8 @@ WORDS = {
 }
 """What kinds of streams are called, where it is not their name."""
 
-OTHERS = {
-    "bags": "structlearn.tasks.bags",
-    "coupling_samples": "structlearn.tasks.obstacles.coupling_samples",
-}
-"""Readers whose modules are elsewhere."""
+OTHERS = {"bags": __name__, "coupling_samples": "structlearn.tasks.obstacles.coupling_samples"}
+"""Readers elsewhere; `bags`: at the end of this module, for files of any format of `readers.bag_files`."""
 
 LeftOut = dict[str, str]
 """Why files could not be read, by their names."""
@@ -210,3 +208,40 @@ def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows)
+
+
+def read_movement(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
+    """Recordings with the signals of the entry's topics."""
+    return read_recordings(folder, entry.topics, entry.stamps)
+
+
+def read_motion(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[JointLog]:
+    """Logs of the joints that the entry's URDF has."""
+    from structlearn.tasks.motion.joint_motion import arm_of
+
+    robot, _ = arm_of(entry)
+    return read_joint_logs(folder, entry.topic, robot.tree.names, entry.stamps)
+
+
+def read_obstacles(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
+    """Reaches of a folder, or of its sub-folders, one per person; else each is a person of its own."""
+    inside = sorted(folder.iterdir()) if folder.is_dir() else []
+    people = [path for path in inside if path.is_dir() and not path.name.startswith(".")]
+    people = [path for path in people if not (path / "metadata.yaml").exists()]  # those are bags
+    found = []
+    for one in people or [folder]:
+        for reach in read_recordings(one, entry.topics, entry.stamps):
+            name, person = (f"{one.name} {reach.name}", one.name) if people else (reach.name, reach.name)
+            found.append(replace(reach, name=name, provenance={**reach.provenance, "person": person}))
+    return found
+
+
+def read_touch(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[TouchLog | Recording]:
+    """Tables of touches, or else bags with a tactile signal and the pose of what touches."""
+    logs = [log for path in touch_tables(folder) for log in read_touch_table(path, entry.channels)]
+    if logs:
+        return logs
+    recordings = read_recordings(folder, entry.topics, entry.stamps)
+    if entry.over_time:
+        return recordings
+    return [touch_of(synchronise(one, **entry.clock.model_dump())) for one in recordings]

@@ -40,7 +40,7 @@ POOR = 1.0
 CHECKED = ("reproduction", "smoothing", "others")
 """How columns of checks begin."""
 
-AXES = ["x", "y", "z"]
+AXES, PATHS = ["x", "y", "z"], ("nominal", "coupling", "spread")
 
 
 def feedback_section(files: TaskFiles) -> Section | None:
@@ -84,12 +84,11 @@ def feedback_section(files: TaskFiles) -> Section | None:
 
 def response_table(scores: pd.DataFrame) -> Table:
     """Scores with displacements in mm and degrees."""
-    factors = scores["axis"].map(lambda axis: in_view(axis)[0])
-    units = scores["axis"].map(lambda axis: in_view(axis)[1])
-    frame = scores.assign(**{name: factors * scores[name] for name in ("asked", "got", "off")}, unit=units)
+    factors, units = zip(*scores["axis"].map(in_view), strict=True)
+    frame = scores.assign(**{name: scores[name] * factors for name in ("asked", "got", "off")}, unit=units)
     headings = {"left_out": "left out", "nmse": "NMSE", "learned": "of what is learned from"}
     headings |= {"off": "rms difference", "unit": ""}
-    return Table(frame, {"nmse": ".2f", "asked": ".2f", "got": ".2f", "off": ".2f"}, headings)
+    return Table(frame, dict.fromkeys(("nmse", "asked", "got", "off"), ".2f"), headings)
 
 
 @styled
@@ -118,20 +117,19 @@ def phase_section(files: TaskFiles) -> Section | None:
     names = ("completeness", "distances", "profile", "targets", "scores", "paths")
     ends, distances, profile, targets, scores, paths = (files.table(f"feedback/{name}") for name in names)
     runs = distances.groupby("run").mean(numeric_only=True)  # of each its mean over the splits
-    by_split = distances.groupby("split")[["nominal_mm", "coupling_mm", "spread_mm"]].mean()
+    by_split = distances.groupby("split")[[f"{key}_mm" for key in PATHS]].mean()
     by_axis = scores.groupby("axis")
     values = {
         "coupling_path_end_share": distances["end_share"].mean(),
         "corrected_reaches_learned_from": int(distances["learned_from"].iloc[0]),
         "corrected_reaches_left_out": int((distances["split"] == 0).sum()),
     }
-    for column, name in (
-        ("nominal_mm", "nominal_path"),
-        ("coupling_mm", "coupling_path"),
-        ("spread_mm", "corrected_spread"),
+    for column, name, mean in (
+        ("nominal_mm", "nominal_path", "nominal_path_mean"),
+        ("coupling_mm", "coupling_path", "coupling_path_mean"),
+        ("spread_mm", "corrected_spread", "corrected_spread"),
     ):
-        infix = "" if name == "corrected_spread" else "_mean"
-        values |= {f"{name}{infix}_mm": by_split[column].mean(), f"{name}_std_mm": by_split[column].std()}
+        values |= {f"{mean}_mm": by_split[column].mean(), f"{name}_std_mm": by_split[column].std()}
     for name, first, second in (
         ("coupling_gain", "nominal_mm", "coupling_mm"),
         ("coupling_above_spread", "coupling_mm", "spread_mm"),
@@ -139,6 +137,14 @@ def phase_section(files: TaskFiles) -> Section | None:
         middle, half = mean_interval((runs[first] - runs[second]).to_numpy())
         values |= {f"{name}_mm": middle, f"{name}_half_width_mm": half}
     values |= {f"coupling_{axis}_nmse": its["nmse"].mean() for axis, its in by_axis}
+    path_distances = pd.DataFrame(
+        {
+            "distance_from": [PHASE_PATHS[key].name for key in PATHS],
+            "mean_mm": by_split.mean(),
+            "std_mm": by_split.std(),
+            "furthest_mm": distances[by_split.columns].max(),
+        }
+    )
     find = Findings.of_metrics(values, ("nominal_path_mean_mm", "coupling_path_mean_mm"))
     find = find.among("runs left out, each by its mean over the splits")
     find.difference("coupling_gain", runs["nominal_mm"], runs["coupling_mm"], unit="mm")
@@ -158,7 +164,7 @@ def phase_section(files: TaskFiles) -> Section | None:
             "target_end_percent": 100 * by_axis["target_end_share"].mean().max(),
         },
         tables={
-            "coupling_paths": shown(_path_distances(distances)),
+            "coupling_paths": shown(path_distances),
             "coupling_axes": shown(_axes(targets, scores), largest_m=".1f", spread_m=".1f"),
         },
         pictures={
@@ -168,15 +174,6 @@ def phase_section(files: TaskFiles) -> Section | None:
         },
         find=find,
     )
-
-
-def _path_distances(distances: pd.DataFrame) -> pd.DataFrame:
-    """Distance of left-out runs from every path: mean and std over the splits, and the largest."""
-    rows = []
-    for key in ("nominal", "coupling", "spread"):
-        means = distances.groupby("split")[f"{key}_mm"].mean()
-        rows.append((PHASE_PATHS[key].name, means.mean(), means.std(), distances[f"{key}_mm"].max()))
-    return pd.DataFrame(rows, columns=["distance_from", "mean_mm", "std_mm", "furthest_mm"])
 
 
 def _axes(targets: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:

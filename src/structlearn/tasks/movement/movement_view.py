@@ -1,7 +1,7 @@
 """Recordings of a task's movements, and of what was learned from them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,11 @@ DEMONSTRATED = (
 )
 LEARNED = """Thick: the primitives in turn, from and to the mean start and goals (nominal) and others
 (generalised); faint: demonstrations."""
+TURNS = """Turns of the hand: recorded runs, and the primitive learned from all of them. All are stretched to
+its duration and turn to their goals, where every pointer meets its mark. The axis of the turn points up; what
+is left of the motion is the swing.
+
+"""
 
 RECORDED, PRIMITIVE = Look("recorded", DEMONSTRATION_COLOUR), Look("primitive", REPRODUCTION_COLOUR)
 
@@ -98,17 +103,11 @@ def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segment
     for part in parts:
         times.append(part.time + starts[-1])
         starts.append(times[-1][-1] + part.dt)
-    signals: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in SIGNAL_UNITS
-        if all(getattr(part, name) is not None for part in parts)
-    }
-    nothing: dict[str, Any] = {
-        one.name: None
-        for one in fields(Demonstration)
-        if one.name in SIGNAL_UNITS and one.name not in signals
-    }
-    execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **signals, **nothing)
+    recorded: dict[str, Any] = {}
+    for name in SIGNAL_UNITS:
+        its = [getattr(part, name) for part in parts]
+        recorded[name] = None if any(one is None for one in its) else np.concatenate(its)
+    execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **recorded)
     rows = [
         (EXECUTION, part.name, RESULT, start, end)
         for part, start, end in zip(parts, starts[:-1], starts[1:], strict=True)
@@ -141,21 +140,12 @@ def write_turns(path: Path, logs: Sequence[OrientationTrajectory], primitive: Po
     times = [time_column(np.linspace(0.0, learned.duration, samples))]
     with recording(path, "Turns of the hand and the primitive") as stream:
         stream.send_blueprint(_blueprint([name for name, _, _ in shown]))
-        send_notes(stream, _note(logs))
+        send_notes(stream, TURNS + legend(dict([RECORDED, PRIMITIVE])))
         for place, (name, turn, colour) in enumerate(shown):
             angles = signals.time_normalised(on_chart(turn, axes).position, samples)  # (samples, 3) rad
             _send_cap(stream, name, colour, place, times, from_chart(angles, UP))
             for chart, values in zip(CHART, np.degrees(angles).T, strict=True):
                 send_series(stream, entity(chart, name), times, values[:, None], [name], [colour])
-
-
-def _note(logs: Sequence[OrientationTrajectory]) -> str:
-    return (
-        f"Turns of the hand: {len(logs)} recorded runs, and the primitive "
-        "learned from all of them. All are stretched to its duration and turn to their goals, where every "
-        "pointer meets its mark. The axis of the turn points up; what is left of the motion is the swing.\n\n"
-        + legend(dict([RECORDED, PRIMITIVE]))
-    )
 
 
 def _send_cap(
@@ -169,20 +159,12 @@ def _send_cap(
     """A cap with a pointer at its place in the row, turning with orientations (T, 4), and the goal's mark."""
     middle = np.array([0.0, APART * place, 0.0])
     cap = entity("caps", name)
-    stream.log(
-        cap,
-        rr.Cylinders3D(
-            lengths=[0.5 * RADIUS],
-            radii=[RADIUS],
-            colors=rgba([colour], 0.8),
-            fill_mode=rr.components.FillMode.Solid,
-        ),
-        static=True,
-    )
+    solid = rr.components.FillMode.Solid
+    disc = rr.Cylinders3D(lengths=[0.5 * RADIUS], radii=[RADIUS], colors=rgba([colour], 0.8), fill_mode=solid)
+    stream.log(cap, disc, static=True)
     height = 0.27 * RADIUS
-    pointer = rr.LineStrips3D(
-        [[[0.0, 0.0, height], [RADIUS, 0.0, height]]], colors=rgba([LIGHT_GREY]), radii=0.003
-    )
+    radius = [[0.0, 0.0, height], [RADIUS, 0.0, height]]
+    pointer = rr.LineStrips3D([radius], colors=rgba([LIGHT_GREY]), radii=0.003)
     stream.log(entity("caps", name, "pointer"), pointer, static=True)
     translation = np.tile(middle, (len(orientation), 1))
     turns = rr.Transform3D.columns(translation=translation, quaternion=quaternion.to_xyzw(orientation))

@@ -93,8 +93,7 @@ class ScrapingFiles:
 def read_settings(folder: str | Path) -> dict[float, list[Demonstration]]:
     """Runs by setting in degrees, in rising order, from `<setting>.parquet`.
 
-    Raises:
-        InputError: there is no such folder, or a file cannot be read.
+    Raises InputError: there is no such folder, or a file cannot be read.
     """
     paths = sorted(_written(folder).glob("*.parquet"), key=lambda path: float(path.stem))
     return {float(path.stem): read_runs(path) for path in paths}
@@ -103,8 +102,7 @@ def read_settings(folder: str | Path) -> dict[float, list[Demonstration]]:
 def read_expected(folder: str | Path) -> dict[str, VectorPrimitive]:
     """Expected traces by the primitive's name, from `<primitive>.safetensors`; none if nothing was felt.
 
-    Raises:
-        InputError: there is no such folder, or a file is not readable.
+    Raises InputError: there is no such folder, or a file is not readable.
     """
     files = sorted(_written(folder).glob("*.safetensors"))
     return {path.stem: read_vector_primitive(path) for path in files}
@@ -113,20 +111,22 @@ def read_expected(folder: str | Path) -> dict[str, VectorPrimitive]:
 def read_datasets(folder: str | Path, settings: Sequence[float] | None = None) -> dict[str, CouplingDataset]:
     """Supervised data by the primitive's name, of some settings in degrees or of all.
 
-    Raises:
-        InputError: there is no such folder, a file is not readable, or a setting was not recorded.
+    Raises InputError: there is no such folder, a file is not readable, or a setting was not recorded.
     """
     datasets = {}
     for path in sorted(_written(folder).glob("*.parquet")):
-        if not path.stem.startswith(CHECKS):
-            dataset = _dataset(path)
-            if settings is not None:
-                missing = sorted(set(settings) - set(dataset.setting))
-                if missing:
-                    names = ", ".join(f"{setting:g}" for setting in missing)
-                    raise InputError(f"{path}: has no corrections in the settings {names}")
-                dataset = dataset.where(np.isin(dataset.setting, settings))
-            datasets[path.stem] = dataset
+        if path.stem.startswith(CHECKS):
+            continue
+        try:
+            dataset = from_table(read_table(path))
+        except KeyError as error:
+            raise InputError(f"{path}: holds no supervised data (missing {error})") from error
+        if settings is not None:
+            if missing := sorted(set(settings) - set(dataset.setting)):
+                names = ", ".join(f"{setting:g}" for setting in missing)
+                raise InputError(f"{path}: has no corrections in the settings {names}")
+            dataset = dataset.where(np.isin(dataset.setting, settings))
+        datasets[path.stem] = dataset
     return datasets
 
 
@@ -135,10 +135,3 @@ def _written(folder: str | Path) -> Path:
     if not Path(folder).is_dir():
         raise InputError(f"{folder}: no such folder; run the stage that writes it")
     return Path(folder)
-
-
-def _dataset(path: Path) -> CouplingDataset:
-    try:
-        return from_table(read_table(path))
-    except KeyError as error:
-        raise InputError(f"{path}: holds no supervised data (missing {error})") from error

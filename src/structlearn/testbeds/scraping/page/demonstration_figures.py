@@ -1,6 +1,6 @@
 """Figures of demonstrations, primitives and their sequences; a figure is a list of panels."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,11 +31,24 @@ from structlearn.reporting.movement_figures import (
     speed,
 )
 from structlearn.segmentation.segments import Segmentation
-from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
+from structlearn.testbeds.scraping.page.results import SegmentationResults
 
 ELECTRODES_SHOWN = 4
 FORCING_SAMPLES = 300
 LINES = ("-", (0, (4, 1.5)))  # Line styles of the sequences in one figure
+
+
+def stacked_panels(
+    labels: Sequence[str], height: float, title: str = "", time: str = "time / duration"
+) -> tuple[Figure, np.ndarray]:
+    """A figure of panels below each other, which share their time, with labels of their axes."""
+    figure = canvas(height, PANEL_WIDTH)
+    panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, label in zip(panels, labels, strict=True):
+        panel.set_ylabel(label)
+    panels[0].set_title(title)
+    panels[-1].set_xlabel(time)
+    return figure, panels
 
 
 def busiest_electrodes(runs: Sequence[Demonstration]) -> np.ndarray:
@@ -57,54 +70,44 @@ def draw_electrodes(panel: Axes, run: Demonstration, channels: np.ndarray) -> No
 @styled
 def demonstrations_figure(results: SegmentationResults) -> list[Figure]:
     """Position per axis and speed of all demonstrations over time; the reference in front."""
-    figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
-    panels = [panel for figure in figures for panel in figure.subplots(2, 1, sharex=True)]
+    labels = [["x (mm)", "y (mm)"], ["z (mm)", "speed (mm/s)"]]
+    figures, rows = zip(*(stacked_panels(pair, 3.6, time="time (s)") for pair in labels), strict=True)
+    panels = np.concatenate(rows)
     for one in sorted(results.demonstrations, key=lambda one: one.name == results.reference.name):
-        first = one.name == results.reference.name
-        look: dict[str, Any] = {
-            "color": REFERENCE_COLOUR if first else DEMONSTRATION_COLOUR,
-            "linewidth": 1.4 if first else 0.8,
-            "label": f"reference ({one.name})" if first else None,
-        }
+        look: dict[str, Any] = {"color": DEMONSTRATION_COLOUR, "linewidth": 0.8}
+        if one.name == results.reference.name:
+            look = {"color": REFERENCE_COLOUR, "linewidth": 1.4, "label": f"reference ({one.name})"}
         for panel, values in zip(panels, (*one.position.T, speed(one)), strict=True):
             panel.plot(one.time, 1e3 * values, **look)
-    for panel, label in zip(panels, ("x (mm)", "y (mm)", "z (mm)", "speed (mm/s)"), strict=True):
-        panel.set_ylabel(label)
-    for panel in panels[1::2]:
-        panel.set_xlabel("time (s)")
     panels[0].legend()
-    return figures
+    return list(figures)
 
 
 @styled
 def one_demonstration_figure(demonstration: Demonstration, segmentation: Segmentation) -> list[Figure]:
     """Position, speed and, where recorded, force and touch of one demonstration with its cut points."""
-    time, names = demonstration.time, segmentation.primitives
-    draws: list[Callable[[Axes], object]] = [
-        lambda panel: draw_axes(panel, time, 1e3 * (demonstration.position - demonstration.position[0])),
-        lambda panel: panel.plot(time, 1e3 * speed(demonstration), color=BLACK),
-    ]
-    labels = ["from start (mm)", "speed (mm/s)"]
-    wrench = demonstration.wrench
-    if wrench is not None:
-        draws.append(lambda panel: draw_axes(panel, time, wrench[:, :3]))
-        labels.append("force (N)")
-    if demonstration.tactile is not None:
-        channels = busiest_electrodes([demonstration])
-        draws.append(lambda panel: draw_electrodes(panel, demonstration, channels))
-        labels.append("touch (counts)")
-    cuts = [segmentation.result(name).loc[demonstration.name, ["start_s", "end_s"]] for name in names]
+    one, names = demonstration, segmentation.primitives
+    wrench = one.wrench
+    pairs = [["from start (mm)", "speed (mm/s)"]]
+    felt = ["force (N)"] * (wrench is not None) + ["touch (counts)"] * (one.tactile is not None)
+    pairs += [felt] if felt else []
+    cuts = [segmentation.result(name).loc[one.name, ["start_s", "end_s"]] for name in names]
     figures = []
-    for first in range(0, len(draws), 2):
-        part = draws[first : first + 2]
-        figures.append(canvas(0.5 + 1.7 * len(part), PANEL_WIDTH))
-        panels = figures[-1].subplots(len(part), 1, sharex=True, squeeze=False)[:, 0]
-        for place, (panel, draw) in enumerate(zip(panels, part, strict=True)):
-            draw(panel)
-            panel.set_ylabel(labels[first + place])
-            shade_primitives(panel, cuts, names if place == 0 else ())
-            draw_cuts(panel, cuts, demonstration)
-        panels[-1].set(xlabel="time (s)", xlim=(time[0], time[-1]))
+    for labels in pairs:
+        figure, panels = stacked_panels(labels, 0.5 + 1.7 * len(labels), time="time (s)")
+        for panel, label in zip(panels, labels, strict=True):
+            if label == "from start (mm)":
+                draw_axes(panel, one.time, 1e3 * (one.position - one.position[0]))
+            elif label == "speed (mm/s)":
+                panel.plot(one.time, 1e3 * speed(one), color=BLACK)
+            elif label == "force (N)" and wrench is not None:
+                draw_axes(panel, one.time, wrench[:, :3])
+            else:
+                draw_electrodes(panel, one, busiest_electrodes([one]))
+            shade_primitives(panel, cuts, names if panel is panels[0] else ())
+            draw_cuts(panel, cuts, one)
+        panels[-1].set_xlim(one.time[0], one.time[-1])
+        figures.append(figure)
     return figures
 
 
@@ -139,71 +142,50 @@ def sequence_space_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]
 @styled
 def position_fit_figure(results: SegmentationResults) -> list[Figure]:
     """Segments of all demonstrations relative to their goal, and the primitives unrolled, per primitive."""
-    dt = results.reference.dt
-    return [
-        fit_panel(
-            one.name,
-            place,
-            [1e3 * (path.position - path.position[-1]) for path, _ in results.segments[one.name]],
-            1e3 * (one.position.unroll(dt).position - one.position.goal),
-            [f"{axis} (mm)" for axis in "xyz"],
-        )
-        for place, one in enumerate(results.primitives)
-    ]
+    labels = [f"{axis} (mm)" for axis in "xyz"]
+    figures = []
+    for place, one in enumerate(results.primitives):
+        paths = [1e3 * (path.position - path.position[-1]) for path, _ in results.segments[one.name]]
+        unrolled = 1e3 * (one.position.unroll(results.reference.dt).position - one.position.goal)
+        figures.append(fit_panel(one.name, place, paths, unrolled, labels))
+    return figures
 
 
 @styled
 def orientation_fit_figure(results: SegmentationResults) -> list[Figure]:
-    """The same for orientations, as rotation vectors from the goal in the base frame."""
-    dt = results.reference.dt
-    return [
-        fit_panel(
-            one.name,
-            place,
-            [
-                _from_goal(turn.orientation, turn.orientation[-1])
-                for _, turn in results.segments[one.name]
-                if turn is not None
-            ],
-            _from_goal(one.orientation.unroll(dt).orientation, one.orientation.goal),
-            [f"about {axis} (°)" for axis in "xyz"],
-        )
-        for place, one in enumerate(results.primitives)
-        if one.orientation is not None
-    ]
-
-
-def _from_goal(orientation: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Rotation vectors (T, 3) in degrees that turn the goal into the orientations (T, 4)."""
-    return np.degrees(quaternion.difference(orientation, goal))
+    """The same for orientations, as rotation vectors in degrees from the goal in the base frame."""
+    labels = [f"about {axis} (°)" for axis in "xyz"]
+    figures = []
+    for place, one in enumerate(results.primitives):
+        if one.orientation is not None:
+            turns = [turn.orientation for _, turn in results.segments[one.name] if turn is not None]
+            paths = [np.degrees(quaternion.difference(turn, turn[-1])) for turn in turns]
+            unrolled = one.orientation.unroll(results.reference.dt).orientation
+            from_goal = np.degrees(quaternion.difference(unrolled, one.orientation.goal))
+            figures.append(fit_panel(one.name, place, paths, from_goal, labels))
+    return figures
 
 
 @styled
 def forcing_figure(results: SegmentationResults) -> list[Figure]:
     """Forcing terms of the primitives in their local frames, and the phase that fades them out."""
     fraction = np.linspace(0.0, 1.0, FORCING_SAMPLES)
-    figures = []
+    p, u = canonical.phase(fraction, canonical.time_constant(1.0))
+    curves = {}
     for one in results.primitives:
         local, times = one.position.local, fraction * one.duration
         rows = {"position, local\nframe (m)": local.forcing(times, local.start, local.goal, one.duration)}
         if isinstance(one.orientation, QuaternionPrimitive):
             rows["orientation, base\nframe (rad)"] = one.orientation.forcing(times, one.duration)
-        figures.append(_rows(f"Forcing terms: {one.name}", rows, fraction))
-    p, u = canonical.phase(fraction, canonical.time_constant(1.0))
-    figures.append(_rows("Canonical system", {"phase p": p, "phase velocity u": u}, fraction))
+        curves[f"Forcing terms: {one.name}"] = rows
+    curves["Canonical system"] = {"phase p": p, "phase velocity u": u}
+    figures = []
+    for title, rows in curves.items():
+        figure, panels = stacked_panels(list(rows), 3.4, title)
+        for panel, values in zip(panels, rows.values(), strict=True):
+            if values.ndim == 1:
+                panel.plot(fraction, values, color=GREY)
+            else:
+                draw_axes(panel, fraction, values)
+        figures.append(figure)
     return figures
-
-
-def _rows(title: str, rows: Mapping[str, np.ndarray], fraction: np.ndarray) -> Figure:
-    """Curves (T,) or (T, 3) below each other over normalised time."""
-    figure = canvas(3.4, PANEL_WIDTH)
-    panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, (label, values) in zip(panels, rows.items(), strict=True):
-        if values.ndim == 1:
-            panel.plot(fraction, values, color=GREY)
-        else:
-            draw_axes(panel, fraction, values)
-        panel.set_ylabel(label)
-    panels[0].set_title(title)
-    panels[-1].set_xlabel("time / duration")
-    return figure

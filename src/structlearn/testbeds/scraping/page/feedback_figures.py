@@ -13,29 +13,25 @@ from structlearn.core import signals
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, ORANGE
-from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import headroom, shade_primitives
 from structlearn.reporting.prose import capitalised
 from structlearn.testbeds.scraping.names import CORRECTED, REPRESENTATIONS, RUNS, primitive_title
-from structlearn.testbeds.scraping.page.demonstration_figures import busiest_electrodes, draw_electrodes
-from structlearn.testbeds.scraping.page.execution_results import (
-    ExecutionResults,
-    hand_roll_deg,
-    tool_roll_deg,
-)
-from structlearn.testbeds.scraping.page.feedback_results import (
-    SAMPLES,
-    BoardResults,
-    FeedbackResults,
-    unroll_traces,
+from structlearn.testbeds.scraping.page.board_results import BoardResults, ExecutionResults
+from structlearn.testbeds.scraping.page.demonstration_figures import (
+    busiest_electrodes,
+    draw_electrodes,
+    stacked_panels,
 )
 from structlearn.testbeds.scraping.page.findings import ScrapingPeople
+from structlearn.testbeds.scraping.page.results import SAMPLES, FeedbackResults
 from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL
+from structlearn.testbeds.scraping.world.layout import hand_roll_deg, tool_roll_deg
 
 STRUCTURES = ("pmnn_100", "pmnn_0", "ffnn_phase", "ffnn")
 EMBEDDINGS = ("pmnn_100", "pmnn_6", "pca", "autoencoder")
 CHANNELS_SHOWN = 2
+TIME = np.linspace(0.0, 1.0, SAMPLES)  # Normalised
 
 
 def panel(title: str, height: float = 3.0) -> tuple[Figure, Axes]:
@@ -47,11 +43,11 @@ def panel(title: str, height: float = 3.0) -> tuple[Figure, Axes]:
 
 
 def mean_band(axes: Axes, curves: np.ndarray, colour: str, label: str | None = None) -> None:
-    """Mean of curves (R, T) over normalised time, and one std on either side."""
-    time, mean = np.linspace(0.0, 1.0, curves.shape[1]), curves.mean(axis=0)
+    """Mean of curves (R, `SAMPLES`) over normalised time, and one std on either side."""
+    mean = curves.mean(axis=0)
     spread = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
-    axes.fill_between(time, mean - spread, mean + spread, color=colour, alpha=0.2, linewidth=0)
-    axes.plot(time, mean, color=colour, label=label)
+    axes.fill_between(TIME, mean - spread, mean + spread, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(TIME, mean, color=colour, label=label)
 
 
 def demonstrated_curves(dataset: CouplingDataset, setting: float, values: np.ndarray) -> np.ndarray:
@@ -65,21 +61,18 @@ def demonstrated_curves(dataset: CouplingDataset, setting: float, values: np.nda
 @styled
 def expected_figure(results: FeedbackResults) -> list[Figure]:
     """Mean and std of a few electrodes in the executions, with the learned expected traces."""
-    traces = {name: unroll_traces(results, name) for name in results.primitives}
-    moved = np.max([np.ptp(learned, axis=0) for _, learned in traces.values()], axis=0)
+    moved = np.max([np.ptp(learned, axis=0) for _, learned in results.traces.values()], axis=0)
     shown = np.sort(np.argsort(-moved, kind="stable")[:CHANNELS_SHOWN])
-    time, figures = np.linspace(0.0, 1.0, SAMPLES), []
-    for name, (runs, learned) in traces.items():
-        figures.append(canvas(3.4, PANEL_WIDTH))
-        rows = figures[-1].subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    labels = [f"channel {channel + 1} (counts)" for channel in shown]
+    look = {"color": ORANGE, "linestyle": (0, (4, 2)), "linewidth": 1.2, "label": "expected trace"}
+    figures = []
+    for name, (runs, learned) in results.traces.items():
+        figure, rows = stacked_panels(labels, 3.4, capitalised(name))
         for axes, channel in zip(rows, shown, strict=True):
             mean_band(axes, runs[:, :, channel], BLUE, f"{len(runs)} executions")
-            look = {"color": ORANGE, "linestyle": (0, (4, 2)), "linewidth": 1.2}
-            axes.plot(time, learned[:, channel], **look, label="expected trace")
-            axes.set_ylabel(f"channel {channel + 1} (counts)")
-        rows[0].set_title(capitalised(name))
+            axes.plot(TIME, learned[:, channel], **look)
         rows[0].legend()
-        rows[-1].set_xlabel("time / duration")
+        figures.append(figure)
     return figures
 
 
@@ -91,15 +84,14 @@ def targets_figure(results: FeedbackResults) -> list[Figure]:
     figures = []
     for name in results.adapted:
         dataset, channel = results.datasets[name], results.channels[name][0]
-        figures.append(canvas(4.2, PANEL_WIDTH))
-        target, deviation = figures[-1].subplots(2, 1, sharex=True)
+        labels = ["coupling target (rad)", f"channel {channel + 1} (counts)"]
+        figure, (target, deviation) = stacked_panels(labels, 4.2, capitalised(name))
         for setting, colour in zip(results.settings_deg, colours, strict=True):
             mean_band(target, demonstrated_curves(dataset, setting, dataset.target), colour, f"{setting:g}°")
             mean_band(deviation, demonstrated_curves(dataset, setting, dataset.deviation[:, channel]), colour)
-        target.set(title=capitalised(name), ylabel="coupling target (rad)")
         headroom(target)
         target.legend(ncols=3, loc="upper right")
-        deviation.set(xlabel="time / duration", ylabel=f"channel {channel + 1} (counts)")
+        figures.append(figure)
     return figures
 
 
@@ -110,8 +102,7 @@ def models_figure(results: FeedbackResults, people: ScrapingPeople) -> list[Figu
     At the step best for the demonstration left out, as in the dissertation; a diamond is at the step that
     validation chose, a dot the mean of one of the people on whom it is judged.
     """
-    errors = results.model_errors.set_index(["primitive", "representation", "stopping"])
-    figures = []
+    errors, figures = results.model_errors, []
     for what, chosen in (("structures", STRUCTURES), ("features inside or apart", EMBEDDINGS)):
         for name in results.adapted:
             shown = [one for one in chosen if (name, one, "generalization") in errors.index]
@@ -155,32 +146,27 @@ def executions_figure(board: BoardResults, names: Sequence[str]) -> list[Figure]
     runs = {NOMINAL: board.examples[NOMINAL][0]}
     if board.corrected:
         runs[CORRECTED] = board.corrected[0]
-    channels = busiest_electrodes(list(runs.values()))
-    return [_execution_panel(board, RUNS[kind].name, run, channels, names) for kind, run in runs.items()]
-
-
-def _execution_panel(
-    board: BoardResults, title: str, run: Demonstration, channels: np.ndarray, names: Sequence[str]
-) -> Figure:
-    figure = canvas(5.6, PANEL_WIDTH)
-    roll, force, torque, touch = rows = figure.subplots(4, 1, sharex=True)
-    tool, wrench = board.example_deg + tool_roll_deg(run, board.axis), run.signal("wrench")
-    roll.plot(run.time, tool, color=ORANGE, linewidth=1.0, label="tool")
-    roll.plot(run.time, hand_roll_deg(run, board.axis), color=BLUE, label="hand")
-    roll.axhline(board.example_deg, color=BLACK, linestyle=":", linewidth=1.2, label="board")
-    roll.legend(ncols=3)
-    roll.set_title(f"{capitalised(title)}, board at {board.example_deg:g}°", pad=18)
-    force.plot(run.time, -wrench[:, 2], color=AXIS_COLOURS[2], linewidth=1.0)
-    force.axhline(board.force_n, color=BLACK, linestyle=":", linewidth=1.2)
-    torque.plot(run.time, -1e3 * wrench[:, 3:] @ board.axis, color=GREY, linewidth=0.9)
-    draw_electrodes(touch, run, channels)
-    labels = ("roll (°)", "force (N)", "torque (mN m)", "touch (counts)")
-    for axes, label in zip(rows, labels, strict=True):
-        shade_primitives(axes, run.signal("true_segments"), names if axes is roll else ())
-        axes.set_ylabel(label)
-    touch.set(xlabel="time (s)", xlim=(run.time[0], run.time[-1]))
-    figure.align_ylabels(rows)
-    return figure
+    channels, figures = busiest_electrodes(list(runs.values())), []
+    for kind, run in runs.items():
+        labels = ("roll (°)", "force (N)", "torque (mN m)", "touch (counts)")
+        figure, rows = stacked_panels(labels, 5.6, time="time (s)")
+        roll, force, torque, touch = rows
+        tool, wrench = board.example_deg + tool_roll_deg(run, board.axis), run.signal("wrench")
+        roll.plot(run.time, tool, color=ORANGE, linewidth=1.0, label="tool")
+        roll.plot(run.time, hand_roll_deg(run, board.axis), color=BLUE, label="hand")
+        roll.axhline(board.example_deg, color=BLACK, linestyle=":", linewidth=1.2, label="board")
+        roll.legend(ncols=3)
+        roll.set_title(f"{capitalised(RUNS[kind].name)}, board at {board.example_deg:g}°", pad=18)
+        force.plot(run.time, -wrench[:, 2], color=AXIS_COLOURS[2], linewidth=1.0)
+        force.axhline(board.force_n, color=BLACK, linestyle=":", linewidth=1.2)
+        torque.plot(run.time, -1e3 * wrench[:, 3:] @ board.axis, color=GREY, linewidth=0.9)
+        draw_electrodes(touch, run, channels)
+        for axes in rows:
+            shade_primitives(axes, run.signal("true_segments"), names if axes is roll else ())
+        touch.set_xlim(run.time[0], run.time[-1])
+        figure.align_ylabels(rows)
+        figures.append(figure)
+    return figures
 
 
 @styled
@@ -191,29 +177,24 @@ def closed_loop_figure(results: FeedbackResults, primitive: str) -> list[Figure]
     traces = board.traces[board.traces["primitive"] == primitive]
     columns = {"coupling": dataset.target, f"channel_{channel:02d}": dataset.deviation[:, channel]}
     labels = ("coupling term (rad)", f"channel {channel + 1} (counts)")
-    limits = {}
-    for name, values in columns.items():
-        shown = np.concatenate([values, traces[name]])
-        limits[name] = (shown.min(), shown.max())
-    figures = []
+    figures: list[Figure] = []
     for setting in [one for one in board.tilted_deg if one in results.settings_deg]:
-        figures.append(canvas(3.6, PANEL_WIDTH))
-        rows = figures[-1].subplots(2, 1, sharex=True)
+        seen = "" if setting in results.seen_deg else ", never learned from"
+        figure, rows = stacked_panels(labels, 3.6, f"Board at {setting:g}°{seen}")
         here = traces[traces["setting_deg"] == setting]
-        for axes, label, (name, values) in zip(rows, labels, columns.items(), strict=True):
+        for axes, (name, values) in zip(rows, columns.items(), strict=True):
             _demonstrated_band(axes, demonstrated_curves(dataset, setting, values))
             for model in (NOMINAL, POINTWISE):
                 runs = here[here["model"] == model].groupby("run")[name]
                 for place, (_, run) in enumerate(runs):
-                    look: dict[str, Any] = {"color": RUNS[model].colour, "linewidth": 0.7}
+                    label = RUNS[model].name if place == 0 else None
                     curve = signals.time_normalised(run.to_numpy(), SAMPLES)
-                    axes.plot(*_over_time(curve), **look, label=RUNS[model].name if place == 0 else None)
-            axes.set(ylabel=label, ylim=limits[name])
-        seen = "" if setting in results.seen_deg else ", never learned from"
-        rows[0].set_title(f"Board at {setting:g}°{seen}")
-        rows[1].set_xlabel("time / duration")
-        if len(figures) == 1:
+                    axes.plot(TIME, curve, color=RUNS[model].colour, linewidth=0.7, label=label)
+            shown = np.concatenate([values, traces[name]])
+            axes.set_ylim(shown.min(), shown.max())
+        if not figures:
             rows[0].legend()
+        figures.append(figure)
     return figures
 
 
@@ -223,19 +204,15 @@ def _dots(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
     axes.plot(x, y, linestyle="none", marker="o", markersize=2.8, markerfacecolor="white", **edge)
 
 
-def _over_time(curve: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.linspace(0.0, 1.0, len(curve)), curve
-
-
 def _demonstrated_band(axes: Axes, curves: np.ndarray) -> None:
     """Every demonstration, and their mean with one std on either side."""
-    label = RUNS[CORRECTED].name
-    axes.plot(_over_time(curves.T)[0], curves.T, color=RUNS[CORRECTED].colour, linewidth=0.4, alpha=0.6)
-    axes.plot([], [], color=RUNS[CORRECTED].colour, label=f"{label} (black: mean ± std)")
+    look = RUNS[CORRECTED]
+    axes.plot(TIME, curves.T, color=look.colour, linewidth=0.4, alpha=0.6)
+    axes.plot([], [], color=look.colour, label=f"{look.name} (black: mean ± std)")
     mean, spread = curves.mean(axis=0), curves.std(axis=0)
-    axes.plot(*_over_time(mean), color=BLACK, linestyle=(0, (4, 2)), linewidth=1.1)
+    axes.plot(TIME, mean, color=BLACK, linestyle=(0, (4, 2)), linewidth=1.1)
     for edge in (mean + spread, mean - spread):
-        axes.plot(*_over_time(edge), color=BLACK, linewidth=0.8)
+        axes.plot(TIME, edge, color=BLACK, linewidth=0.8)
 
 
 @styled

@@ -11,28 +11,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from structlearn.feedback.feedback_models import LEVEL, POINTWISE, REPRESENTATIONS, UNROLLED
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.reporting.claims import UNKNOWN, Evidence, difference, mean
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import level_name
-from structlearn.reporting.studies import People, Study
+from structlearn.reporting.studies import People
 from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import errors_by_seed, wins_at_every_noise_level
 from structlearn.testbeds.scraping.names import CUT_METHODS
-from structlearn.testbeds.scraping.page.execution_results import ALL
-from structlearn.testbeds.scraping.page.feedback_results import (
-    MODEL_KEYS,
-    REPRESENTATION_KEYS,
-    STEP_KEYS,
+from structlearn.testbeds.scraping.page.board_results import RefinementResults
+from structlearn.testbeds.scraping.page.results import (
+    PEOPLE,
     FeedbackResults,
+    ScrapingResults,
+    SegmentationResults,
     sharing_over_phase,
 )
-from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
-from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
-STUDY = "scraping/people"
 OURS, TEXT = "ours", "text"  # variants of the study
+
+MODEL_KEYS = {NOMINAL: "nominal", POINTWISE: "feedback", LEVEL: "level", UNROLLED: "unrolled"}
+REPRESENTATION_KEYS = {name: name for name in REPRESENTATIONS} | {"pmnn_100": "pmnn"}
+STEP_KEYS = {"validation": "", "generalization": "_best_step"}
+"""What executions, representations and the part that chose the training step are called in keys."""
 
 MODEL_PAIRS = {
     "order_of_structures": (("pmnn_100", "pmnn_0"), ("pmnn_0", "ffnn_phase"), ("ffnn_phase", "ffnn")),
@@ -43,9 +46,6 @@ MODEL_PAIRS = {
     "more_nodes": (("pmnn_100", "pmnn_6"),),
 }
 """Pairs (better, worse) of representations that a claim is made of."""
-
-VALIDATED = "_validated"
-"""Ends the names of findings at the step that validation chose; else it is the dissertation's."""
 
 FIT_COLUMNS = {
     "fit": (False, ("mean_mm", "max_mm", "end_mm", "mean_deg", "end_deg")),
@@ -79,7 +79,7 @@ class ScrapingPeople(People):
         return self.numbers(f"{key}_{prim(primitive, self.primitives)}")
 
     def nmse(self, representation: str, primitive: str, stopping: str = "generalization") -> Numbers:
-        """Generalisation NMSE, mean over folds; `stopping` is of `representation_orderings.STOPPINGS`.
+        """Generalisation NMSE, mean over folds; `stopping` is of `feedback_models.STOPPINGS`.
 
         The default is the dissertation's: the step at which this very error is lowest (IV.9.3).
         """
@@ -95,6 +95,11 @@ class ScrapingPeople(People):
         return self.numbers(f"cost_ratio_{MODEL_KEYS[model]}_over_nominal_{level_name(setting_deg)}")
 
 
+def people_of(results: ScrapingResults, form: str = OURS) -> ScrapingPeople:
+    """People of the study that claims rest on, in one form."""
+    return ScrapingPeople(results.studies.get(PEOPLE), form, results.feedback.primitives)
+
+
 def prim(name: str, primitives: Sequence[str]) -> str:
     """`prim2`."""
     return f"prim{list(primitives).index(name) + 1}"
@@ -105,27 +110,21 @@ def nmse_key(representation: str, number: str, stopping: str) -> str:
     return f"{REPRESENTATION_KEYS[representation]}_{number}_generalization_nmse{STEP_KEYS[stopping]}"
 
 
-def findings(
-    segmentation: SegmentationResults,
-    feedback: FeedbackResults,
-    refinement: RefinementResults,
-    study: Study | None,
-    person: int,
-) -> Findings:
-    """All of the three pages; `study` over people, None where not run; `person`: seed of that of this run."""
-    find, primitives = Findings(f"person {person}"), feedback.primitives
-    segmentation_of_one(find, segmentation)
+def findings(results: ScrapingResults) -> Findings:
+    """All of the three pages."""
+    feedback, people = results.feedback, people_of(results)
+    find = Findings(f"person {results.parameters['scraping_people'].shown}")
+    segmentation_of_one(find, results.segmentation)
     feedback_of_one(find, feedback)
-    refinement_of_one(find, refinement, primitives)
-    people = ScrapingPeople(study, OURS, primitives)
+    refinement_of_one(find, results.refinement, feedback.primitives)
     if not people.count:
         find.mark(HEADLINES_OF_ONE)
-    its = find.among("people", STUDY)
+    its = find.among("people", PEOPLE)
     its.exact("people", people.count or np.nan, headline=True)
-    segmentation_of_people(its, people, [one.name for one in segmentation.found_primitives])
+    segmentation_of_people(its, people, [one.name for one in results.segmentation.found_primitives])
     feedback_of_people(its, people, feedback.adapted, feedback.board.settings_deg)
     for form in (TEXT, OURS):
-        refinement_of_people(its, ScrapingPeople(study, form, primitives), refinement)
+        refinement_of_people(its, people_of(results, form), results.refinement)
     return find
 
 
@@ -134,40 +133,39 @@ def segmentation_of_one(find: Findings, results: SegmentationResults) -> None:
     find.exact("demonstrations", len(results.was_cut))
     find.exact("demonstrations_left_out", len(results.segmentation.left_out))
     if (errors := results.errors_of_cuts) is not None:
-        find.exact("cut_error_ms", dict(zip(errors["method"], errors["mean_ms"], strict=True)))
+        find.exact("cut_error_ms", errors.set_index("method")["mean_ms"].to_dict())
     if (rows := results.alignment) is not None:
-        cases = rows["method"] + "_" + rows["primitive"]
-        find.exact("spread_mm", dict(zip(cases, rows["spread_mm"], strict=True)))
-        find.exact("alignment_gain_mm", dict(zip(cases, rows["gain_mm"], strict=True)))
+        rows = rows.set_index(rows["method"] + "_" + rows["primitive"])
+        find.exact("spread_mm", rows["spread_mm"].to_dict())
+        find.exact("alignment_gain_mm", rows["gain_mm"].to_dict())
+    chosen = results.fit[results.fit["regression"] == results.fit_parameters.regression]
     for name, (left_out, columns) in FIT_COLUMNS.items():
-        fitted = results.fitted(left_out).set_index("primitive")
+        fitted = chosen[chosen["left_out"] == left_out].set_index("primitive")
         known = [column for column in columns if column in fitted]
         cases = {f"{row}_{column}": fitted.loc[row, column] for row in fitted.index for column in known}
         find.exact(name, cases)
-    jumps = results.acceleration_jumps.values()
-    find.exact("acceleration_jump", dict(zip(("nominal", "generalised"), jumps, strict=False)))
+    jumps = zip(("nominal", "generalised"), results.acceleration_jumps, strict=False)
+    find.exact("acceleration_jump", dict(jumps))
     sweep, swept = find.among("people of the sweep"), results.sweep
     cases = swept["method"] + "_" + swept["noise_mm"].map(level_name) + "mm"
-    sweep.exact("sweep_cut_error_ms", dict(zip(cases, swept["mean_ms"], strict=True)))
+    sweep.exact("sweep_cut_error_ms", swept.set_index(cases)["mean_ms"].to_dict())
     sweep.exact("wls_wins_at_every_noise_level", wins_at_every_noise_level(swept))
     least_cut_error(sweep, results)
     worst = results.downsampling_worst  # empty of one factor g
     sweep.mean("downsampling_work_g2", worst["work"])
-    sweep.mean("downsampling_shift_samples", worst["shift_samples"])
-    sweep.mean("downsampling_shift_samples_text", worst["shift_samples_text"])
+    for column in ("shift_samples", "shift_samples_text"):
+        sweep.mean(f"downsampling_{column}", worst[column])
 
 
 def least_cut_error(find: Findings, results: SegmentationResults) -> None:
     """How much better the result's cuts are than each other method's, in pairs, at the least clear level."""
-    wide = errors_by_seed(results.noise).pivot_table(
-        index=["noise_mm", "seed"], columns="method", values="error_ms"
-    )
-    wide = wide[wide.index.get_level_values("noise_mm") > 0]
-    levels = wide.index.unique("noise_mm")
+    errors = errors_by_seed(results.noise).query("noise_mm > 0")
+    wide = errors.pivot_table(index=["noise_mm", "seed"], columns="method", values="error_ms")
     others = [method for method in METHODS if method in wide and method != RESULT]
+    comparisons = len(others) * wide.index.unique("noise_mm").size
     found = {
         CUT_METHODS[other].name: weakest(
-            difference(rows[other], rows[RESULT], comparisons=len(others) * len(levels))
+            difference(rows[other], rows[RESULT], comparisons)
             for _, rows in wide[[other, RESULT]].dropna().groupby(level="noise_mm")
         )
         for other in others
@@ -185,29 +183,27 @@ def feedback_of_one(find: Findings, results: FeedbackResults) -> None:
     to tilt, of the roll torque without feedback and of the pointwise model's mean coupling term.
     `shared_nodes`: how many of ten dominant nodes any two phase kernels share.
     """
-
-    def number(name: str) -> str:
-        return prim(name, results.primitives)
-
-    for row in results.model_errors.itertuples():
-        key = nmse_key(row.representation, number(row.primitive), row.stopping)
-        find.exact(key, row.generalization_mean)
-    dominant = {number(one): its for one in results.networks if (its := results.dominant(one))}
+    numbers, board = {name: prim(name, results.primitives) for name in results.primitives}, results.board
+    for (primitive, model, stopping), error in results.model_errors["generalization_mean"].items():
+        find.exact(nmse_key(model, numbers[primitive], stopping), error)
+    dominant = {numbers[one]: its for one in results.networks if (its := results.dominant(one))}
     find.exact("shared_nodes", {name: its[2] for name, its in dominant.items()})
     over_phase = {name: sharing_over_phase(its[0]) for name, its in dominant.items()}
     find.exact("shared_nodes_over_phase", over_phase)
-    board = results.board
     for model in board.models:
         if model != NOMINAL:
-            ratios = board.ratio(model)["ratio"].items()
-            name = f"cost_ratio_{MODEL_KEYS[model]}_over_nominal"
-            find.exact(name, {level_name(setting): ratio for setting, ratio in ratios})
+            ratios = board.ratio(model)["ratio"].rename(level_name).to_dict()
+            find.exact(f"cost_ratio_{MODEL_KEYS[model]}_over_nominal", ratios)
         rows = board.costs[board.costs["model"] == model].itertuples()
-        costs = {f"{number(row.primitive)}_{level_name(row.setting_deg)}": row.mean for row in rows}
+        costs = {f"{numbers[row.primitive]}_{level_name(row.setting_deg)}": row.mean for row in rows}
         find.exact(f"cost_{MODEL_KEYS[model]}", costs)
-    find.exact("force_largest_error_percent", board.force_error_percent)
-    for place, name in enumerate(("roll_torque_smallest_step", "coupling_smallest_step")):
-        find.exact(name, {number(one): steps[place] for one, steps in board.smallest_steps.items()})
+    force = board.scores["force_n"] / board.force_n
+    find.exact("force_largest_error_percent", 100.0 * (force - 1.0).abs().max())
+    torque = board.nominal["roll_torque_mn_m"]
+    coupling = board.coupling.set_index(["setting_deg", "primitive"])["mean"]
+    for name, values in (("roll_torque", torque), ("coupling", coupling)):
+        steps = {numbers[one]: smallest_step(values.xs(one, level="primitive")) for one in board.primitives}
+        find.exact(f"{name}_smallest_step", steps)
 
 
 def refinement_of_one(find: Findings, results: RefinementResults, primitives: Sequence[str]) -> None:
@@ -230,33 +226,30 @@ def refinement_of_one(find: Findings, results: RefinementResults, primitives: Se
     find.exact("rl_cost_before", by_number(lambda name: cost(BEFORE, name), refined))
     find.exact("rl_cost_after", by_number(lambda name: cost(AFTER, name), refined))
     find.exact("rl_cost_ratio", by_number(lambda name: cost(AFTER, name) / cost(BEFORE, name), refined))
-    ratios = results.ratio(AFTER, BEFORE, ALL)["ratio"]
-    find.exact("rl_cost_ratio_at", {level_name(tilt): ratios[tilt] for tilt in results.tilted_deg})
-    seen = ratios[results.seen_deg].max() if results.seen_deg else np.nan
-    find.exact("seen_cost_ratio_after_over_before_max", seen)
+    ratios = results.ratio(AFTER, BEFORE)["ratio"]
+    find.exact("rl_cost_ratio_at", ratios[results.tilted_deg].rename(level_name).to_dict())
+    find.exact("seen_cost_ratio_after_over_before_max", ratios[results.seen_deg].max())
 
     def over_nominal(name: str) -> float:
         its = [results.ratio(one, NOMINAL, name)["ratio"][results.tilted_deg] for one in (BEFORE, AFTER)]
-        return max(float(ratio.max()) for ratio in its)
+        return max(ratio.max() for ratio in its)
 
     executed = results.primitives if results.tilted_deg else []
     find.exact("rl_over_nominal_max", by_number(over_nominal, executed))
-    level = results.ratio(AFTER)["ratio"].get(0.0, np.nan)
-    find.exact("rl_over_nominal_0", level)
+    find.exact("rl_over_nominal_0", results.ratio(AFTER)["ratio"].get(0.0, np.nan))
     between: dict[str, float] = {}
     for row in results.between.itertuples():
         low, high = sorted((row.mean_below, row.mean_above))
         key = f"{row.model}_{prim(row.primitive, primitives)}"
         between[key] = min(between.get(key, np.inf), row.mean - low, high - row.mean)
     find.exact("rl_between", between)
-    find.exact("rl_kept_iteration", by_number(results.kept.__getitem__, results.refined))
+    find.exact("rl_kept_iteration", by_number(results.kept, results.refined))
     find.exact("rl_later_gain", by_number(results.later_gain, results.refined))
     find.exact("rl_rollouts", len(results.history))
     find.exact("rl_failed_rollouts", int(results.faults["rollouts"].sum()))
     for method in (PI2, CMA_ES) if results.searched_primitives else ():
         ends = results.searched["mean"].xs(method, level="method")
-        numbers = {prim(name, primitives): cost for name, cost in ends.items()}
-        find.exact(f"search_cost_{method}", numbers)
+        find.exact(f"search_cost_{method}", by_number(ends.get, list(ends.index)))
 
 
 def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequence[str]) -> None:
@@ -265,9 +258,8 @@ def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequ
     for name, method in (("aligned_as_printed", "wls_text"), ("aligned_with_crossings", RESULT)):
         find.mean(name, {one: numbers(f"alignment_gain_mm_{method}_{one}") for one in aligned})
     jumps = {"as demonstrated": "nominal", "new situation": "generalised"}
-    find.mean(
-        "smooth", {name: ratio(numbers(f"acceleration_jump_{key}"), 0.01) for name, key in jumps.items()}
-    )
+    percent = {name: ratio(numbers(f"acceleration_jump_{key}"), 0.01) for name, key in jumps.items()}
+    find.mean("smooth", percent)
     find.mean("people_cut_error_ms", numbers("cut_error_ms_wls"), unit="ms", headline=True)
     for name in FIT_COLUMNS:
         errors = {one: numbers(f"{name}_{one}_mean_mm") for one in people.primitives}
@@ -282,8 +274,11 @@ def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequ
 def feedback_of_people(
     find: Findings, people: ScrapingPeople, adapted: Sequence[str], settings_deg: Sequence[float]
 ) -> None:
-    """Of the page on feedback models; `settings_deg`: rolls of the board on which models were executed."""
-    for stopping, ending in (("generalization", ""), ("validation", VALIDATED)):
+    """Of the page on feedback models; `settings_deg`: rolls of the board on which models were executed.
+
+    Names that end with `_validated` are at the step that validation chose, others at the dissertation's.
+    """
+    for stopping, ending in (("generalization", ""), ("validation", "_validated")):
         for name, pairs in MODEL_PAIRS.items():
             found = {}
             for one in adapted:
@@ -302,19 +297,19 @@ def feedback_of_people(
     tilted = [setting for setting in settings_deg if setting != 0.0]
     found = {}
     for one in adapted:
-        costs = [(people.cost("pointwise", one, tilt), people.cost(NOMINAL, one, tilt)) for tilt in tilted]
-        found[one] = share_left([ratio(*its) for its in costs], len(tilted) * len(adapted))
+        costs = [ratio(people.cost(POINTWISE, one, tilt), people.cost(NOMINAL, one, tilt)) for tilt in tilted]
+        found[one] = share_left(costs, len(tilted) * len(adapted))
     find.add("lower_cost", found)
-    for name, model in (("kept_at_tilts", "level"), ("in_the_unroll", "unrolled")):
-        its = [[people.over_nominal(one, tilt) for one in (model, "pointwise")] for tilt in tilted]
-        find.add(name, share_left([ratio(*both) for both in its], len(tilted)))
+    over = people.over_nominal
+    for name, model in (("kept_at_tilts", LEVEL), ("in_the_unroll", UNROLLED)):
+        its = [ratio(over(model, tilt), over(POINTWISE, tilt)) for tilt in tilted]
+        find.add(name, share_left(its, len(tilted)))
     largest = level_name(max(settings_deg, default=0.0))
-    for ending, model in (("", "pointwise"), ("_ours", "level")):
-        level = [people.over_nominal(model, 0.0)] if 0.0 in settings_deg else []
+    for ending, model in (("", POINTWISE), ("_ours", LEVEL)):
+        level = [over(model, 0.0)] if 0.0 in settings_deg else []
         find.add(f"level_board{ending}", share_left(level), headline=True)
-        tilt = people.over_nominal(model, tilted[-1]) if tilted else None
         name = f"people_cost_ratio_{MODEL_KEYS[model]}_over_nominal_{largest}"
-        find.geometric_mean(name, tilt, headline=not ending)
+        find.geometric_mean(name, over(model, tilted[-1]) if tilted else None, headline=not ending)
 
 
 def refinement_of_people(find: Findings, people: ScrapingPeople, results: RefinementResults) -> None:
@@ -325,12 +320,11 @@ def refinement_of_people(find: Findings, people: ScrapingPeople, results: Refine
     worst = {name: np.nan if its is None or not len(its) else its.max() for name, its in lower.items()}
     find.exact(f"rl_cost_ratio_worst_{form}", worst)
     find.mean(f"converged_{form}", {name: people.of("rl_later_gain", name) for name in refined})
-    at_tilts = {
-        f"{tilt:g}°": people.numbers(f"rl_cost_ratio_at_{level_name(tilt)}") for tilt in results.tilted_deg
-    }
-    seen = [f"{tilt:g}°" for tilt in results.seen_deg]
-    find.geometric_mean(f"seen_{form}", {tilt: at_tilts[tilt] for tilt in seen})
-    find.geometric_mean(f"rl_cost_ratio_at_tilts_{form}", at_tilts)
+    at_tilts = {tilt: people.numbers(f"rl_cost_ratio_at_{level_name(tilt)}") for tilt in results.tilted_deg}
+    seen = {f"{tilt:g}°": at_tilts[tilt] for tilt in results.seen_deg}
+    find.geometric_mean(f"seen_{form}", seen)
+    every = {f"{tilt:g}°": its for tilt, its in at_tilts.items()}
+    find.geometric_mean(f"rl_cost_ratio_at_tilts_{form}", every)
     largest = people.numbers("seen_cost_ratio_after_over_before_max")
     find.geometric_mean(f"seen_cost_ratio_{form}", largest)
     models = (BEFORE, AFTER) if form == TEXT else (AFTER,)  # before, both forms are the same
@@ -349,6 +343,12 @@ def refinement_of_people(find: Findings, people: ScrapingPeople, results: Refine
 def ratio(first: Numbers, second: np.ndarray | float | None) -> Numbers:
     """Of numbers by person; None where one of both is not known."""
     return None if first is None or second is None else first / second
+
+
+def smallest_step(values: np.ndarray) -> float:
+    """Of values (N,) that should all rise or all fall; negative if not monotonic."""
+    steps = np.diff(values)
+    return float((np.sign(steps.sum()) * steps).min()) if len(steps) else 0.0
 
 
 def least_clear(

@@ -15,11 +15,17 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.prose import capitalised, rounded
 from structlearn.testbeds.scraping.names import ROLLOUTS, RUNS, SEARCHES, primitive_title
-from structlearn.testbeds.scraping.page.execution_results import hand_roll_deg, moments, tool_roll_deg
+from structlearn.testbeds.scraping.page.board_results import PUBLISHED_ITERATIONS, RefinementResults, moments
 from structlearn.testbeds.scraping.page.feedback_figures import panel
-from structlearn.testbeds.scraping.page.refinement_results import PUBLISHED_ITERATIONS, RefinementResults
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
-from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M, GRASP_M
+from structlearn.testbeds.scraping.world.layout import (
+    CONTACT_M,
+    EDGE_M,
+    EDGE_WIDTH_M,
+    GRASP_M,
+    hand_roll_deg,
+    tool_roll_deg,
+)
 
 CLOUD_WIDTH = 0.26
 """Iterations over which the cloud of samples is spread, halfway between two executions of the network."""
@@ -83,9 +89,9 @@ def search_figure(results: RefinementResults, names: list[str]) -> list[Figure]:
     figures = []
     for name in results.searched_primitives:
         figure, axes = panel(primitive_title(names, name), 2.6)
-        rows = results.searches[results.searches["primitive"] == name].set_index("method")
-        for method, (label, colour) in ((key, (look.name, look.colour)) for key, look in SEARCHES.items()):
-            own = rows.loc[rows.index == method]
+        rows = results.searches[results.searches["primitive"] == name]
+        for method, (label, colour) in SEARCHES.items():
+            own = rows[rows["method"] == method]
             axes.fill_between(own["rollouts"], own["low"], own["high"], color=colour, alpha=0.18, linewidth=0)
             axes.plot(own["rollouts"], own["mean"], "o-", color=colour, markersize=4, label=label)
         axes.set(xlabel="rollouts used", ylabel="cost of the mean policy (rad)", ylim=(0.0, None))

@@ -1,12 +1,14 @@
-"""Tables of the three pages; what the stages and results hold is shown as it is, with words for its keys."""
+"""Tables of the three pages, with words for the keys of what the stages and results hold."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import pandas as pd
 
+from structlearn.core.metrics import mean_interval, verdict
 from structlearn.feedback.coupling_dataset import PARTS
-from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.feedback.feedback_models import POINTWISE, UNROLLED
 from structlearn.reporting.document import Table
 from structlearn.reporting.prose import with_spread
 from structlearn.segmentation.alignment import RESULT
@@ -18,10 +20,8 @@ from structlearn.testbeds.scraping.names import (
     SEARCHES,
     primitive_title,
 )
-from structlearn.testbeds.scraping.page.execution_results import ExecutionResults
-from structlearn.testbeds.scraping.page.feedback_results import FeedbackResults
-from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
-from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
+from structlearn.testbeds.scraping.page.board_results import BoardResults, ExecutionResults
+from structlearn.testbeds.scraping.page.results import ADDED, EXPLORATION, ScrapingResults
 from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL
 
 LOOKS = CUT_METHODS | REPRESENTATIONS | RUNS | SEARCHES | ROLLOUTS
@@ -74,11 +74,49 @@ HEADINGS = {
 }
 
 
-def shown(frame: pd.DataFrame, **formats: str) -> Table:
+def tables(results: ScrapingResults, printed: Mapping[str, Any]) -> dict[str, Table]:
+    """Those of the three pages; those without content are left out. `printed`: see `page.published`."""
+    cut, fed, refined = results.segmentation, results.feedback, results.refinement
+    board = fed.board
+    frames = {
+        "demonstrations_left_out": cut.segmentation.left_out,
+        "cut_points": cut.segmentation.cuts,
+        "cut_errors": cut.errors_of_cuts,
+        "alignment": cut.alignment,
+        "noise_sweep": cut.sweep,
+        "noise_sweep_comparison": cut.sweep_comparison,
+        "downsampling": cut.downsampling,
+        "reproduction": cut.fit,
+        "coupling_checks": fed.checks,
+        "model_errors": fed.model_errors.reset_index(),
+        "model_orderings": fed.orderings,
+        "model_nmse": nmse_beside_published(results, printed),
+        "board_nominal": board.nominal.reset_index(),
+        "board_costs": board.costs,
+        "board_cost_ratios": board.ratios,
+        "board_coupling": board.coupling,
+        "path_errors": path_comparison(board, fed.seen_deg),
+        "hand_roll": hand_rolls(board, fed.primitives, printed),
+        "refinement_curves": refined.curves,
+        "refinement_progress": refined.progress,
+        "refinement_costs": refined.costs,
+        "refinement_cost_ratios": refined.ratios,
+        "refinement_between": refined.between,
+        "refinement_faults": refined.faults,
+    }
+    if refined.examples:
+        frames["hand_roll_refined"] = hand_rolls(refined, fed.primitives, printed)
+    if len(refined.search):
+        frames |= {"search_efficiency": refined.searches, "searches": refined.searched.reset_index()}
+    shown = {name: _shown(frame) for name, frame in frames.items() if frame is not None and len(frame)}
+    return shown | study_tables(results)
+
+
+def _shown(frame: pd.DataFrame) -> Table:
     """A table with words for keys, units in its headings and a sensible number of digits."""
     headings = {name: HEADINGS.get(name, _heading(name)) for name in frame.columns}
     strong = frozenset(place for place, one in enumerate(frame.get("method", ())) if one == RESULT)
-    return Table(frame, FORMATS | formats, headings, strong, WORDS)
+    return Table(frame, FORMATS, headings, strong, WORDS)
 
 
 def _heading(column: str) -> str:
@@ -87,71 +125,43 @@ def _heading(column: str) -> str:
     return f"{name.replace('_', ' ')} ({UNITS[unit]})" if name and unit in UNITS else column.replace("_", " ")
 
 
-def segmentation_tables(results: SegmentationResults) -> dict[str, Table]:
-    """Of the page on segmentation and primitives; those without content are left out."""
-    frames = {
-        "demonstrations_left_out": results.segmentation.left_out,
-        "cut_points": results.segmentation.cuts,
-        "cut_errors": results.errors_of_cuts,
-        "alignment": results.alignment,
-        "noise_sweep": results.sweep,
-        "noise_sweep_comparison": results.sweep_comparison,
-        "downsampling": results.downsampling,
-        "reproduction": results.fit,
-    }
-    return _with_content(frames)
-
-
-def feedback_tables(results: FeedbackResults, published: Mapping) -> dict[str, Table]:
-    """Of the page on feedback models."""
-    frames = {
-        "coupling_checks": results.coupling_checks,
-        "model_errors": results.model_errors,
-        "model_orderings": results.orderings,
-        "model_nmse": nmse_beside_published(results, published),
-        "board_nominal": results.board.nominal.reset_index(),
-        "board_costs": results.board.costs,
-        "board_cost_ratios": results.board.ratios,
-        "board_coupling": results.board.coupling,
-        "path_errors": results.board.path_comparison(results.seen_deg),
-        "hand_roll": hand_rolls(results.board, results.primitives, published),
-    }
-    return _with_content(frames)
-
-
-def refinement_tables(
-    results: RefinementResults, primitives: Sequence[str], published: Mapping
-) -> dict[str, Table]:
-    """Of the page on refinement by trial; `primitives` are the names of all."""
-    frames = {
-        "refinement_curves": results.curves,
-        "refinement_progress": results.progress,
-        "refinement_costs": results.costs,
-        "refinement_cost_ratios": results.ratios,
-        "refinement_between": results.between,
-        "refinement_faults": results.faults,
-    }
-    if results.examples:
-        frames["hand_roll_refined"] = hand_rolls(results, primitives, published)
-    if len(results.search):
-        frames |= {"search_efficiency": results.searches, "searches": results.searched.reset_index()}
-    return _with_content(frames)
-
-
-def nmse_beside_published(results: FeedbackResults, published: Mapping) -> pd.DataFrame:
+def nmse_beside_published(results: ScrapingResults, published: Mapping) -> pd.DataFrame:
     """Table IV.5: NMSE of PMNN with 100 nodes, mean ± std over the folds."""
-    rows = []
-    for name in results.adapted:
-        title = primitive_title(results.primitives, name)
+    fed, rows = results.feedback, []
+    for name in fed.adapted:
+        title = primitive_title(fed.primitives, name)
         printed = published["nmse"].get(name, {})
         if printed:
             cells = {part: with_spread(mean, std, ".2f") for part in PARTS for mean, std in [printed[part]]}
             rows.append({"primitive": title, "which": "published"} | cells)
         for stopping, rule in (("generalization", ", as published"), ("validation", "")):
-            error = results.model_error(name, "pmnn_100", stopping)
+            error = fed.model_errors.loc[(name, "pmnn_100", stopping)]
             cells = {part: with_spread(error[f"{part}_mean"], error[f"{part}_std"], ".3f") for part in PARTS}
             which = f"here, step best for {WORDS['stopping'][stopping]}{rule}"
             rows.append({"primitive": title, "which": which} | cells)
+    return pd.DataFrame(rows)
+
+
+def path_comparison(board: BoardResults, seen_deg: Sequence[float]) -> pd.DataFrame:
+    """Errors of the unrolled path, pointwise beside unrolled, in settings learned from and others.
+
+    Returns one row per `primitive` and `seen`: `count` of demonstrations, mean and std of both models, the
+    mean paired difference `lower_deg` (pointwise minus unrolled) with its `half_width`, and the `verdict` on
+    the unrolled model.
+    """
+    keys = ["primitive", "setting_deg", "demonstration"]
+    wide = board.path_errors.pivot_table("error_deg", keys, "model").reset_index()
+    known = wide["setting_deg"].isin(list(seen_deg))
+    rows = []
+    for name, seen in product(board.primitives, (True, False)):
+        part = wide[(wide["primitive"] == name) & (known == seen)]
+        if len(part):
+            row: dict[str, object] = {"primitive": name, "seen": seen, "count": len(part)}
+            for model in (POINTWISE, UNROLLED):
+                row |= {f"{model}_deg": part[model].mean(), f"{model}_std": part[model].std()}
+            lower, half_width = mean_interval((part[POINTWISE] - part[UNROLLED]).to_numpy())
+            row |= {"lower_deg": lower, "half_width": half_width}
+            rows.append(row | {"verdict": str(verdict(lower - half_width, lower + half_width))})
     return pd.DataFrame(rows)
 
 
@@ -169,5 +179,15 @@ def hand_rolls(executed: ExecutionResults, primitives: Sequence[str], published:
     return pd.DataFrame(rows)
 
 
-def _with_content(frames: Mapping[str, pd.DataFrame | None]) -> dict[str, Table]:
-    return {name: shown(frame) for name, frame in frames.items() if frame is not None and len(frame)}
+def study_tables(results: ScrapingResults) -> dict[str, Table]:
+    """A row per variant of the two studies of parameters, mean and interval over the exploration's seeds."""
+    numbers = {name: list(results.feedback.primitives).index(name) + 1 for name in results.refinement.refined}
+    costs = {f"rl_cost_ratio_prim{number}": f"{name}: cost" for name, number in numbers.items()}
+    costs |= {"seen_cost_ratio_after_over_before_max": "seen: cost"}
+    searched = {f"search_cost_pi2_prim{number}": f"{name}: search (rad)" for name, number in numbers.items()}
+    shown = {"refinement_added": (ADDED, costs), "refinement_exploration": (EXPLORATION, costs | searched)}
+    return {
+        table: study.summary(columns)
+        for table, (name, columns) in shown.items()
+        if (study := results.studies.get(name)) is not None
+    }

@@ -12,6 +12,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 from structlearn.readers.clock import synchronise
+from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.cut_errors import cut_errors, downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
@@ -49,11 +50,10 @@ def noise_sweep(
 
     The same people move in the same way at every level: only the noise grows.
 
-    `parameters`: levels and number of seeds. `simulation`: of the demonstrator; its noise and seed are
-    replaced. `segmentation`: of the cuts; demonstrations that cannot be cut are left out and counted. Returns
-    errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has one row
-    with method `left_out`; without a reference that is all of them. Raises InputError: the segmentation is
-    not for the simulated task.
+    `simulation`: of the demonstrator; its noise and seed are replaced. `segmentation`: of the cuts;
+    demonstrations that cannot be cut are left out and counted. Returns errors as of `cut_errors`, with
+    `noise_mm` and `seed`; a demonstration that could not be cut has one row with method `left_out`; without a
+    reference that is all of them. Raises InputError: the segmentation is not for the simulated task.
     """
     task = len(simulation.durations_s)
     if len(segmentation.primitives) != task:
@@ -61,7 +61,7 @@ def noise_sweep(
             f"segment.primitives: names {len(segmentation.primitives)}, the simulated task has {task}"
         )
     tolerant = segmentation.model_copy(update={"skip_failures": True})
-    work = partial(_one_person, levels=parameters.noise_mm, simulation=simulation, segmentation=tolerant)
+    work = partial(_cut_errors, levels=parameters.noise_mm, simulation=simulation, segmentation=tolerant)
     by_person = parallel_map(work, parameters.people, "noise sweep")
     errors = chain.from_iterable(zip(*by_person, strict=True))  # level by level
     return pd.concat(errors, ignore_index=True)
@@ -72,9 +72,9 @@ def downsampling_sweep(
 ) -> pd.DataFrame:
     """`cut_errors.downsampling_effect` for every person of the sweep, with the demonstrator's own noise.
 
-    `parameters`: factors and number of seeds. `simulation`: of the demonstrator; its seed is replaced.
-    `segmentation`: of the cuts; its `downsampling` is replaced. Returns one row per person and factor, with
-    `seed`; none of a person whose reference cannot be cut.
+    `simulation`: of the demonstrator; its seed is replaced. `segmentation`: of the cuts; its `downsampling`
+    is replaced. Returns one row per person and factor, with `seed`; none of a person whose reference cannot
+    be cut.
     """
     tolerant = segmentation.model_copy(update={"skip_failures": True})
     work = partial(
@@ -88,37 +88,34 @@ def _downsampled(
     seed: int, factors: Sequence[int], simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> pd.DataFrame:
     movements = intended_movements(simulation.model_copy(update={"seed": seed}))
-    demonstrations = [synchronise(as_meant(movement, seed), RATE_HZ) for movement in movements]
     try:
-        return downsampling_effect(demonstrations, segmentation, factors).assign(seed=seed)
+        return downsampling_effect(_demonstrated(movements, seed), segmentation, factors).assign(seed=seed)
     except InputError:
         return pd.DataFrame()
 
 
-def _one_person(
+def _cut_errors(
     seed: int, levels: Sequence[float], simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> list[pd.DataFrame]:
-    """Rows of each level; the noise is in proportion to it."""
+    """Rows of one person at each level; the noise is in proportion to it."""
     movements = intended_movements(simulation.model_copy(update={"noise_mm": 1.0, "seed": seed}))
-    return [
-        _one_set(
-            [
-                replace(one, edge_noise=noise * one.edge_noise, tilt_noise=noise * one.tilt_noise)
-                for one in movements
-            ],
-            segmentation,
-            seed,
-        ).assign(noise_mm=noise, seed=seed)[COLUMNS]
-        for noise in levels
-    ]
+    tables = []
+    for noise in levels:
+        noisy = [
+            replace(one, edge_noise=noise * one.edge_noise, tilt_noise=noise * one.tilt_noise)
+            for one in movements
+        ]
+        demonstrations = _demonstrated(noisy, seed)
+        try:
+            cuts = cut(demonstrations, segmentation)
+            found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]
+        except InputError:  # the reference itself is lost in the noise, and all with it
+            found, left_out = [], [demonstration.name for demonstration in demonstrations]
+        missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
+        rows = pd.concat([*found, missing], ignore_index=True).assign(noise_mm=noise, seed=seed)
+        tables.append(rows.reindex(columns=COLUMNS))
+    return tables
 
 
-def _one_set(movements: Sequence[Intention], segmentation: SegmentParameters, seed: int) -> pd.DataFrame:
-    demonstrations = [synchronise(as_meant(movement, seed), RATE_HZ) for movement in movements]
-    try:
-        cuts = cut(demonstrations, segmentation)
-        found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]
-    except InputError:  # the reference itself is lost in the noise, and all with it
-        found, left_out = [], [demonstration.name for demonstration in demonstrations]
-    missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
-    return pd.concat([*found, missing], ignore_index=True).reindex(columns=COLUMNS)
+def _demonstrated(movements: Sequence[Intention], seed: int) -> list[Demonstration]:
+    return [synchronise(as_meant(movement, seed), RATE_HZ) for movement in movements]

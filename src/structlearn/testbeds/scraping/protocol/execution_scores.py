@@ -19,10 +19,42 @@ from structlearn.core.errors import InputError
 from structlearn.core.metrics import mean_interval
 from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.coupling_targets import Cuts, SupervisionParameters, executed_primitive
+from structlearn.feedback.coupling_targets import (
+    Cuts,
+    SupervisionParameters,
+    executed_primitive,
+    thinned,
+)
 from structlearn.primitives import canonical
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
+from structlearn.testbeds.scraping.world.layout import tool_roll_deg
+
+NOMINAL = "nominal"  # Name of the executions without feedback
+BEFORE, AFTER = "before", "after"
+"""Names of the executions with feedback before and after refinement by trial."""
+
+END_S = 0.2  # s at the end of a primitive over which its final roll is taken
+SETTLED_S = 1.0
+"""s after the start of a primitive from which force is judged: contact and correction are over; of one
+that takes less than twice this the second half."""
+
+
+class EvaluationParameters(Parameters):
+    """Executions for the evaluation."""
+
+    settings_deg: tuple[float, ...] = Field(min_length=1)
+    runs: int = Field(ge=1)
+
+
+@dataclass(frozen=True)
+class ExecutedSet:
+    """Executions with one model, or without."""
+
+    model: str  # its name, or `NOMINAL`
+    networks: Mapping[str, CouplingModel]  # its networks by primitive; none without feedback
+    runs: Mapping[float, Sequence[Demonstration]]  # by setting in degrees
+    cuts: Mapping[float, Cuts]  # of these runs by setting
 
 
 def nominal_orientation(runs: Sequence[Demonstration]) -> np.ndarray:
@@ -51,25 +83,10 @@ def orientation_cost(run: Demonstration, nominal: np.ndarray) -> np.ndarray:
     return np.linalg.norm(quaternion.difference(nominal[:length], current[:length]), axis=1)
 
 
-def accumulated(cost: np.ndarray, segment: tuple[float, float], rate_hz: float) -> float:
-    """Sum of the cost over the ticks of one primitive (fig. IV.20), rad.
-
-    `cost`: (T,) rad. `segment`: start and end of the primitive in s.
-    """
-    first, last = (round(end * rate_hz) for end in segment)
-    return float(cost[first : last + 1].sum())
-
-
 def _tool_to_board(run: Demonstration) -> np.ndarray:
     if run.tool_to_board is None:
         raise InputError(f"{run.name}: has no tool-to-board orientation, which the cost is made of")
     return run.tool_to_board
-
-
-END_S = 0.2  # s at the end of a primitive over which its final roll is taken
-SETTLED_S = 1.0
-"""s after the start of a primitive from which force is judged: contact and correction are over; of one
-that takes less than twice this the second half."""
 
 
 def execution_scores(
@@ -81,24 +98,23 @@ def execution_scores(
     `nominal_orientation`. `axis`: (3,) roll axis.
 
     Returns:
-        One row per run and primitive: `run`, `primitive`; `cost_rad`, accumulated over ticks; `mean_deg`, its
-        mean; `end_roll_deg`, roll of the tool relative to the board at the end, 0 when flat; `force_n`,
-        downward force once settled, and its std `force_std_n`; `roll_torque_mn_m`, of the board on the tool.
-        Force and torque are missing where no wrench was recorded.
+        One row per run and primitive: `run`, `primitive`; `cost_rad`, summed over its ticks (fig. IV.20);
+        `mean_deg`, its mean; `end_roll_deg`, roll of the tool relative to the board at the end, 0 when flat;
+        `force_n`, downward force once settled, and its std `force_std_n`; `roll_torque_mn_m`, of the board on
+        the tool. Force and torque are missing where no wrench was recorded.
     """
     rows = []
     for run in runs:
-        cost = orientation_cost(run, nominal)
-        roll = np.degrees(quaternion.rotation_vector(run.signal("tool_to_board")) @ axis)
+        cost, roll = orientation_cost(run, nominal), tool_roll_deg(run, axis)
         for name, table in cuts.items():
             start, end = (float(table.loc[run.name, column]) for column in ("start_s", "end_s"))
-            last = round(end / run.dt)
-            total = accumulated(cost, (start, end), 1.0 / run.dt)
+            first, last = round(start / run.dt), round(end / run.dt)
+            ticks = cost[first : last + 1]
             row = {
                 "run": run.name,
                 "primitive": name,
-                "cost_rad": total,
-                "mean_deg": np.degrees(total) / (last - round(start / run.dt) + 1),
+                "cost_rad": float(ticks.sum()),
+                "mean_deg": np.degrees(ticks.sum()) / (last - first + 1),
                 "end_roll_deg": roll[last - round(END_S / run.dt) : last + 1].mean(),
             }
             if run.wrench is not None:
@@ -130,59 +146,6 @@ def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> 
     return pd.DataFrame(rows, columns=["setting_deg", "ratio", "lower_rad", "half_width"])
 
 
-def feedback_traces(
-    runs: Mapping[float, Sequence[Demonstration]],
-    cuts: Mapping[float, pd.DataFrame],
-    expected: VectorPrimitive,
-    network: CouplingModel | None,
-    parameters: SupervisionParameters,
-) -> pd.DataFrame:
-    """Sensor deviations of one primitive in executions, and the coupling term that a model makes of them.
-
-    `runs`: executions by setting. `cuts`: the primitive's segments by setting. `network`: the model; None
-    where there was no feedback. Returns one row per sample: `setting_deg`, `run`, `time_s`, `coupling`
-    (0 without a model), `channel_00`.
-    """
-    tables = []
-    for setting, group in runs.items():
-        for run in group:
-            time, deviation = executed_primitive(
-                run, cuts[setting].loc[run.name], expected, parameters.sensors
-            )
-            kept = slice(None, None, max(1, round(1.0 / (parameters.rate_hz * run.dt))))
-            time, duration, deviation = time[kept], time[-1], deviation[kept]
-            coupling = np.zeros(len(time))
-            if network is not None:
-                p, u = canonical.phase(time, canonical.time_constant(duration))
-                coupling = network.coupling(deviation, p, u)
-            channels = {f"channel_{index:02d}": values for index, values in enumerate(deviation.T)}
-            keys = {"setting_deg": setting, "run": run.name, "time_s": time, "coupling": coupling}
-            tables.append(pd.DataFrame(keys | channels))
-    return pd.concat(tables, ignore_index=True)
-
-
-NOMINAL = "nominal"  # Name of the executions without feedback
-BEFORE, AFTER = "before", "after"
-"""Names of the executions with feedback before and after refinement by trial."""
-
-
-class EvaluationParameters(Parameters):
-    """Executions for the evaluation."""
-
-    settings_deg: tuple[float, ...] = Field(min_length=1)
-    runs: int = Field(ge=1)
-
-
-@dataclass(frozen=True)
-class ExecutedSet:
-    """Executions with one model, or without."""
-
-    model: str  # its name, or `NOMINAL`
-    networks: Mapping[str, CouplingModel]  # its networks by primitive; none without feedback
-    runs: Mapping[float, Sequence[Demonstration]]  # by setting in degrees
-    cuts: Mapping[float, Cuts]  # of these runs by setting
-
-
 def scores(
     sets: Sequence[ExecutedSet], nominal_orientation: np.ndarray, parameters: SupervisionParameters
 ) -> pd.DataFrame:
@@ -202,13 +165,25 @@ def scores(
 def traces(
     sets: Sequence[ExecutedSet], expected: Mapping[str, VectorPrimitive], parameters: SupervisionParameters
 ) -> pd.DataFrame:
-    """Rows of `feedback_traces` with `model` and `primitive`, for every set and primitive with feedback."""
+    """Sensor deviations in executions, and the coupling term that a model makes of them.
+
+    One row per sample of every primitive with feedback: `setting_deg`, `run`, `time_s` since its start,
+    `coupling` (0 without a model), `channel_00`, ..., `model` and `primitive`.
+    """
     tables = []
     for executed in sets:
         for name in parameters.primitives:
-            cuts = {setting: own[name] for setting, own in executed.cuts.items()}
-            table = feedback_traces(
-                executed.runs, cuts, expected[name], executed.networks.get(name), parameters
-            )
-            tables.append(table.assign(model=executed.model, primitive=name))
+            network = executed.networks.get(name)
+            for setting, run in ((setting, run) for setting, group in executed.runs.items() for run in group):
+                cut = executed.cuts[setting][name].loc[run.name]
+                time, deviation = executed_primitive(run, cut, expected[name], parameters.sensors)
+                kept = thinned(time, parameters.rate_hz)
+                time, duration, deviation = time[kept], time[-1], deviation[kept]
+                coupling = np.zeros(len(time))
+                if network is not None:
+                    p, u = canonical.phase(time, canonical.time_constant(duration))
+                    coupling = network.coupling(deviation, p, u)
+                columns = {"setting_deg": setting, "run": run.name, "time_s": time, "coupling": coupling}
+                columns |= {f"channel_{index:02d}": values for index, values in enumerate(deviation.T)}
+                tables.append(pd.DataFrame(columns | {"model": executed.model, "primitive": name}))
     return pd.concat(tables, ignore_index=True)

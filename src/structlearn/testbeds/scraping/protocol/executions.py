@@ -4,6 +4,7 @@ Every run draws what differs between runs of a real set-up from a seed of its ow
 alone, bit for bit, and the number of processes does not matter.
 """
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.core import quaternion
+from structlearn.core.artefacts import Metrics
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
@@ -25,14 +27,12 @@ from structlearn.segmentation.segments import commanded_cuts
 from structlearn.simulation.fingers import FingerPair
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters, ExecutedSet
 from structlearn.testbeds.scraping.world.corrector import corrector
-from structlearn.testbeds.scraping.world.demonstrator import first_stamp
 from structlearn.testbeds.scraping.world.execution import Engine, execute
 from structlearn.testbeds.scraping.world.testbed import (
     TestbedParameters,
-    finger_rate,
-    provenance,
     recorded,
     run_conditions,
+    setting_name,
 )
 
 HOLD_S = 0.3  # s that the robot waits at the end of an execution, so that all streams cover its last sample
@@ -84,10 +84,9 @@ def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -
 
 
 def executions(skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParameters) -> list[Recording]:
-    """Executions by the robot from the skill's mean start.
+    """Executions by the robot from the skill's mean start, one recording per run, in order.
 
-    `skill`: primitives, and where runs ask for it expected traces and networks. Returns one recording per
-    run, in order, with `true_segments` (P, 2) of the commanded primitives.
+    Their `true_segments` (P, 2) are those of the commanded primitives.
     """
     work = list(zip(runs, range(len(runs)), strict=True))
     return parallel_map(partial(_execute, skill=skill, testbed=testbed), work, "executions")
@@ -107,16 +106,15 @@ def execute_run(
 ) -> Recording:
     """One execution, as in `executions`; `index` sets the recorder's clock, for `engine` see `execute`."""
     sequence = np.random.SeedSequence([testbed.seed, *run.seed])
-    conditions_rng, fingers_rng, wrist_rng, clocks_rng, person_rng = (
-        np.random.default_rng(child) for child in sequence.spawn(5)
+    conditions_rng, fingers_rng, wrist_rng, clocks_rng, person_rng = map(
+        np.random.default_rng, sequence.spawn(5)
     )
-    rate_hz = testbed.world.control_rate_hz
+    own, rate_hz = testbed.control, testbed.world.control_rate_hz
     controller = Controller(skill, rate_hz, feedback=run.feedback)
     start = default_start(skill.primitives)
     if start.orientation is None:
         raise InputError("the skill moves positions only; the robot needs orientations too")
     controller.start(start.position, start.orientation)
-    own = testbed.control
     duration = sum(primitive.duration for primitive in skill.primitives)
     ticks = round((duration + HOLD_S) * rate_hz)
     conditions = run_conditions(
@@ -127,43 +125,21 @@ def execute_run(
         force=np.full(ticks, own.force_n),
         gains=(own.force_p_m_n, own.force_i_m_n_s),
     )
-    fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, finger_rate(testbed))
+    fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, testbed.finger_rate_hz)
     person = corrector(testbed.corrector, ticks, testbed.world.dt, person_rng) if run.corrected else None
-    log = execute(
-        testbed.world,
-        controller,
-        (start.position, quaternion.matrix(start.orientation)),
-        ticks,
-        conditions,
-        own,
-        fingers,
-        wrist_rng,
-        person,
-        engine,
-    )
-    what = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
+    pose = start.position, quaternion.matrix(start.orientation)
+    log = execute(testbed.world, controller, pose, ticks, conditions, own, fingers, wrist_rng, person, engine)
+    switches = np.flatnonzero(np.diff(log.primitive)) + 1
+    edges = np.array([0.0, *(switches / rate_hz), duration])  # the hold at the end belongs to no primitive
+    segments = np.column_stack([edges[:-1], edges[1:]])
+    kind = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
     seed = " ".join(map(str, [testbed.seed, *run.seed]))
-    return recorded(
-        run.name,
-        first_stamp(index),
-        log,
-        _segments(log.primitive, rate_hz, duration),
-        provenance(f"execution, {what}", run.setting_deg, seed),
-        testbed.world.dt,
-        testbed.recorder,
-        clocks_rng,
-    )
+    what = {"seed": seed, "setting": setting_name(run.setting_deg), "what": f"execution, {kind}"}
+    return recorded(testbed, run.name, index, log, segments, clocks_rng, what)
 
 
 def _execute(work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParameters) -> Recording:
     return execute_run(*work, skill, testbed)
-
-
-def _segments(primitive: np.ndarray, rate_hz: float, duration: float) -> np.ndarray:
-    """(P, 2) s: start and end of the commanded primitives; the hold at the end belongs to none."""
-    switches = np.flatnonzero(np.diff(primitive)) + 1
-    edges = np.concatenate([[0.0], switches / rate_hz, [duration]])
-    return np.column_stack([edges[:-1], edges[1:]])
 
 
 def executed_set(
@@ -173,10 +149,9 @@ def executed_set(
     testbed: TestbedParameters,
     clock: ClockParameters,
 ) -> ExecutedSet:
-    """Execute a skill in every setting.
+    """Execute a skill with the networks of a model, or with none, in every setting.
 
-    `skill`: with the networks of that model, or with none. `parameters`: settings and number of runs; runs of
-    equal number meet equal conditions in every set.
+    Runs of equal number meet equal conditions in every set.
     """
     runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
     recordings = executions(skill, runs, testbed)
@@ -188,3 +163,49 @@ def executed_set(
         cuts[setting] = commanded_cuts(by_setting[setting], names)
     networks = {name: one for name, by_axis in skill.networks.items() for one in by_axis.values()}
     return ExecutedSet(model, networks, by_setting, cuts)
+
+
+WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled
+STANDARD_RUN_S = 10.0  # s of movement to which the cost of a run is scaled
+
+
+class TimingParameters(Parameters):
+    """What is timed; such times stand in a file of their own, on which no stage depends."""
+
+    controller_hz: float = Field(gt=0)
+    ticks: int = Field(ge=100)
+    runs: int = Field(ge=1)
+
+
+def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:
+    """Time ticks of the controller with feedback: `controller_tick_us_median`, `..._p99` and `..._max`."""
+    controller, start = Controller(skill, parameters.controller_hz), default_start(skill.primitives)
+    samples = np.random.default_rng(0).normal(0.0, 10.0, (1000, skill.channels))
+    microseconds = np.zeros(parameters.ticks)
+    for k in range(parameters.ticks):
+        if k == 0 or controller.finished:
+            controller.start(start.position, start.orientation)
+        sample = samples[k % len(samples)]
+        begin = time.perf_counter()
+        controller.tick(sample)
+        microseconds[k] = 1e6 * (time.perf_counter() - begin)
+    return {
+        "controller_tick_us_median": float(np.median(microseconds)),
+        "controller_tick_us_p99": float(np.percentile(microseconds, 99)),
+        "controller_tick_us_max": float(microseconds.max()),
+    }
+
+
+def run_cost(skill: ReactiveSkill, testbed: TestbedParameters, parameters: TimingParameters) -> Metrics:
+    """Time whole simulated runs with feedback, the start of the world included.
+
+    Returns `simulated_run_cpu_s`, median CPU seconds scaled to `STANDARD_RUN_S` of movement.
+    """
+    costs = []
+    for index, run in enumerate(evaluation_runs([10.0], WARM_UP_RUNS + parameters.runs, feedback=True)):
+        begin = time.process_time()
+        recording = execute_run(run, index, skill, testbed)
+        spent = time.process_time() - begin
+        stamps = recording.streams[0].stamps
+        costs.append(spent * STANDARD_RUN_S / (1e-9 * float(stamps[-1] - stamps[0])))
+    return {"simulated_run_cpu_s": float(np.median(costs[WARM_UP_RUNS:]))}

@@ -1,4 +1,7 @@
-"""Recordings of executions on the tilted board: with and without feedback, before and after refinement."""
+"""Recordings of executions on the tilted board: with and without feedback, before and after refinement.
+
+Shown is the first of each kind in every setting.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,36 +12,31 @@ import pybullet_data
 import rerun as rr
 import rerun.blueprint as rrb
 
+from structlearn.feedback.coupling_dataset import to_table
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.palette import primitive_colour
 from structlearn.primitives.transformation import ALPHA, BETA
-from structlearn.testbeds.scraping.names import RUNS
-from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
+from structlearn.testbeds.scraping.files import CLOSED_LOOP, CORRECTIONS, REFINED, ScrapingFiles
+from structlearn.testbeds.scraping.names import CORRECTED, RUNS
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    AFTER,
+    BEFORE,
+    NOMINAL,
+    nominal_orientation,
+    orientation_cost,
+)
 from structlearn.testbeds.scraping.views.scraping_scene import (
+    Execution,
     close_view,
     full_scale,
     send_electrode_map,
     send_scene,
+    send_signals,
 )
 from structlearn.testbeds.scraping.views.search_recording import searches, send_search
-from structlearn.testbeds.scraping.views.shown_execution import Execution, send_signals
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
+from structlearn.viewer import rrd
 from structlearn.viewer.arm_meshes import arm_contents, send_arm
-from structlearn.viewer.rrd import (
-    entity,
-    eye_view,
-    lanes,
-    layout,
-    legend,
-    notes_view,
-    origin_label,
-    origin_sentence,
-    plot,
-    recording,
-    send_notes,
-    send_primitive_lane,
-    send_series,
-    time_column,
-)
 
 FEEDBACK_NOTE = f"""### Scraping with feedback
 
@@ -88,9 +86,9 @@ def write_executions(
     `settings`: executions by roll of the board in degrees; those of one setting are of different kinds. The
     first tab is that of the first setting.
     """
-    with recording(path, title) as stream:
+    with rrd.recording(path, title) as stream:
         tabs = _send_settings(stream, settings, FEEDBACK_NOTE)
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
 def write_refinement(
@@ -105,15 +103,15 @@ def write_refinement(
     Each setting has a tab with the executions without feedback, before and after refinement, and each refined
     primitive one with its search, in which a step of the time line `search.ITERATION` is an iteration.
 
-    `settings`: of `shown_execution.read_refined_runs`. `history`: one row per rollout, of
+    `settings`: of `read_refined_runs`. `history`: one row per rollout, of
     `refinement.history_rows` with `primitive`. `samples`: what was felt and done, of
     `refinement.sample_rows` with `primitive`.
     """
-    origin = origin_label([one.run for group in settings.values() for one in group])
-    with recording(path, title) as stream:
+    origin = rrd.origin_label([one.run for group in settings.values() for one in group])
+    with rrd.recording(path, title) as stream:
         tabs = _send_settings(stream, settings, REFINEMENT_NOTE)
         tabs += [send_search(stream, search, origin) for search in searches(history, samples)]
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=1.0))
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=1.0))
 
 
 def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
@@ -124,47 +122,47 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
     angles = one.run.joint_positions
     if angles is None or angles.shape[1] != len(JOINTS):
         raise ValueError(f"{one.run.name}: needs the positions of {len(JOINTS)} joints")
-    times = time_column(one.run.time[one.kept])
+    times = rrd.time_column(one.run.time[one.kept])
     scale = full_scale([one])
-    with recording(path, title) as stream:
-        send_notes(stream, _notes(ROBOT_NOTE, [one]))
+    with rrd.recording(path, title) as stream:
+        rrd.send_notes(stream, _notes(ROBOT_NOTE, [one]))
         send_arm(stream, "arm", URDF, JOINTS, times, angles[one.kept])
         send_scene(stream, "run", one, scale)
         names = [f"joint {number + 1}" for number in range(len(JOINTS))]
         colours = [primitive_colour(number) for number in range(len(JOINTS))]
         moved = np.degrees(angles[one.kept] - angles[0])
-        send_series(stream, "joints", [times], moved, names, colours)
+        rrd.send_series(stream, "joints", [times], moved, names, colours)
 
         # the arm from the side that the tool does not turn to
         target, offset = np.array([0.57 * CONTACT_M[0], 0.0, 0.4]), 1.3 * np.array([0.45, -0.85, 0.3])
-        heading = f"{title}{origin_label([one.run])}"
+        heading = f"{title}{rrd.origin_label([one.run])}"
         details = rrb.Horizontal(
             close_view(f"board at {one.board_deg:g} degrees", ["/run/**"]),
             rrb.Vertical(
-                send_electrode_map(stream, "electrodes", one, scale), notes_view(), row_shares=[2, 3]
+                send_electrode_map(stream, "electrodes", one, scale), rrd.notes_view(), row_shares=[2, 3]
             ),
         )
-        moving = plot("joints since the start (degrees)", ["/joints"], legend=False)
+        moving = rrd.plot("joints since the start (degrees)", ["/joints"], legend=False)
         right = rrb.Vertical(*send_signals(stream, "signals", [one]), moving)
-        whole = eye_view(heading, [arm_contents("arm"), "/run/**"], target, offset)
+        whole = rrd.eye_view(heading, [arm_contents("arm"), "/run/**"], target, offset)
         stream.send_blueprint(
-            layout(rrb.Horizontal(rrb.Vertical(whole, details), right, column_shares=[4, 3]))
+            rrd.layout(rrb.Horizontal(rrb.Vertical(whole, details), right, column_shares=[4, 3]))
         )
 
 
 def _notes(text: str, executions: Sequence[Execution]) -> str:
     """A panel's text: what is shown, whence, which colour is which run, and how to read the rest."""
-    colours = legend({one.look.name: one.look.colour for one in executions})
-    origin = origin_sentence([one.run for one in executions])
+    colours = rrd.legend({one.look.name: one.look.colour for one in executions})
+    origin = rrd.origin_sentence([one.run for one in executions])
     return f"{text}\n**{origin}**\n\n{colours}\n\n{FINGERS}"
 
 
 def _send_lane(stream: rr.RecordingStream, one: Execution) -> rrb.StateTimelineView:
     """Log which primitive runs, at the same times in every setting, and return the view of it."""
     segments = one.run.signal("true_segments")
-    times = time_column(np.append(segments[:, 0], segments[-1, 1]))
-    send_primitive_lane(stream, "primitive", [times], one.primitives)
-    return lanes(["primitive"])
+    times = rrd.time_column(np.append(segments[:, 0], segments[-1, 1]))
+    rrd.send_primitive_lane(stream, "primitive", [times], one.primitives)
+    return rrd.lanes(["primitive"])
 
 
 def _send_settings(
@@ -173,7 +171,7 @@ def _send_settings(
     """Log the executions of all settings; colours of electrodes are comparable among all of them."""
     everything = [one for group in settings.values() for one in group]
     scale = full_scale(everything)
-    send_notes(stream, _notes(note, next(iter(settings.values()))))
+    rrd.send_notes(stream, _notes(note, next(iter(settings.values()))))
     return [
         _send_setting(stream, f"{setting:g} degrees", group, scale) for setting, group in settings.items()
     ]
@@ -186,15 +184,93 @@ def _send_setting(
     names = [one.look.name for one in group]
     shadows = {pale: of for pale, of in PALE.items() if {pale, of} <= set(names)}
     for one in group:
-        send_scene(stream, entity(tab, "runs", one.look.name), one, scale, one.look.name in shadows)
+        send_scene(stream, rrd.entity(tab, "runs", one.look.name), one, scale, one.look.name in shadows)
     scenes = []
     for name in names:
         if name not in shadows:
             shown = [name, *(pale for pale, of in shadows.items() if of == name)]
             heading = " (pale: ".join(shown) + ")" * (len(shown) - 1)
-            contents = [f"{entity(tab, 'runs', one)}/**" for one in shown]
-            scenes.append(close_view(f"{heading}{origin_label([group[0].run])}", contents))
-    maps = [send_electrode_map(stream, entity(tab, "electrodes", one.look.name), one, scale) for one in group]
-    left = rrb.Vertical(rrb.Horizontal(*scenes), rrb.Horizontal(*maps), notes_view(), row_shares=[10, 5, 7])
+            contents = [f"{rrd.entity(tab, 'runs', one)}/**" for one in shown]
+            scenes.append(close_view(f"{heading}{rrd.origin_label([group[0].run])}", contents))
+    maps = [
+        send_electrode_map(stream, rrd.entity(tab, "electrodes", one.look.name), one, scale) for one in group
+    ]
+    left = rrb.Vertical(
+        rrb.Horizontal(*scenes), rrb.Horizontal(*maps), rrd.notes_view(), row_shares=[10, 5, 7]
+    )
     plots = rrb.Vertical(*send_signals(stream, tab, group), _send_lane(stream, group[0]))
     return rrb.Horizontal(left, plots, column_shares=[3, 2], name=tab)
+
+
+NEEDED = ("orientation", "joint_positions", "wrench", "tool_to_board", "true_segments")
+"""Of a run that is shown."""
+
+FEEDBACK_RUNS = {
+    NOMINAL: (CLOSED_LOOP, NOMINAL),
+    CORRECTED: (CORRECTIONS, ""),
+    POINTWISE: (CLOSED_LOOP, POINTWISE),  # trained as in the dissertation
+}
+REFINED_RUNS = {model: (REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
+"""Where the runs lie that a recording puts beside each other, for `ScrapingFiles.runs_at`."""
+
+
+def read_feedback_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
+    """The first nominal, corrected and closed-loop run of every setting that has all three.
+
+    Returns by roll of the board in degrees, the largest first; empty where nothing was executed. Raises
+    InputError: a file is not readable.
+    """
+    traces = files.table("traces")
+    if traces.empty:
+        return {}
+    corrected = [to_table(dataset).assign(primitive=name) for name, dataset in files.datasets().items()]
+    targets = pd.concat(corrected).query("demonstration == 0").rename(columns={"target": "coupling"})
+    return _read(files, FEEDBACK_RUNS, pd.concat([_first_runs(traces), targets.assign(model=CORRECTED)]))
+
+
+def read_refined_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
+    """The first run without feedback, before and after refinement by trial of every setting, with its cost.
+
+    Returns, raises:
+        As `read_feedback_runs`.
+    """
+    traces = files.table("refined_traces")
+    if traces.empty:
+        return {}
+    return _read(files, REFINED_RUNS, _first_runs(traces), nominal_orientation(files.runs("unrolls")))
+
+
+def _first_runs(traces: pd.DataFrame) -> pd.DataFrame:
+    return traces[traces["run"] == traces["run"].min()]
+
+
+def _read(
+    files: ScrapingFiles,
+    places: Mapping[str, tuple[str, str]],
+    traces: pd.DataFrame,
+    nominal: np.ndarray | None = None,
+) -> dict[float, list[Execution]]:
+    """Executions of the settings that have a complete run of every kind, with cost if nominal is known."""
+    primitives = [primitive.name for primitive in files.primitives()]
+    shown = {}
+    for setting in sorted(traces["setting_deg"].unique(), reverse=True):
+        found = {
+            kind: run
+            for kind, (folder, model) in places.items()
+            for run in files.runs_at(setting, folder, model)[:1]
+            if all(getattr(run, name) is not None for name in NEEDED)
+        }
+        if len(found) == len(places):
+            felt = dict(iter(traces[traces["setting_deg"] == setting].groupby("model")))
+            shown[float(setting)] = [
+                Execution(
+                    RUNS[kind],
+                    run,
+                    float(setting),
+                    primitives,
+                    felt[kind],
+                    None if nominal is None else orientation_cost(run, nominal),
+                )
+                for kind, run in found.items()
+            ]
+    return shown

@@ -20,21 +20,8 @@ from structlearn.segmentation.segments import Segmentation
 from structlearn.testbeds.scraping.names import CUT_METHODS
 from structlearn.testbeds.scraping.views.scraping_scene import SKIN, send_board, send_hand, send_tool
 from structlearn.testbeds.scraping.world.layout import EDGE_M
-from structlearn.viewer import learned_primitives, recorded_demonstrations
+from structlearn.viewer import learned_primitives, recorded_demonstrations, rrd
 from structlearn.viewer.diagram import texts
-from structlearn.viewer.rrd import (
-    blended,
-    entity,
-    flat_view,
-    layout,
-    notes_view,
-    origin_label,
-    origin_sentence,
-    recording,
-    rgba,
-    send_notes,
-    thinning,
-)
 
 DEMONSTRATED = """A person guides the tool down to the level board, turns it and scrapes. Coloured by the
 primitive that they were cut into, white outside (dissertation IV.5). The hand is that of {reference}; every
@@ -52,7 +39,7 @@ def write_demonstrations(
 ) -> None:
     """Write demonstrations over the board as a recording, see `recorded_demonstrations`."""
     note = DEMONSTRATED.format(reference=segmentation.reference)
-    scenery = partial(_send_scenery, hand=entity("hands", segmentation.reference))
+    scenery = partial(_send_scenery, hand=rrd.entity("hands", segmentation.reference))
     recorded_demonstrations.write_demonstrations(path, demonstrations, segmentation, title, note, scenery)
 
 
@@ -64,7 +51,7 @@ def write_primitives(
     title: str,
 ) -> None:
     """Write learned primitives over the board as a recording, see `learned_primitives`."""
-    scenery = partial(_send_scenery, hand=entity("hands", next(iter(paths))))
+    scenery = partial(_send_scenery, hand=rrd.entity("hands", next(iter(paths))))
     learned_primitives.write_primitives(path, demonstrations, primitives, paths, title, LEARNED, scenery)
 
 
@@ -138,8 +125,8 @@ def write_alignment(
     aligned = set(pairs["demonstration"]) & set(segmentation.cuts["demonstration"])
     guesses = [name for name in by_name if name in aligned]
     views = []
-    with recording(path, title) as stream:
-        send_notes(stream, f"{NOTE}\n**{origin_sentence(demonstrations)}**")
+    with rrd.recording(path, title) as stream:
+        rrd.send_notes(stream, f"{NOTE}\n**{rrd.origin_sentence(demonstrations)}**")
         for one in parameters.primitives:
             if one.axis == "between":
                 continue
@@ -157,10 +144,10 @@ def write_alignment(
                 own = (pairs["demonstration"] == curve.name) & (pairs["primitive"] == one.name)
                 _send_pairs(stream, one.name, reference, curve, pairs[own])
             bounds = ([-LEFT, WIDTH], [-MARGIN, 2 * HEIGHT + GAP + MARGIN])
-            heading = f"{one.name}: position along {one.axis}{origin_label(demonstrations)}"
-            views.append(flat_view(heading, entity(one.name), *bounds))
-        shown = rrb.Horizontal(rrb.Vertical(*views), notes_view(), column_shares=[5, 1])
-        stream.send_blueprint(layout(shown, DEMONSTRATION, steps_per_s=1.0))
+            heading = f"{one.name}: position along {one.axis}{rrd.origin_label(demonstrations)}"
+            views.append(rrd.flat_view(heading, rrd.entity(one.name), *bounds))
+        shown = rrb.Horizontal(rrb.Vertical(*views), rrd.notes_view(), column_shares=[5, 1])
+        stream.send_blueprint(rrd.layout(shown, DEMONSTRATION, steps_per_s=1.0))
 
 
 def _curve(
@@ -195,9 +182,9 @@ def _send_curve(
 
     Bars stand above it by crossing alone, below it as they result; the reference's result is its crossing.
     """
-    path = entity(primitive, "reference" if is_reference else "guess")
-    thinned = curve.time[:: thinning(float(curve.time[1] - curve.time[0]))]
-    line = rr.LineStrips2D([curve.points(thinned)], colors=rgba([WHITE]), radii=-1.5)
+    path = rrd.entity(primitive, "reference" if is_reference else "guess")
+    thinned = curve.time[:: rrd.thinning(float(curve.time[1] - curve.time[0]))]
+    line = rr.LineStrips2D([curve.points(thinned)], colors=rrd.rgba([WHITE]), radii=-1.5)
     stream.log(f"{path}/curve", line, static=is_reference)
 
     outside = -3 * BAR if is_reference else HEIGHT + 2 * BAR  # of the space between the curves
@@ -213,7 +200,7 @@ def _send_curve(
         cut, look = segmentation.result(primitive, method).loc[curve.name], CUT_METHODS[method]
         ends = curve.points(np.array([cut["start_s"], cut["end_s"]], dtype=float))
         bars = ends[:, None, :] + np.array([[0.0, 0.0], [0.0, tip]])
-        strips = rr.LineStrips2D(bars, colors=rgba([look.colour]), radii=-2.0)
+        strips = rr.LineStrips2D(bars, colors=rrd.rgba([look.colour]), radii=-2.0)
         stream.log(f"{path}/{method}", strips, static=is_reference)
         label_at = ends + np.array([0.0, tip if tip > 0 else 2 * tip])  # a label hangs below its point
         labels = texts(label_at, [look.name] * 2, [look.colour])
@@ -230,8 +217,8 @@ def _send_pairs(
     bold = np.argsort(weights)[::-1][:HIGHLIGHTED]
     share = weights[shown] ** 3  # most weights lie close to 1, where differences are to be seen
     thin = rr.LineStrips2D(
-        lines[shown], colors=blended(share, (DROPPED, LIGHT_BLUE)), radii=-0.7, draw_order=-2.0
+        lines[shown], colors=rrd.blended(share, (DROPPED, LIGHT_BLUE)), radii=-0.7, draw_order=-2.0
     )
-    stream.log(entity(primitive, "pairs"), thin)
-    thick = rr.LineStrips2D(lines[bold], colors=rgba([OCHRE]), radii=-1.5, draw_order=-1.0)
-    stream.log(entity(primitive, "best pairs"), thick)
+    stream.log(rrd.entity(primitive, "pairs"), thin)
+    thick = rr.LineStrips2D(lines[bold], colors=rrd.rgba([OCHRE]), radii=-1.5, draw_order=-1.0)
+    stream.log(rrd.entity(primitive, "best pairs"), thick)

@@ -1,4 +1,4 @@
-"""The scraping testbed in recordings: the tilted board, the hand that pinches the tool, and what it feels.
+"""Executions in recordings: the tilted board, the hand that pinches the tool, what it feels, and plots.
 
 Frames as in the simulation, all with x along the pinch, y along the scraping direction and z along the
 fingers: `hand` is the recorded frame, where the tool's edge is while nothing pulls at it; the grasp lies
@@ -6,28 +6,33 @@ between the finger tips, and the tool turns about it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import quaternion
-from structlearn.palette import GREY, WHITE
+from structlearn.palette import GREY, WHITE, Look
+from structlearn.readers.demonstration import Demonstration
 from structlearn.simulation.fingers import HOME_MM, PAD_DISTANCE_MM
 from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
-from structlearn.testbeds.scraping.views.shown_execution import RATE_HZ, Execution
-from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M, GRASP_M, ROLL_AXIS
-from structlearn.viewer.diagram import texts
-from structlearn.viewer.rrd import (
-    deviation_colours,
-    eye_view,
-    flat_view,
-    rgba,
-    send_moving_frame,
-    solid_boxes,
-    thinning,
-    time_column,
+from structlearn.testbeds.scraping.world.layout import (
+    CONTACT_M,
+    EDGE_M,
+    EDGE_WIDTH_M,
+    GRASP_M,
+    ROLL_AXIS,
+    board_orientation,
+    grasp_place,
+    hand_roll_deg,
+    tool_orientation,
+    tool_roll_deg,
 )
+from structlearn.viewer import rrd
+from structlearn.viewer.diagram import texts
 
 WRIST_M, FINGER_M = 0.06, 0.045
 """From the end of the arm to the hand's root, and from the palm to the start of a finger's round tip."""
@@ -45,6 +50,82 @@ FULL_SCALE_QUANTILE = 0.995
 
 MAP_WIDTH, MAP_GAP = 24.0, 3.0  # mm that one finger takes in the flat picture, and between the two
 
+RATE_HZ = 50.0  # Poses, colours and samples of signals per second: smooth to the eye; they are most of a file
+HEADINGS = {
+    "roll on board": "roll of the tool on the board (degrees; 0 is flat)",
+    "hand roll": "roll of the hand (degrees; grey: of the board)",
+    "coupling": "coupling term (rad)",
+    "cost": "cost: tool off its nominal orientation (rad)",
+    "force": "force on the board (N)",
+    "torque": "roll torque of the board (mN m)",
+}
+"""Signals by name; the cost takes the place of the force where it is known."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """One run on the board, and what the feedback saw and did in it."""
+
+    look: Look  # name and colour of what kind of run it is
+    run: Demonstration  # with orientation, joint positions, wrench, tool-to-board orientation and segments
+    board_deg: float  # roll of the board
+    primitives: Sequence[str]  # names, in order of `run.true_segments`
+    # what was felt and done in the primitives with feedback, columns `primitive`, `time_s` since its start,
+    # `coupling` (rad, about the roll axis) and `channel_00` ... (counts, what the electrodes read minus what
+    # they read in nominal runs).
+    traces: pd.DataFrame
+    # (C,) rad, of the first C <= T samples of the run (eq. IV.34); None where it is not shown.
+    cost: np.ndarray | None = None
+
+    @property
+    def kept(self) -> slice:
+        """Samples of the run that are shown."""
+        return slice(None, None, rrd.thinning(self.run.dt, RATE_HZ))
+
+    @cached_property
+    def felt(self) -> pd.DataFrame:
+        """(S, ...) the traces in order of time, with `time_s` since the start of the run."""
+        starts = dict(zip(self.primitives, self.run.signal("true_segments")[:, 0], strict=True))
+        since_start = self.traces["time_s"] + self.traces["primitive"].map(starts)
+        return self.traces.assign(time_s=since_start).sort_values("time_s", kind="stable")
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """(S, 38) counts, what the electrodes read minus what they read in nominal runs."""
+        return self.felt.filter(regex="^channel_").to_numpy(float)
+
+    @property
+    def signals(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Plotted signals by name as in `HEADINGS`: times (N,) in s, and values (N,)."""
+        run, kept, wrench = self.run, self.kept, self.run.signal("wrench")
+        before = run.time[:1]  # without feedback, so that all plots begin together
+        signals = {
+            "roll on board": (run.time[kept], tool_roll_deg(run)[kept]),
+            "hand roll": (run.time[kept], hand_roll_deg(run)[kept]),
+            "coupling": (np.append(before, self.felt["time_s"]), np.append(0.0, self.felt["coupling"])),
+        }
+        if self.cost is None:
+            signals["force"] = (run.time[kept], -wrench[kept, 2])
+        else:
+            signals["cost"] = (run.time[: len(self.cost)][kept], self.cost[kept])
+        return signals | {"torque": (run.time[kept], -1e3 * wrench[kept, 3:] @ ROLL_AXIS)}
+
+
+def send_signals(
+    stream: rr.RecordingStream, parent: str, executions: Sequence[Execution]
+) -> list[rrb.TimeSeriesView]:
+    """Log the signals of executions in one setting below a parent, and the roll that the hand is to reach."""
+    for one in executions:
+        for kind, (times, values) in one.signals.items():
+            rrd.send_curve(
+                stream, rrd.entity(parent, kind, one.look.name), times, values, one.look.name, one.look.colour
+            )
+    board = rrd.entity(parent, "hand roll", "board")
+    rrd.send_curve(stream, board, one.run.time[[0, -1]], np.full(2, one.board_deg), "board", GREY)
+    return [
+        rrd.plot(HEADINGS[kind], [f"{rrd.entity(parent, kind)}/**"], legend=False) for kind in one.signals
+    ]
+
 
 def send_scene(
     stream: rr.RecordingStream, path: str, one: Execution, scale: float, shadow: bool = False
@@ -54,19 +135,20 @@ def send_scene(
     `scale`: of `full_scale`. `shadow`: only hand and tool, pale and in the run's colour, without electrodes,
     which would hide those of another hand.
     """
-    times, colour = [time_column(one.run.time[one.kept])], one.look.colour
+    times, colour = [rrd.time_column(one.run.time[one.kept])], one.look.colour
     position, orientation = one.run.position[one.kept], one.run.signal("orientation")[one.kept]
     opacity = SHADOW_OPACITY if shadow else 1.0
-    send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, 0.0)
+    rrd.send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, 0.0)
     send_hand(stream, f"{path}/hand", colour if shadow else SKIN, opacity)
     pose = rr.Transform3D.columns(
-        translation=one.grasp[one.kept], quaternion=quaternion.to_xyzw(one.tool_orientation[one.kept])
+        translation=grasp_place(one.run)[one.kept],
+        quaternion=quaternion.to_xyzw(tool_orientation(one.run, one.board_deg)[one.kept]),
     )
     stream.send_columns(f"{path}/tool", times, pose)
     send_tool(stream, f"{path}/tool", colour, colour if shadow else WHITE, opacity)
     if not shadow:
         send_board(stream, f"{path}/board", one.board_deg)
-        strip = rr.LineStrips3D([position], colors=rgba([colour]), radii=-1.0)
+        strip = rr.LineStrips3D([position], colors=rrd.rgba([colour]), radii=-1.0)
         stream.log(f"{path}/path", strip, static=True)
         points = rr.Points3D(electrodes().reshape(-1, 3) - [0.0, 0.0, EDGE_M], radii=0.0008)
         stream.log(f"{path}/hand/electrodes", points, static=True)
@@ -75,11 +157,10 @@ def send_scene(
 
 def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) -> None:
     """Log the board, tilted about its axis, with its top where the tool meets it."""
-    orientation = quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)
-    turn = rr.Quaternion(xyzw=quaternion.to_xyzw(orientation))
+    turn = rr.Quaternion(xyzw=quaternion.to_xyzw(board_orientation(board_deg)))
     pose = rr.Transform3D(translation=CONTACT_M, quaternion=turn)
     stream.log(path, pose, static=True)
-    box = solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
+    box = rrd.solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
     stream.log(path, box, static=True)
 
 
@@ -91,14 +172,14 @@ def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: 
         lengths=[FINGER_M] * 2,
         radii=[1e-3 * SKIN_RADIUS_MM] * 2,
         translations=[[outwards, 0.0, tips[0] - FINGER_M], [-outwards, 0.0, tips[1] - FINGER_M]],
-        colors=rgba([skin], 0.4 * opacity),
+        colors=rrd.rgba([skin], 0.4 * opacity),
         fill_mode=rr.components.FillMode.Solid,
     )
     stream.log(f"{path}/fingers", fingers, static=True)
     top, bottom = -EDGE_M - GRASP_M, -EDGE_M - FINGER_M
     sizes = [[0.06, 0.03, bottom - top], [0.04, 0.04, WRIST_M]]
     centres = [[0.0, 0.0, 0.5 * (top + bottom)], [0.0, 0.0, top - 0.5 * WRIST_M]]
-    stream.log(f"{path}/palm", solid_boxes(sizes, centres, [skin], opacity), static=True)
+    stream.log(f"{path}/palm", rrd.solid_boxes(sizes, centres, [skin], opacity), static=True)
 
 
 def send_tool(
@@ -108,15 +189,15 @@ def send_tool(
     reached = 0.5 * GRIP_M[2]
     sizes: list[np.ndarray | list[float]] = [GRIP_M, [EDGE_WIDTH_M, BLADE_M, EDGE_M - reached]]
     centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + EDGE_M)]]
-    stream.log(f"{path}/body", solid_boxes(sizes, centres, [grip, colour], opacity), static=True)
+    stream.log(f"{path}/body", rrd.solid_boxes(sizes, centres, [grip, colour], opacity), static=True)
     ends = [[-0.5 * EDGE_WIDTH_M, 0.0, EDGE_M], [0.5 * EDGE_WIDTH_M, 0.0, EDGE_M]]
-    stream.log(f"{path}/edge", rr.LineStrips3D([ends], colors=rgba([colour]), radii=-2.5), static=True)
+    stream.log(f"{path}/edge", rr.LineStrips3D([ends], colors=rrd.rgba([colour]), radii=-2.5), static=True)
 
 
 def close_view(name: str, contents: Sequence[str], distance_m: float = EYE_M) -> rrb.Spatial3DView:
     """3-D view along the scraping direction, close to where the tool meets the board, that shows roll."""
     target = CONTACT_M + np.array([0.0, 0.02, 0.028])
-    return eye_view(name, contents, target, distance_m * np.array([0.15, -0.93, 0.33]))
+    return rrd.eye_view(name, contents, target, distance_m * np.array([0.15, -0.93, 0.33]))
 
 
 def full_scale(executions: Sequence[Execution]) -> float:
@@ -152,7 +233,7 @@ def send_electrode_map(
     names = texts(offsets + np.array([-5.0, 6.2]), ["left finger", "right finger"], [GREY])
     stream.log(f"{path}/names", names, static=True)
     heading = f"{one.look.name}: ±{scale:.0f} counts"
-    return flat_view(heading, path, [-16.0, 2 * MAP_WIDTH + MAP_GAP - 11.0], [-7.0, 11.0])
+    return rrd.flat_view(heading, path, [-16.0, 2 * MAP_WIDTH + MAP_GAP - 11.0], [-7.0, 11.0])
 
 
 def _send_colours(
@@ -164,8 +245,8 @@ def _send_colours(
 ) -> None:
     """Colours of the electrodes over time; until feedback begins all read as expected."""
     felt, deviation = one.felt["time_s"].to_numpy(), one.deviation
-    kept = slice(None, None, thinning(float(np.median(np.diff(felt))), RATE_HZ))
+    kept = slice(None, None, rrd.thinning(float(np.median(np.diff(felt))), RATE_HZ))
     times = np.append(one.run.time[:1], felt[kept])
     shown = np.vstack([np.zeros(deviation.shape[1]), deviation[kept]])
-    columns = points.columns(colors=deviation_colours(shown, scale).ravel())
-    stream.send_columns(path, [time_column(times)], columns.partition([shown.shape[1]] * len(shown)))
+    columns = points.columns(colors=rrd.deviation_colours(shown, scale).ravel())
+    stream.send_columns(path, [rrd.time_column(times)], columns.partition([shown.shape[1]] * len(shown)))

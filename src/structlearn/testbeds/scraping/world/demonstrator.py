@@ -2,7 +2,7 @@
 
 Go down 8.7 cm until the tool touches the board, turn the tool until its edge lies flat, scrape 6.4 cm along
 y. Movements come from published facts of human movement (the constants below). In the physical world the
-person guides the robot's arm along them (`guided_demonstrations`); `as_meant` takes them as they are meant,
+person guides the robot's arm along them (`testbed`); `as_meant` takes them as they are meant,
 without arm and board, for sweeps over thousands of demonstrations.
 
 Three independent random streams per demonstration (movement, noise, run) and a fixed number of draws from the
@@ -152,17 +152,24 @@ def _intention(
     habits: np.ndarray,
     rate_hz: float,
 ) -> Intention:
+    """One trial; roll and pitch have submovements of their own, as a person who turns one after the other."""
     movement, noise, run = seed.spawn(3)
-    plan = _draw_plan(parameters, habits, np.random.default_rng(movement))
-    time = np.arange(int(plan.end * rate_hz) + 1) / rate_hz
-    edge, tilt = _follow(plan, time)
-    onset = plan.segments[0, 1] + np.array([0.0, BOARD_TAKES_OVER_S])
-    contact = np.interp(time, onset, [0.0, 1.0])
+    movement_rng, noise_rng = np.random.default_rng(movement), np.random.default_rng(noise)
+    movements, end = _draw_movements(parameters, habits, movement_rng)
+    edges, tilts, bows = _draw_places(parameters, movement_rng)
+    time = np.arange(int(end * rate_hz) + 1) / rate_hz
+    edge, tilt = np.tile(edges[0], (len(time), 1)), np.tile(tilts[0], (len(time), 1))
+    ways, turns = np.diff(edges, axis=0), np.diff(tilts, axis=0)
+    for one, way, turn, bow in zip(movements, ways, turns, bows, strict=True):
+        first, second = one.progress(time)[..., None]  # (T, 1) each
+        edge += first * way + 16 * first**2 * (1 - first) ** 2 * bow  # bowed most half-way, at no end
+        tilt += np.hstack([first, second, first]) * turn
+    (onset, contact), _, (scrape, last) = (one.visible for one in movements)
+    segments = np.array([[onset, contact], [contact, scrape], [scrape, last]])
+    on_board = np.interp(time, contact + np.array([0.0, BOARD_TAKES_OVER_S]), [0.0, 1.0])
     velocity = np.gradient(edge, 1 / rate_hz, axis=0)
-    rng = np.random.default_rng(noise)
-    edge_noise, tilt_noise = hand_noise(velocity, contact, parameters.noise_mm, rate_hz, rng)
-    name = f"{index + 1:02d}"
-    return Intention(name, time, edge, tilt, edge_noise, tilt_noise, plan.segments, run)
+    edge_noise, tilt_noise = hand_noise(velocity, on_board, parameters.noise_mm, rate_hz, noise_rng)
+    return Intention(f"{index + 1:02d}", time, edge, tilt, edge_noise, tilt_noise, segments, run)
 
 
 @dataclass(frozen=True)
@@ -191,25 +198,13 @@ class _Movement:
         return share * minimum_jerk.progress(first) + (1 - share) * minimum_jerk.progress(second)
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """All that is decided before the hand moves (noise excepted)."""
+def _draw_movements(
+    parameters: DemonstratorParameters, habits: np.ndarray, rng: np.random.Generator
+) -> tuple[list[_Movement], float]:
+    """A movement per primitive, and the end of the trial in s.
 
-    movements: tuple[_Movement, ...]  # one per primitive
-    end: float  # s
-    edges: np.ndarray  # (4, 3) m: position of the edge at start, contact, flat, end
-    tilts: np.ndarray  # (4, 3) rad: rotation vector from flat, base frame
-    bows: np.ndarray  # (3, 3) m: bow of each movement
-
-    @property
-    def segments(self) -> np.ndarray:
-        """(3, 2) s: true start and end of the primitives; the second is the gap between the others."""
-        (onset, contact), _, (scrape, end) = (movement.visible for movement in self.movements)
-        return np.array([[onset, contact], [contact, scrape], [scrape, end]])
-
-
-def _draw_plan(parameters: DemonstratorParameters, habits: np.ndarray, rng: np.random.Generator) -> _Plan:
-    """Draw one trial. The draws do not depend on the parameters' values; only their scaling does."""
+    The draws do not depend on the parameters' values; only their scaling does.
+    """
     tempo = rng.standard_normal()
     now = rng.uniform(*parameters.rest_s)
     movements = []
@@ -219,8 +214,16 @@ def _draw_plan(parameters: DemonstratorParameters, habits: np.ndarray, rng: np.r
         duration = median * np.exp(parameters.duration_cv * np.clip(scatter, -2.5, 2.5))
         movements.append(_draw_movement(now, duration, habit, parameters, rng))
         now += movements[-1].duration + rng.uniform(*parameters.pause_s)
-    end = movements[-1].onset + movements[-1].duration + rng.uniform(*parameters.rest_s)
+    return movements, movements[-1].onset + movements[-1].duration + rng.uniform(*parameters.rest_s)
 
+
+def _draw_places(
+    parameters: DemonstratorParameters, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position of the edge (4, 3) m and rotation vector from flat (4, 3) rad at start, contact, flat and end.
+
+    And the bow (3, 3) m of each movement.
+    """
     start = CONTACT_M - DOWN_M + 1e-3 * parameters.start_spread_mm * rng.standard_normal(3)
     landing = CONTACT_M + GOAL_SPREAD_M * rng.standard_normal(3)
     flat = landing + GOAL_SPREAD_M / 3 * rng.standard_normal(3)  # the edge slips a little while it turns
@@ -228,8 +231,7 @@ def _draw_plan(parameters: DemonstratorParameters, habits: np.ndarray, rng: np.r
     held = TILT_DEG + parameters.start_spread_deg * rng.standard_normal(3)  # no correction before the contact
     drift = 0.5 * parameters.start_spread_deg * rng.standard_normal(3)
     tilts = np.stack([held, held + drift, *(GOAL_SPREAD_DEG * rng.standard_normal((2, 3)))])
-    bows = BOW_M * rng.standard_normal((3, 3))
-    return _Plan(tuple(movements), end, np.stack([start, landing, flat, finish]), np.radians(tilts), bows)
+    return np.stack([start, landing, flat, finish]), np.radians(tilts), BOW_M * rng.standard_normal((3, 3))
 
 
 def _draw_shapes(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
@@ -259,20 +261,3 @@ def _draw_movement(
     rate = np.maximum((1 + INTERMITTENCY * waves / np.sqrt(2)) * (1 - dip), SLOWEST)
     phase = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))])
     return _Movement(onset, duration, grid, phase / phase[-1], shapes)
-
-
-def _follow(plan: _Plan, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Noise-free path: (T,) s -> (T, 3) m of the edge, (T, 3) rad rotation vector from flat.
-
-    Roll and pitch of the correction have submovements of their own (first coordinate roll, second pitch), as
-    a person who turns one after the other; they share their onset and end.
-    """
-    edge = np.tile(plan.edges[0], (len(time), 1))
-    tilt = np.tile(plan.tilts[0], (len(time), 1))
-    for index, movement in enumerate(plan.movements):
-        first, second = movement.progress(time)[..., None]  # (T, 1) each
-        bow = 16 * first**2 * (1 - first) ** 2  # 1 half-way, flat at both ends
-        edge += first * (plan.edges[index + 1] - plan.edges[index]) + bow * plan.bows[index]
-        turn = plan.tilts[index + 1] - plan.tilts[index]
-        tilt += np.hstack([first, second, first]) * turn
-    return edge, tilt

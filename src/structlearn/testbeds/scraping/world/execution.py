@@ -5,7 +5,7 @@ or the primitives with feedback (`feedback.runtime.Controller`). All of them giv
 force control along z and, for corrections, compliance about roll are added to it (table IV.4).
 
 The whole run is one compiled loop. Its ticks can also be run one by one with somebody else integrating the
-robot's motion between them: `in_pybullet`, to compare.
+robot's motion between them: in PyBullet, to compare.
 """
 
 from collections.abc import Callable
@@ -128,20 +128,10 @@ def execute(
 ) -> RunLog:
     """Run a motion in the world.
 
-    Args:
-        parameters: of the world.
-        motion: who leads: a reference, or a controller that has been started.
-        start: (3,) m and (3, 3): pose of the edge frame at rest.
-        ticks: number of control ticks T.
-        conditions: of this run.
-        control: of the robot.
-        fingers: read every third tick.
-        rng: noise of the wrist sensor.
-        person: who corrects roll, from the second primitive on; then the robot gives way.
-        engine: who integrates the motion; None: the compiled loop.
-
-    Returns:
-        The log; not finite where the robot diverged.
+    `motion`: who leads: a reference, or a controller that has been started. `start`: (3,) m and (3, 3), pose
+    of the edge frame at rest. `ticks`: number of control ticks T. `rng`: noise of the wrist sensor. `person`:
+    who corrects roll, from the second primitive on; then the robot gives way. `engine`: who integrates the
+    motion; None: the compiled loop. Raises FloatingPointError: the robot has diverged.
     """
     angles = scraping_robot.joint_angles(*start)
     world = scraping_world.placed(
@@ -222,8 +212,7 @@ def _ticks(
             _lead(plan_arrays, state_arrays, run.reference, run.log.counts, k)
         primitive = run.reference.primitive[k]
         height = roll = 0.0
-        for i in range(6):
-            run.push[i] = 0.0
+        run.push[:] = 0.0
         if primitive > 0:
             force_error = run.conditions.force[k] + run.felt[2]
             height = -_proportional_integral(run.conditions.force_gains, force_error, run.dt, run.sums, 0)
@@ -235,8 +224,7 @@ def _ticks(
                 roll = _proportional_integral(run.roll_gains, give, run.dt, run.sums, 1)
         _aim(run.reference, k, height, roll, run.target)
         operational_space.control(run.arm, run.target, run.conditions.stiffness, run.push)
-        for j in range(ARM_JOINTS):
-            run.log.joint_torques[k, j] = run.arm.torques[j]
+        run.log.joint_torques[k] = run.arm.torques
         run.log.primitive[k] = primitive
         if integrate:
             scraping_world.advance(run.world, run.arm.torques)
@@ -251,18 +239,11 @@ def _sense(run: _Run, k: int) -> None:
     for i in range(6):
         log.wrench[k, i] += run.noise[k, i]
         run.felt[i] += run.share * (log.wrench[k, i] - run.felt[i])
-    for j in range(ARM_JOINTS):
-        log.joint_positions[k, j] = arm.q[j]
-        log.joint_velocities[k, j] = arm.v[j]
-    for i in range(3):
-        log.position[k, i] = arm.position[i]
-        for d in range(3):
-            run.hand[k, i, d] = arm.rotation[i, d]
-            run.tool[k, i, d] = world.tool_rotation[i, d]
+    log.joint_positions[k], log.joint_velocities[k], log.position[k] = arm.q, arm.v, arm.position
+    run.hand[k], run.tool[k] = arm.rotation, world.tool_rotation
     if k % FINGER_TICKS == 0:
         sample = np.empty(9)
-        for i in range(6):
-            sample[i] = world.grasp_load[i]
+        sample[:6] = world.grasp_load
         # turns about x, y, z; the joints turn about z, x, y
         sample[6], sample[7], sample[8] = world.q[11], world.q[12], world.q[10]
         take(run.fingers, k // FINGER_TICKS, sample, log.counts[k // FINGER_TICKS])
@@ -274,17 +255,14 @@ def _lead(plan_arrays: tuple, state_arrays: tuple, reference: Reference, counts:
     state = controller_tick.State(*state_arrays)
     fresh = k % FINGER_TICKS == 0 and len(state.sample) > 0
     if fresh:
-        for channel in range(len(state.sample)):
-            state.sample[channel] = counts[k // FINGER_TICKS, channel]
+        state.sample[:] = counts[k // FINGER_TICKS, : len(state.sample)]
     controller_tick.tick(plan_arrays, state_arrays, fresh)
-    for d in range(3):
-        reference.position[k, d] = state.path[0, 0, 0, d]
-        reference.velocity[k, d] = state.path[1, 0, 0, d]
-        reference.acceleration[k, d] = state.path[2, 0, 0, d]
-        reference.angular_velocity[k, d] = state.turning[0, 0, 0, d]
-        reference.angular_acceleration[k, d] = state.turning[1, 0, 0, d]
-    for d in range(4):
-        reference.orientation[k, d] = state.orientation[0, 0, d]
+    reference.position[k] = state.path[0, 0, 0]
+    reference.velocity[k] = state.path[1, 0, 0]
+    reference.acceleration[k] = state.path[2, 0, 0]
+    reference.orientation[k] = state.orientation[0, 0]
+    reference.angular_velocity[k] = state.turning[0, 0, 0]
+    reference.angular_acceleration[k] = state.turning[1, 0, 0]
     reference.primitive[k] = state.clock[controller_tick.PRIMITIVE]
 
 
@@ -321,15 +299,14 @@ def _aim(reference: Reference, k: int, height: float, roll: float, target: Targe
     )
     cosine, sine = np.cos(roll), np.sin(roll)
     for d in range(3):
-        target.position[d] = reference.position[k, d]
         target.rotation[0, d] = cosine * upright[0][d] + sine * upright[2][d]
         target.rotation[1, d] = upright[1][d]
         target.rotation[2, d] = cosine * upright[2][d] - sine * upright[0][d]
-        target.twist[d] = reference.velocity[k, d]
-        target.twist[3 + d] = reference.angular_velocity[k, d]
-        target.acceleration[d] = reference.acceleration[k, d]
-        target.acceleration[3 + d] = reference.angular_acceleration[k, d]
+    target.position[:] = reference.position[k]
     target.position[2] += height
+    target.twist[:3], target.twist[3:] = reference.velocity[k], reference.angular_velocity[k]
+    target.acceleration[:3] = reference.acceleration[k]
+    target.acceleration[3:] = reference.angular_acceleration[k]
 
 
 def _empty_reference(ticks: int) -> Reference:

@@ -7,6 +7,9 @@ unloaded: a correction turns the hand about the edge instead of dragging the edg
 
 import numpy as np
 
+from structlearn.core import quaternion
+from structlearn.readers.demonstration import Demonstration
+
 GRASP_M = 0.06  # From the hand to the grasp, the middle between the finger tips, along z
 EDGE_M = 0.03  # From the grasp to the tool's edge, along z
 EDGE_WIDTH_M = 0.011  # Of the edge, along x
@@ -19,3 +22,30 @@ about base y."""
 
 ROLL_AXIS = np.array([0.0, 1.0, 0.0])
 """The scraping direction, base frame: the board tilts about it and feedback models correct about it."""
+
+
+def board_orientation(board_deg: float) -> np.ndarray:
+    """(4,) of a board with this roll, base frame."""
+    return quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)
+
+
+def tool_orientation(run: Demonstration, board_deg: float) -> np.ndarray:
+    """(T, 4) of the tool in a run on a board with this roll, base frame."""
+    turned = quaternion.product(board_orientation(board_deg), run.signal("tool_to_board"))
+    return quaternion.product(turned, FLAT_ORIENTATION)
+
+
+def grasp_place(run: Demonstration) -> np.ndarray:
+    """(T, 3) m, the middle between the finger tips, base frame."""
+    down = quaternion.rotate(run.signal("orientation"), np.array([0.0, 0.0, 1.0]))
+    return run.position - EDGE_M * down
+
+
+def hand_roll_deg(run: Demonstration, axis: np.ndarray = ROLL_AXIS) -> np.ndarray:
+    """Roll of the hand about an axis (3,) of the base frame, (T,); 0: the tool is flat on a level board."""
+    return np.degrees(quaternion.difference(run.signal("orientation"), FLAT_ORIENTATION) @ axis)
+
+
+def tool_roll_deg(run: Demonstration, axis: np.ndarray = ROLL_AXIS) -> np.ndarray:
+    """Roll of the tool relative to the board about an axis (3,), (T,); 0 where it lies flat."""
+    return np.degrees(quaternion.rotation_vector(run.signal("tool_to_board")) @ axis)

@@ -77,9 +77,7 @@ def controlled(arm: ArmModel, posture: np.ndarray) -> Arm:
 def observe(arm: Arm, q: np.ndarray, v: np.ndarray) -> None:
     """Compute kinematics and dynamics at joint positions and velocities; those of the arm come first."""
     count = len(arm.q)
-    for j in range(count):
-        arm.q[j] = q[j]
-        arm.v[j] = v[j]
+    arm.q[:], arm.v[:] = q[:count], v[:count]
     work, jacobian = arm.work, arm.jacobian
     dynamics(arm.body, arm.q, arm.v, work)
     frame, place, x = work.frame[-1], work.place[-1], arm.position
@@ -92,8 +90,7 @@ def observe(arm: Arm, q: np.ndarray, v: np.ndarray) -> None:
                 + frame[i, 1] * arm.edge_rotation[1, k]
                 + frame[i, 2] * arm.edge_rotation[2, k]
             )
-    for k in range(6):
-        arm.twist[k] = 0.0
+    arm.twist[:] = 0.0
     for j in range(count):
         screw = work.screw[j]
         sweep = cross(screw, x)

@@ -16,9 +16,11 @@ from structlearn.testbeds.scraping.world.layout import (
     CONTACT_M,
     EDGE_M,
     EDGE_WIDTH_M,
-    FLAT_ORIENTATION,
     GRASP_M,
     ROLL_AXIS,
+    board_orientation,
+    grasp_place,
+    tool_orientation,
 )
 
 ARM = "kuka_iiwa/model.urdf"  # Of the arm with its meshes, among the data that PyBullet brings
@@ -73,7 +75,7 @@ def _frame(
     sample, drawn_deg = moment
     frame = Image.new("RGB", (len(runs) * PANEL[0], WORDS + PANEL[1]), "white")
     pen, font = ImageDraw.Draw(frame), ImageFont.load_default(21)
-    board = quaternion.from_rotation_vector(np.radians(board_deg - drawn_deg) * ROLL_AXIS)
+    board = board_orientation(board_deg - drawn_deg)
     for place, (look, run) in enumerate(runs):
         solids = _solids(run, sample, board_deg, drawn_deg)
         picture = still(CLOSE, solids, ARM, run.signal("joint_positions")[sample], size=PANEL)
@@ -88,22 +90,15 @@ def _frame(
 
 def _solids(run: Demonstration, moment: int, board_deg: float, drawn_deg: float | None = None) -> list[Solid]:
     """Board, hand and tool at one sample of a run on a board of this tilt; it may be drawn with another."""
-    down = np.array([0.0, 0.0, 1.0])
-    board, drawn = (
-        quaternion.from_rotation_vector(np.radians(tilt) * ROLL_AXIS)
-        for tilt in (board_deg, board_deg if drawn_deg is None else drawn_deg)
-    )
-    hand = run.signal("orientation")[moment]
-    grasp = run.position[moment] - EDGE_M * quaternion.rotate(hand, down)
-    tool = quaternion.product(
-        quaternion.product(board, run.signal("tool_to_board")[moment]), FLAT_ORIENTATION
-    )
+    drawn = board_orientation(board_deg if drawn_deg is None else drawn_deg)
+    hand, tool = run.signal("orientation")[moment], tool_orientation(run, board_deg)[moment]
+    grasp = grasp_place(run)[moment]
 
     def held(size: np.ndarray, offset: tuple[float, float, float], turn: np.ndarray, colour: tuple) -> Solid:
         """A box that is fixed to the hand or the tool, `offset` from the grasp."""
         return Solid("box", size / 2, grasp + quaternion.rotate(turn, np.array(offset)), turn, colour)
 
-    below = CONTACT_M - quaternion.rotate(drawn, 0.5 * BOARD_M[2] * down)
+    below = CONTACT_M - quaternion.rotate(drawn, np.array([0.0, 0.0, 0.5 * BOARD_M[2]]))
     base = CONTACT_M[:2].tolist()
     return [
         Solid("box", BOARD_M / 2, below, drawn, WOOD),

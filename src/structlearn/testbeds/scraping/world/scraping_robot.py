@@ -57,7 +57,7 @@ class ArmModel:
 
 @lru_cache
 def urdf() -> str:
-    """URDF of the whole robot, without meshes: contact is computed by `contact`, nothing else can touch."""
+    """URDF of the whole robot, without meshes: `scraping_world` computes contact, nothing else can touch."""
     arm = (Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf").read_text()
     arm = re.sub(r"<(visual|collision)>.*?</\1>", "", arm, flags=re.DOTALL)
     parts = [

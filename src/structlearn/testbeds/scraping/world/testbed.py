@@ -2,18 +2,41 @@
 
 The same robot, fingers and board serve all stages; what differs between runs of a real set-up is drawn from a
 seed of each run, so any run can be repeated alone, bit for bit.
+
+A person who guides the arm (kinesthetic teaching, IV.9.1.3, i) makes the nominal demonstrations. The arm is
+in gravity compensation; what the person's own arm does to it is again a pose reference with a natural
+frequency, softer than the robot's. People who have practised compensate the inertia of what they hold
+(Shadmehr & Mussa-Ivaldi 1994), so the intended velocity and acceleration are fed forward and only the noise
+is filtered by the arm's inertia. Pressure on the board is regulated by feel, slowly.
 """
+
+from functools import partial
 
 import numpy as np
 from pydantic import Field
 
 import structlearn
 from structlearn.core import quaternion
+from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 from structlearn.readers.recording import Recording, Stream
-from structlearn.simulation.fingers import TouchParameters
+from structlearn.simulation.fingers import FingerPair, TouchParameters
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters
-from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, Conditions, ControlParameters, RunLog
+from structlearn.testbeds.scraping.world.demonstrator import (
+    DemonstratorParameters,
+    Intention,
+    first_stamp,
+    intended_movements,
+    orientation_of,
+)
+from structlearn.testbeds.scraping.world.execution import (
+    FINGER_TICKS,
+    Conditions,
+    ControlParameters,
+    Reference,
+    RunLog,
+    execute,
+)
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 
@@ -26,61 +49,6 @@ class RecorderParameters(Parameters):
 
     motion_capture_deg: float = Field(ge=0)
     stamp_jitter_s: float = Field(ge=0)
-
-
-def recorded(
-    name: str,
-    start: int,
-    log: RunLog,
-    segments: np.ndarray,
-    origin: dict[str, str],
-    dt: float,
-    parameters: RecorderParameters,
-    rng: np.random.Generator,
-) -> Recording:
-    """A run as it is recorded: pose and wrench at the controller's rate, all else slower.
-
-    `start`: stamp of the first tick in ns. `segments`: (P, 2) s, start and end of the primitives. `origin`:
-    see `provenance`. `dt`: s per control tick. Returns streams of pose, joints, wrench, two fingers and
-    motion capture.
-    """
-    ticks = np.arange(len(log.position))
-    slow = ticks[::RECORDED_EVERY]
-    robot = start + np.round(ticks * dt * 1e9).astype(np.int64)
-
-    def device(sampled: np.ndarray) -> np.ndarray:
-        """Stamps of a device that samples at these ticks and has a clock of its own."""
-        jitter = np.clip(parameters.stamp_jitter_s * rng.standard_normal(len(sampled)), -dt, dt)
-        jitter[[0, -1]] = 0.0
-        return robot[sampled] + np.round(jitter * 1e9).astype(np.int64)
-
-    noise = np.radians(parameters.motion_capture_deg) * rng.standard_normal((len(slow), 3))
-    seen = quaternion.product(quaternion.from_rotation_vector(noise), log.tool_to_board[slow])
-    streams = [
-        Stream("/hand/pose", "pose", robot, np.hstack([log.position, log.orientation])),
-        Stream("/joints/positions", "joint_positions", robot[slow], log.joint_positions[slow]),
-        Stream("/joints/velocities", "joint_velocities", robot[slow], log.joint_velocities[slow]),
-        Stream("/joints/torques", "joint_torques", robot[slow], log.joint_torques[slow]),
-        Stream("/wrist/wrench", "wrench", robot, log.wrench),
-    ]
-    streams += [
-        Stream(f"/fingers/{finger}", "tactile", device(log.count_ticks), counts)
-        for finger, counts in zip(FINGERS, np.hsplit(log.counts, len(FINGERS)), strict=True)
-    ]
-    streams.append(Stream("/motion_capture/tool_to_board", "tool_to_board", device(slow), seen))
-    return Recording(name, tuple(streams), segments, origin)
-
-
-def provenance(what: str, setting_deg: float, seed: str) -> dict[str, str]:
-    """Provenance of a simulated run: what it was, on a board of which roll in degrees, from which seed."""
-    return {
-        "origin": "simulated",
-        "generator": "structlearn.testbeds.scraping.protocol.executions",
-        "version": structlearn.__version__,
-        "seed": seed,
-        "setting": f"board roll {setting_deg:g} degrees",
-        "what": what,
-    }
 
 
 class GuidanceParameters(Parameters):
@@ -117,6 +85,11 @@ class TestbedParameters(Parameters):
     guidance: GuidanceParameters
     corrector: CorrectorParameters
 
+    @property
+    def finger_rate_hz(self) -> float:
+        """Samples per second that the fingers give."""
+        return self.world.control_rate_hz / FINGER_TICKS
+
 
 def run_conditions(
     testbed: TestbedParameters,
@@ -144,6 +117,113 @@ def run_conditions(
     )
 
 
-def finger_rate(testbed: TestbedParameters) -> float:
-    """Samples per second that the fingers give."""
-    return testbed.world.control_rate_hz / FINGER_TICKS
+def recorded(
+    testbed: TestbedParameters,
+    name: str,
+    index: int,
+    log: RunLog,
+    segments: np.ndarray,
+    rng: np.random.Generator,
+    provenance: dict[str, str],
+) -> Recording:
+    """A run as it is recorded: pose and wrench at the controller's rate, all else slower.
+
+    `index`: sets the recorder's clock. `segments`: (P, 2) s, start and end of the primitives. `provenance`:
+    what it was, the setting and the seed. Returns streams of pose, joints, wrench, two fingers and motion
+    capture.
+    """
+    dt, devices = testbed.world.dt, testbed.recorder
+    ticks = np.arange(len(log.position))
+    slow = ticks[::RECORDED_EVERY]
+    robot = first_stamp(index) + np.round(ticks * dt * 1e9).astype(np.int64)
+
+    def device(sampled: np.ndarray) -> np.ndarray:
+        """Stamps of a device that samples at these ticks and has a clock of its own."""
+        jitter = np.clip(devices.stamp_jitter_s * rng.standard_normal(len(sampled)), -dt, dt)
+        jitter[[0, -1]] = 0.0
+        return robot[sampled] + np.round(jitter * 1e9).astype(np.int64)
+
+    noise = np.radians(devices.motion_capture_deg) * rng.standard_normal((len(slow), 3))
+    seen = quaternion.product(quaternion.from_rotation_vector(noise), log.tool_to_board[slow])
+    streams = [
+        Stream("/hand/pose", "pose", robot, np.hstack([log.position, log.orientation])),
+        Stream("/joints/positions", "joint_positions", robot[slow], log.joint_positions[slow]),
+        Stream("/joints/velocities", "joint_velocities", robot[slow], log.joint_velocities[slow]),
+        Stream("/joints/torques", "joint_torques", robot[slow], log.joint_torques[slow]),
+        Stream("/wrist/wrench", "wrench", robot, log.wrench),
+    ]
+    streams += [
+        Stream(f"/fingers/{finger}", "tactile", device(log.count_ticks), counts)
+        for finger, counts in zip(FINGERS, np.hsplit(log.counts, len(FINGERS)), strict=True)
+    ]
+    streams.append(Stream("/motion_capture/tool_to_board", "tool_to_board", device(slow), seen))
+    origin = {
+        "origin": "simulated",
+        "generator": "structlearn.testbeds.scraping.protocol.executions",
+        "version": structlearn.__version__,
+    }
+    return Recording(name, tuple(streams), segments, origin | provenance)
+
+
+def setting_name(setting_deg: float) -> str:
+    """What a setting is called in the provenance of a recording."""
+    return f"board roll {setting_deg:g} degrees"
+
+
+def guided_motion(movement: Intention) -> Reference:
+    """The intended movement as a pose reference."""
+    step = movement.time[1]
+    velocity = np.gradient(movement.edge, step, axis=0)
+    turning = np.gradient(movement.tilt, step, axis=0)  # small angles: the vector's rate
+    return Reference(
+        position=movement.edge + movement.edge_noise,
+        velocity=velocity,
+        acceleration=np.gradient(velocity, step, axis=0),
+        orientation=orientation_of(movement.tilt + movement.tilt_noise),
+        angular_velocity=turning,
+        angular_acceleration=np.gradient(turning, step, axis=0),
+        primitive=np.searchsorted(movement.segments[1:, 0], movement.time, side="right"),
+    )
+
+
+def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:
+    """Force that the person means to press with, over the ticks of one trial: (ticks,) N."""
+    from scipy.signal import lfilter
+
+    level = parameters.force_n * np.exp(parameters.force_spread * rng.standard_normal())
+    keep = np.exp(-dt / parameters.force_fluctuation_s)
+    fluctuation = lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(ticks))
+    return level * (1.0 + parameters.force_cv * fluctuation)
+
+
+def guided_demonstrations(
+    demonstrator: DemonstratorParameters, testbed: TestbedParameters
+) -> list[Recording]:
+    """Nominal demonstrations by a person who guides the arm on the flat board.
+
+    Returns recordings "01", "02", ... with `true_segments` (3, 2) of the intended movement.
+    """
+    movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
+    guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)
+    first, *others = movements
+    # the first in this process, which compiles the robot once; each worker would do so again
+    return [guide(first), *parallel_map(guide, others, "guided demonstrations")]
+
+
+def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Recording:
+    conditions_rng, fingers_rng, wrist_rng, clocks_rng = map(np.random.default_rng, movement.run.spawn(4))
+    own, ticks, number = testbed.guidance, len(movement.time), int(movement.name)
+    conditions = run_conditions(
+        testbed,
+        0.0,
+        conditions_rng,
+        stiffness=(2.0 * np.pi * own.frequency_hz) ** 2,
+        force=pressure(own, ticks, testbed.world.dt, conditions_rng),
+        gains=(0.0, own.force_i_m_n_s),
+    )
+    motion = guided_motion(movement)
+    start = motion.position[0], quaternion.matrix(motion.orientation[0])
+    fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, testbed.finger_rate_hz)
+    log = execute(testbed.world, motion, start, ticks, conditions, testbed.control, fingers, wrist_rng)
+    what = {"seed": str(seed), "setting": setting_name(0.0), "what": "a person guides the arm"}
+    return recorded(testbed, movement.name, number - 1, log, movement.segments, clocks_rng, what)

@@ -1,0 +1,365 @@
+"""What the stages and studies of the scraping testbed wrote, and what its three pages read from that."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core import signals
+from structlearn.feedback.coupling_dataset import PARTS, CouplingDataset
+from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.feedback_models import POINTWISE, REPRESENTATIONS, STOPPINGS
+from structlearn.primitives import vector
+from structlearn.primitives.fitting import FitParameters, Segment, reproduction_summary, segment_paths
+from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
+from structlearn.primitives.vector import VectorPrimitive
+from structlearn.readers.demonstration import Demonstration
+from structlearn.reporting.studies import Study, read_study
+from structlearn.segmentation import cut_errors
+from structlearn.segmentation.alignment import RESULT
+from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
+from structlearn.segmentation.segments import Segmentation, commanded_cuts, read_segmentation
+from structlearn.tactile.electrodes import ELECTRODES_MM
+from structlearn.testbeds.scraping import files
+from structlearn.testbeds.scraping.page.board_results import BoardResults, RefinementResults
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    AFTER,
+    BEFORE,
+    NOMINAL,
+    execution_scores,
+    nominal_orientation,
+)
+from structlearn.testbeds.scraping.world.testbed import FINGERS
+
+SAMPLES = 101  # Points over normalised time on which curves are compared
+PEOPLE, ADDED, EXPLORATION = "scraping/people", "scraping/added_executions", "scraping/exploration"
+"""Studies that the pages rest on: of people, and of parameters of the refinement."""
+
+
+@dataclass(frozen=True)
+class SegmentationResults:
+    """Segmentation and primitives (IV.5, IV.9.2)."""
+
+    demonstrations: Sequence[Demonstration]  # the complete ones, those that could not be cut among them
+    segmentation: Segmentation  # their cuts
+    noise: pd.DataFrame  # of `cut_sweep.noise_sweep`
+    downsampling: pd.DataFrame  # of `cut_errors.downsampling_effect`
+    downsampling_people: pd.DataFrame  # of `cut_sweep.downsampling_sweep`
+    primitives: Sequence[PosePrimitive]  # learned from all demonstrations that were cut
+    reproduction: pd.DataFrame  # of `fitting.cross_validation`
+    nominal: pd.DataFrame  # table of the sequence as demonstrated
+    generalised: pd.DataFrame  # table of the sequence in a new situation
+    segment_parameters: SegmentParameters
+    fit_parameters: FitParameters
+
+    @property
+    def found_primitives(self) -> list[PrimitiveParameters]:
+        """Primitives that have an axis, and so cut points of their own."""
+        return [primitive for primitive in self.segment_parameters.primitives if primitive.axis != "between"]
+
+    @cached_property
+    def was_cut(self) -> list[Demonstration]:
+        """Demonstrations that could be cut."""
+        names = set(self.segmentation.cuts["demonstration"])
+        return [demonstration for demonstration in self.demonstrations if demonstration.name in names]
+
+    @cached_property
+    def reference(self) -> Demonstration:
+        """The demonstration with which the others are aligned."""
+        return next(one for one in self.was_cut if one.name == self.segmentation.reference)
+
+    @cached_property
+    def guesses(self) -> list[Demonstration]:
+        """Demonstrations that were aligned with the reference."""
+        return [one for one in self.was_cut if one is not self.reference]
+
+    @property
+    def example(self) -> Demonstration:
+        """The demonstration shown in detail: the first that was aligned."""
+        return (self.guesses or [self.reference])[0]
+
+    @property
+    def sequences(self) -> dict[str, pd.DataFrame]:
+        """Both sequences by the name that figures and claims give them."""
+        return {"as demonstrated": self.nominal, "new situation": self.generalised}
+
+    @cached_property
+    def errors_of_cuts(self) -> pd.DataFrame | None:
+        """Mean and largest cut error by method; None where the true cut points are not known."""
+        count = len(self.segmentation.primitives)
+        known = [one.true_segments is not None and len(one.true_segments) == count for one in self.guesses]
+        if not known or not all(known):
+            return None
+        errors = cut_errors.cut_errors(self.demonstrations, self.segmentation)
+        return cut_errors.mean_cut_errors_ms(errors).reset_index()
+
+    @cached_property
+    def alignment(self) -> pd.DataFrame | None:
+        """See `cut_errors.alignment_comparison`; None where only the reference was cut."""
+        if not self.guesses:
+            return None
+        return cut_errors.alignment_comparison(self.was_cut, self.segmentation, self.found_primitives)
+
+    @cached_property
+    def downsampling_worst(self) -> pd.DataFrame:
+        """What is least true of down-sampling, by person of the sweep; empty of one factor g.
+
+        `work` times g² where it is furthest from 1; `shift_samples`, `shift_samples_text`, the largest.
+        """
+        effect = self.downsampling_people
+        first = effect["factor"].min()
+        rest = effect[effect["factor"] > first]
+        by_person = rest.assign(work=rest["work"] * (rest["factor"] / first) ** 2).groupby("seed")
+        work = by_person["work"].agg(lambda work: work.loc[(work - 1.0).abs().idxmax()])
+        return by_person[["work", "shift_samples", "shift_samples_text"]].max().assign(work=work)
+
+    @cached_property
+    def sweep(self) -> pd.DataFrame:
+        """See `cut_errors.errors_by_level`."""
+        return cut_errors.errors_by_level(cut_errors.errors_by_seed(self.noise))
+
+    @cached_property
+    def sweep_comparison(self) -> pd.DataFrame:
+        """See `cut_errors.paired_comparison`."""
+        return cut_errors.paired_comparison(cut_errors.errors_by_seed(self.noise))
+
+    @cached_property
+    def fit(self) -> pd.DataFrame:
+        """See `fitting.reproduction_summary`."""
+        return reproduction_summary(self.reproduction)
+
+    @cached_property
+    def segments(self) -> dict[str, list[Segment]]:
+        """Segments that the primitives were learned from, by primitive."""
+        cutoff = self.fit_parameters.smoothing_hz
+        return {
+            name: segment_paths(self.was_cut, self.segmentation.result(name), cutoff)
+            for name in self.segmentation.primitives
+        }
+
+    @cached_property
+    def acceleration_jumps(self) -> list[float]:
+        """Largest relative jump of the acceleration at a switch of each sequence; none without a switch."""
+        sequences = (self.nominal, self.generalised) if len(self.primitives) > 1 else ()
+        return [largest_acceleration_jump(table) for table in sequences]
+
+    def most_refined_guess(self, primitive: str) -> Demonstration:
+        """The guess whose cut points by ordinary and by weighted least squares differ most."""
+        ordinary, weighted = (
+            self.segmentation.result(primitive, method)[["start_s", "end_s"]] for method in ("ls", RESULT)
+        )
+        difference = (ordinary - weighted).abs().sum(axis=1)
+        return max(self.guesses, key=lambda guess: difference[guess.name])
+
+
+@dataclass(frozen=True)
+class FeedbackResults:
+    """Feedback models (IV.6, IV.9.3)."""
+
+    primitives: Sequence[str]  # names of all primitives in order of time
+    unrolls: Sequence[Demonstration]  # nominal executions in the default setting
+    expected: Mapping[str, VectorPrimitive]  # expected traces by primitive
+    datasets: Mapping[str, CouplingDataset]  # by primitive, of all settings
+    checks: pd.DataFrame  # of `coupling_targets.coupling_dataset`, with `primitive`
+    networks: Mapping[str, CouplingModel]  # the pointwise models by primitive
+    comparison: pd.DataFrame  # of `feedback_models.compare_representations`, with `primitive`
+    orderings: pd.DataFrame  # of `feedback_models.paired_orderings`, with `primitive`
+    seen_deg: Sequence[float]  # settings that are learned from
+    board: BoardResults  # what was executed with the models
+
+    @property
+    def adapted(self) -> list[str]:
+        """Primitives with feedback, in order of time."""
+        return [name for name in self.primitives if name in self.datasets]
+
+    @cached_property
+    def settings_deg(self) -> list[float]:
+        """Settings with corrections, rising."""
+        return np.unique(np.concatenate([one.setting for one in self.datasets.values()])).tolist()
+
+    @property
+    def demonstrations_per_setting(self) -> int:
+        """Corrected demonstrations in a setting, at most."""
+        return max(len(np.unique(one.demonstration)) for one in self.datasets.values())
+
+    @cached_property
+    def channels(self) -> dict[str, tuple[int, float]]:
+        """By primitive, the channel of `informative_channel` and its correlation with the tilt."""
+        return {name: informative_channel(self.datasets[name]) for name in self.adapted}
+
+    def channel_name(self, channel: int) -> str:
+        """`channel 25`, and whose electrode it is."""
+        finger, electrode = divmod(channel, len(ELECTRODES_MM))
+        return f"channel {channel + 1} ({FINGERS[finger]} finger, electrode {electrode + 1})"
+
+    @cached_property
+    def traces(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """By primitive, its traces in the executions over normalised time, and what was learned from them.
+
+        (R, T, E) counts of the runs and (T, E) of the expected trace.
+        """
+        cuts, found = commanded_cuts(self.unrolls, self.primitives), {}
+        for name in self.primitives:
+            runs = []
+            for run in self.unrolls:
+                ends = cuts[name].loc[run.name, ["start_s", "end_s"]]
+                first, last = (round(float(end) / run.dt) for end in ends)
+                part = vector.without_offset(run.signal("tactile"))[first : last + 1]
+                runs.append(signals.time_normalised(part, SAMPLES))
+            learned = self.expected[name]
+            shown = vector.expected_traces(learned, SAMPLES, learned.duration / (SAMPLES - 1))
+            found[name] = np.stack(runs), shown
+        return found
+
+    @property
+    def expected_errors(self) -> tuple[float, float]:
+        """Counts, rms over everything: the expected trace off the mean run, and the std of the runs."""
+        off = [np.mean((runs.mean(axis=0) - learned) ** 2) for runs, learned in self.traces.values()]
+        spread = [
+            np.mean(runs.var(axis=0, ddof=1)) if len(runs) > 1 else np.nan for runs, _ in self.traces.values()
+        ]
+        return float(np.sqrt(np.mean(off))), float(np.sqrt(np.mean(spread)))
+
+    @cached_property
+    def model_errors(self) -> pd.DataFrame:
+        """Mean and std over the folds of the NMSE, by primitive, representation and stopping.
+
+        `<part>_mean` and `<part>_std` of every part, and `dimensions`, mean size of the code.
+        """
+        grouped = self.comparison.groupby(["primitive", "representation", "stopping"])
+        errors = {f"{part}_{how}": (part, how) for part in PARTS for how in ("mean", "std")}
+        found = grouped.agg(**errors, dimensions=("dimensions", "mean"))
+        order = product(self.adapted, REPRESENTATIONS, STOPPINGS)
+        return found.loc[[key for key in order if key in found.index]]
+
+    @cached_property
+    def demonstrated_costs(self) -> pd.DataFrame:
+        """Scores of the corrected demonstrations that `board` holds, as `execution_scores`."""
+        board = self.board
+        cuts = commanded_cuts(board.corrected, self.primitives)
+        scored = {name: cuts[name] for name in board.primitives}
+        return execution_scores(board.corrected, scored, nominal_orientation(self.unrolls), board.axis)
+
+    def dominant(self, primitive: str) -> tuple[np.ndarray, float, float] | None:
+        """Figure IV.16 bottom; None of a network that has no phase kernels.
+
+        Returns (N, H) whether a node is among those that weigh most for a phase kernel, and how many of them
+        neighbouring kernels and any two kernels share on average.
+        """
+        weights = self.networks[primitive].arrays().get("phase_weights")
+        if weights is None:
+            return None
+        dominant = dominant_features(weights)
+        shared, distance = shared_nodes(dominant)
+        return dominant, float(shared[distance == 1].mean()), float(shared.mean())
+
+
+@dataclass(frozen=True)
+class ScrapingResults:
+    """What the report rests on."""
+
+    segmentation: SegmentationResults
+    feedback: FeedbackResults
+    refinement: RefinementResults
+    studies: Mapping[str, Study | None]  # by name; None where one was not run with these parameters
+    parameters: Mapping[str, Any]  # by key of `params.yaml`
+
+
+def shared_nodes(dominant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How many dominant nodes each pair of phase kernels shares, and the distance between the two kernels."""
+    first, second = np.triu_indices(len(dominant), 1)
+    return (dominant.astype(int) @ dominant.T.astype(int))[first, second], second - first
+
+
+def sharing_over_phase(dominant: np.ndarray) -> float:
+    """Correlation of how many dominant nodes two phase kernels share with their distance, over all pairs.
+
+    Negative where nodes come and go with the phase. In permuted order, or with permuted weights, it is 0 on
+    average, and 0 where the nodes are the same at every phase.
+
+    `dominant`: (N, H) of `dominant_features`.
+    """
+    shared, distance = shared_nodes(dominant)
+    return float(np.corrcoef(shared, distance)[0, 1]) if np.ptp(shared) else 0.0
+
+
+def dominant_features(phase_weights: np.ndarray, count: int = 10) -> np.ndarray:
+    """Which hidden nodes weigh most for each phase kernel (figure IV.16 bottom).
+
+    `phase_weights`: (N, H) from hidden nodes into kernels. Returns (N, H) True for the nodes with the largest
+    |weight| into a kernel.
+    """
+    order = np.argsort(-np.abs(phase_weights), axis=1, kind="stable")
+    dominant = np.zeros(phase_weights.shape, dtype=bool)
+    np.put_along_axis(dominant, order[:, :count], True, axis=1)
+    return dominant
+
+
+def informative_channel(dataset: CouplingDataset) -> tuple[int, float]:
+    """The channel whose mean deviation in a demonstration correlates most with the setting, and how much."""
+    means = pd.DataFrame(dataset.deviation).groupby([dataset.setting, dataset.demonstration]).mean()
+    setting = pd.Series(means.index.get_level_values(0).to_numpy(float), means.index)
+    correlation = means.corrwith(setting).fillna(0.0)  # a channel that never varies has none
+    channel = int(np.argmax(correlation.abs()))
+    return channel, float(correlation[channel])
+
+
+def read_results(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> ScrapingResults:
+    """Outputs of the stages and of studies."""
+    primitives, datasets = found.primitives(), found.datasets()
+    axis = parameters["coupling_dataset"].unit_axis
+    largest, tilt = max(parameters["evaluate_feedback"].settings_deg), parameters["refine"].setting_deg
+    segmentation = SegmentationResults(
+        demonstrations=found.runs("nominal"),
+        segmentation=read_segmentation(found.segments),
+        noise=found.table("noise"),
+        downsampling=found.table("downsampling"),
+        downsampling_people=found.table("downsampling_people"),
+        primitives=primitives,
+        reproduction=found.table("reproduction"),
+        nominal=found.table("nominal"),
+        generalised=found.table("generalised"),
+        segment_parameters=parameters["segment"],
+        fit_parameters=parameters["fit_primitives"],
+    )
+    board = BoardResults(
+        scores=found.table("scores"),
+        traces=found.table("traces"),
+        path_errors=found.table("path_errors"),
+        examples={model: found.runs_at(largest, files.CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
+        corrected=found.runs_at(largest, files.CORRECTIONS),
+        example_deg=largest,
+        axis=axis,
+        force_n=parameters["testbed"].control.force_n,
+    )
+    feedback = FeedbackResults(
+        primitives=[primitive.name for primitive in primitives],
+        unrolls=found.runs("unrolls"),
+        expected=found.expected(),
+        datasets=datasets,
+        checks=pd.concat(
+            [found.checks(one.name).assign(primitive=one.name) for one in primitives if one.name in datasets],
+            ignore_index=True,
+        ),
+        networks=found.networks(POINTWISE),
+        comparison=found.table("comparison"),
+        orderings=found.table("orderings"),
+        seen_deg=parameters["coupling_dataset"].settings_deg,
+        board=board,
+    )
+    examples = {model: found.runs_at(tilt, files.REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
+    refinement = RefinementResults(
+        scores=found.table("refined_scores"),
+        examples={model: runs for model, runs in examples.items() if runs},
+        example_deg=tilt,
+        axis=axis,
+        history=found.table("history"),
+        search=found.table("search"),
+        parameters=parameters["refine"],
+    )
+    studies = {name: read_study(name) for name in (PEOPLE, ADDED, EXPLORATION)}
+    return ScrapingResults(segmentation, feedback, refinement, studies, parameters)
