@@ -10,47 +10,211 @@ where it was stopped. Writes `reports/studies`; `--check` writes only what came 
 """
 
 import argparse
+import copy
 import hashlib
 import json
+import os
 import subprocess
 import sys
+import tempfile
+from collections.abc import Mapping
 from fnmatch import fnmatch
 from io import StringIO
 from pathlib import Path
+from typing import Annotated, Any
 
 import dvc.api
 import pandas as pd
+import yaml
 from dvc.dependency.param import ParamsDependency
 from dvc.repo import Repo
+from pydantic import Field, PositiveFloat
 from tqdm import tqdm
 
-from structlearn.core.artefacts import publish
+from structlearn.core.artefacts import Metrics, publish, read_metrics, write_csv
 from structlearn.core.errors import InputError
-from structlearn.reporting.document import source_commit
+from structlearn.core.params import Parameters, Population, checked, read_parameters, read_values
+from structlearn.reporting.document import Document, render, source_commit
 from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.reporting.studies import (
     RESULTS,
-    Changes,
-    Description,
     Made,
-    OverPopulation,
-    compare,
+    Rerun,
+    Study,
+    covered,
     digests,
-    processor,
-    read_description,
+    provenance,
     read_study,
-    repeats,
-    run_part,
     stored_study,
-    studies_page,
-    study_names,
-    write_made,
-    write_study,
 )
 
 PARAMETERS = Path("params.yaml")
 CODE = ("src", "stages")
 """Folders of all sources."""
+
+
+DESCRIPTIONS = Path("benchmarks/studies")
+
+
+TOLERANCE = 1e-3
+"""Relative; on a processor of another kind than the table's, whose kernels round in another order."""
+
+
+Changes = dict[str, Any]
+"""Parameters by their dotted key, with the values that they are set to."""
+
+
+class OverPopulation(Parameters):
+    """Repeats over the test seeds of a population."""
+
+    population: str  # its key in `params.yaml`
+    seeds: list[str] = Field(min_length=1)  # keys of the parameters that each of its seeds is given to
+
+
+class PartOfCell(Parameters):
+    """What of one cell can be run again in 20 s, by the script beside the description."""
+
+    variant: str
+    repeat: int = Field(ge=0)  # from 0
+    covers: str  # in words
+
+
+class Description(Parameters):
+    """Variants of a study."""
+
+    question: str
+    target: str  # stage that is brought up to date in each experiment
+    reads: list[str] = Field(min_length=1)  # flat JSON files of numbers that are in the repository then
+    keys: list[str] = Field(min_length=1)  # of these numbers, with wildcards
+    shown: dict[str, str] = Field(min_length=1)  # those in the page's table, in words
+    variants: dict[str, Changes] = Field(min_length=1)  # by name, what is changed
+    # likewise; every variant is run with each of them, for the interval
+    repeats: OverPopulation | Annotated[list[Changes], Field(min_length=1)]
+    minutes: PositiveFloat  # that all of it took on two cores
+    rerun: PartOfCell | None = None  # None where no number of it can be had in 20 s
+
+
+def read_description(name: str, folder: Path = DESCRIPTIONS) -> Description:
+    """A study by its name, e.g. `scraping/people`.
+
+    Raises InputError: there is no such study, or a key is missing, unknown or stands twice.
+    """
+    path = Path(folder, f"{name}.yaml")
+    if not path.exists():
+        raise InputError(f"{path}: no such study; there are {', '.join(study_names(folder))}")
+    return checked(read_values(path), Description, path, "study")
+
+
+def study_names(folder: Path = DESCRIPTIONS) -> list[str]:
+    """All studies, e.g. `scraping/people`."""
+    return sorted(path.relative_to(folder).with_suffix("").as_posix() for path in folder.glob("*/*.yaml"))
+
+
+def repeats(description: Description, parameters: Path) -> list[Changes]:
+    """What is changed in each repeat.
+
+    Raises InputError: the parameters do not name its population.
+    """
+    if isinstance(description.repeats, list):
+        return description.repeats
+    over = description.repeats
+    seeds = read_parameters(parameters, over.population, Population).test
+    return [dict.fromkeys(over.seeds, seed) for seed in seeds]
+
+
+def write_study(table: pd.DataFrame, made: Made, folder: Path) -> None:
+    """Write what a study found, and how it was made."""
+    with publish(folder) as target:
+        target.mkdir()
+        write_csv(table, target / "table.csv")
+        write_made(made, target)
+
+
+def write_made(made: Made, folder: Path) -> None:
+    """Write how a study was made beside its table."""
+    with publish(folder / "study.json") as path:
+        path.write_text(made.model_dump_json(indent=2) + "\n", encoding="utf-8")
+
+
+def studies_page(studies: Mapping[str, tuple[Description, Study]]) -> str:
+    """The page of all studies as HTML, from descriptions and what they found by name."""
+    facts = {
+        "studies": {name: description for name, (description, _) in studies.items()},
+        "shown": {name: study.summary(description.shown) for name, (description, study) in studies.items()},
+        "provenance": {name: provenance(study) for name, (_, study) in studies.items()},
+        "covered": {name: covered(study) for name, (_, study) in studies.items()},
+    }
+    document = Document("studies.html.jinja", "structlearn.reporting", facts=facts, simulated=True)
+    return render(document, figures={})
+
+
+def run_part(name: str, description: Description, root: Path = Path(".")) -> Metrics:
+    """Numbers of the part of a cell that a study's description names.
+
+    Raises InputError: the script failed.
+    """
+    root = root.resolve()
+    cell = description.rerun
+    assert cell is not None
+    changes = description.variants[cell.variant] | repeats(description, root / "params.yaml")[cell.repeat]
+    path = os.pathsep.join(filter(None, [str(root / "src"), os.environ.get("PYTHONPATH")]))
+    with tempfile.TemporaryDirectory() as folder:
+        values = copy.deepcopy(read_values(root / "params.yaml"))
+        for key, value in changes.items():
+            *parents, last = key.split(".")
+            place = values
+            for part in parents:
+                place = place[part]
+            place[last] = value
+        Path(folder, "params.yaml").write_text(yaml.safe_dump(values), encoding="utf-8")
+        script = root / DESCRIPTIONS / f"{name}.py"
+        done = subprocess.run(
+            [sys.executable, script],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            raise InputError(f"{script}: {(done.stderr.strip() or 'failed').splitlines()[-1]}")
+        return read_metrics(Path(folder, "numbers.json"))
+
+
+def compare(found: Metrics, study: Study, description: Description, root: Path = Path(".")) -> Rerun:
+    """Numbers that `run_part` found anew beside those of the study."""
+    cell, made, here = description.rerun, study.made, processor()
+    assert cell is not None
+    assert made is not None
+    table = study.table
+    row = table[(table["variant"] == cell.variant) & (table["repeat"] == cell.repeat)].iloc[0]
+    known_on = {made.processor} | ({made.rerun.processor} if made.rerun and made.rerun.exact else set())
+    exact = here in known_on or known_on == {""}  # the first time, who knows: as if it were the same
+    known = {key: row[key] for key in found if key in row.index} | made.beside
+    return Rerun(
+        commit=source_commit(root=root),
+        processor=here,
+        exact=exact,
+        covers=cell.covers,
+        compared=len(found),
+        in_table=sum(key in row.index for key in found),
+        different=sorted(
+            key for key, value in found.items() if key not in known or not _alike(value, known[key], exact)
+        ),
+    )
+
+
+def processor() -> str:
+    """The kind of processor that compiled code is made for, which libraries choose their kernels by too."""
+    from llvmlite import binding
+
+    return os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
+
+
+def _alike(first: Any, second: Any, exact: bool) -> bool:
+    if exact:  # six digits are kept
+        return f"{float(first):.6g}" == f"{float(second):.6g}"
+    return abs(first - second) <= TOLERANCE * max(abs(first), abs(second))
 
 
 def main() -> None:

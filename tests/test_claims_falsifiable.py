@@ -51,7 +51,7 @@ from structlearn.testbeds.obstacles.page.page import read_published as obstacles
 from structlearn.testbeds.scraping.page import findings as scraping
 from structlearn.testbeds.scraping.page.findings import ScrapingPeople
 from structlearn.testbeds.servoing.page import findings as servoing_findings
-from structlearn.testbeds.servoing.page.findings import AS_IT_STANDS, STUDIES
+from structlearn.testbeds.servoing.page.findings import AS_IT_STANDS
 
 KNOWN = re.compile(
     r"time_s|since_s|start_s|end_s|phase|fraction|noise_mm|setting_deg|tilt|factor|quoted|truth|true_.*|.*frequency.*"
@@ -115,7 +115,7 @@ def servoing(results: Any) -> list[Any]:
         results,
         comparison=test_servoing_page.comparison(every),
         skin_tables=test_servoing_page.skin_tables(text=12, ours=12),
-        studies=dict.fromkeys(STUDIES) | {"people": study},
+        study=study,
     )
     return [working, results]
 

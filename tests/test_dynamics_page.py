@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 import reporting_verdicts
 from committed import committed
@@ -165,15 +164,6 @@ def test_epochs_say_how_many_seeds_got_there(results):
     assert findings(partly).numbers()["epochs_cov"] == pytest.approx(
         (2 + 2 + results.chosen["train_dynamics"].epochs.simulation) / 3
     )
-
-
-def test_trials_of_the_optimiser_are_quoted_where_they_were_run(results, whole_page):
-    numbers = {"repeat": 0, "epochs_mlp": 7.0, "worst_delan": 0.7}
-    tried = replace(results, trials=pd.DataFrame([{"variant": name, **numbers} for name in ("slow", "fast")]))
-    assert "optimisers" not in tables(results)
-    assert list(tables(tried)["optimisers"].frame["variant"]) == ["slow", "fast"]
-    assert "Trials of our optimiser" in rendered(tried)
-    assert "Trials of our optimiser" not in whole_page
 
 
 def test_a_payload_is_settled_when_its_mass_stays_right(results, whole_page):

@@ -21,7 +21,6 @@ from structlearn.testbeds.servoing.names import DYNAMICS, OURS, TEXT
 from structlearn.testbeds.servoing.page import page
 from structlearn.testbeds.servoing.page.findings import (
     AS_IT_STANDS,
-    STUDIES,
     TEXT_LL,
     ModelScores,
     ServoingResults,
@@ -53,7 +52,6 @@ CHOSEN = {
     "other_skins": committed(OtherSkinsParameters, "other_skins"),
     "servo_people": committed(Population, "servo_people"),
 }
-NOT_RUN = dict.fromkeys(STUDIES)
 
 
 def spread(value):
@@ -180,16 +178,14 @@ def results():
     parts = latent_table(), forward_table(), decoded_table(), direction_table(), curve_table()
     models = ModelScores(*parts, latent_map)
     reached = {OURS: 12, replace(OURS, structure=False): 6, replace(OURS, inverse="LL"): 12}
-    return ServoingResults(dataset, truth, models, comparison(reached), skin_tables(), CHOSEN, NOT_RUN)
+    return ServoingResults(dataset, truth, models, comparison(reached), skin_tables(), CHOSEN, None)
 
 
 def with_people(results, table):
     """Numbers of four people, spread about those of `table` where it has one for all."""
     whole = pd.DataFrame({"variant": AS_IT_STANDS, "repeat": range(4)})
     columns = {key: spread(value) if np.isscalar(value) else value for key, value in table.items()}
-    return replace(
-        results, studies=NOT_RUN | {"people": Study(pd.concat([whole, pd.DataFrame(columns)], axis=1))}
-    )
+    return replace(results, study=Study(pd.concat([whole, pd.DataFrame(columns)], axis=1)))
 
 
 def predictions():

@@ -1,5 +1,6 @@
 """Studies: what they vary is data, and what they found is quoted with its parameters, and by whose code."""
 
+import importlib.util
 import json
 import subprocess
 from pathlib import Path
@@ -13,24 +14,26 @@ from structlearn.core.errors import InputError
 from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
 from structlearn.reporting.studies import (
     RESULTS,
-    TOLERANCE,
     Made,
     Rerun,
     Study,
-    compare,
     digests,
-    processor,
     provenance,
-    read_description,
     read_study,
-    repeats,
     rests_on,
-    run_part,
     stored_study,
-    studies_page,
-    study_names,
-    write_study,
 )
+
+
+def program(path):
+    """A program of `benchmarks` as a module."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+commands = program(Path(__file__).parents[1] / "benchmarks/study.py")
 
 DESCRIPTION = """
 question: Does more help?
@@ -72,16 +75,16 @@ def toy(tmp_path):
 
 def test_a_description_is_checked(toy):
     folder = toy / "studies"
-    assert study_names(folder) == ["toy/steps"]
-    assert read_description("toy/steps", folder).variants["more"] == {"learn.steps": 9}
+    assert commands.study_names(folder) == ["toy/steps"]
+    assert commands.read_description("toy/steps", folder).variants["more"] == {"learn.steps": 9}
     with pytest.raises(InputError, match=r"no such study; there are toy/steps"):
-        read_description("toy/other", folder)
+        commands.read_description("toy/other", folder)
     (folder / "toy/steps.yaml").write_text(DESCRIPTION + "color: red\n")
     with pytest.raises(InputError, match="color"):
-        read_description("toy/steps", folder)
+        commands.read_description("toy/steps", folder)
     (folder / "toy/steps.yaml").write_text(DESCRIPTION + "target: front\n")
     with pytest.raises(InputError, match=r"steps\.yaml: key 'target' stands twice"):
-        read_description("toy/steps", folder)
+        commands.read_description("toy/steps", folder)
 
 
 def test_repeats_over_a_population_are_its_test_seeds(toy):
@@ -89,7 +92,7 @@ def test_repeats_over_a_population_are_its_test_seeds(toy):
         "[{learn.seed: 0}, {learn.seed: 1}]", "{population: people, seeds: [record.seed, sensor.seed]}"
     )
     (toy / "studies/toy/steps.yaml").write_text(text)
-    found = repeats(read_description("toy/steps", toy / "studies"), toy / "params.yaml")
+    found = commands.repeats(commands.read_description("toy/steps", toy / "studies"), toy / "params.yaml")
     assert found == [{"record.seed": 11, "sensor.seed": 11}, {"record.seed": 12, "sensor.seed": 12}]
 
 
@@ -138,7 +141,7 @@ def test_a_study_says_by_whose_code_it_was_made_and_what_of_it_was_run_again():
 
 def test_a_study_that_does_not_say_by_which_code_it_was_made_is_refused(toy):
     folder = toy / "results/toy/steps"
-    write_study(TABLE, MADE, folder)
+    commands.write_study(TABLE, MADE, folder)
     assert stored_study(folder).made == MADE
     (folder / "study.json").write_text(json.dumps({"learn": "0" * 32}))
     with pytest.raises(InputError, match=r"study\.json: .*commit: Field required"):
@@ -148,7 +151,7 @@ def test_a_study_that_does_not_say_by_which_code_it_was_made_is_refused(toy):
 def test_a_part_of_a_cell_is_run_with_its_parameters_and_held_against_the_table(toy):
     cell = "rerun: {variant: more, repeat: 1, covers: all}\n"
     (toy / "studies/toy/steps.yaml").write_text(DESCRIPTION + cell)
-    description = read_description("toy/steps", toy / "studies")
+    description = commands.read_description("toy/steps", toy / "studies")
     script = toy / "benchmarks/studies/toy/steps.py"
     script.parent.mkdir(parents=True)
     script.write_text(
@@ -157,35 +160,43 @@ def test_a_part_of_a_cell_is_run_with_its_parameters_and_held_against_the_table(
         "found = {'cost_a': 2.0000001, 'cost_b': learn['steps'], 'seed': learn['seed']}\n"
         "json.dump(found, open('numbers.json', 'w'))\n"
     )
-    found = run_part("toy/steps", description, toy)
+    found = commands.run_part("toy/steps", description, toy)
     assert found == {"cost_a": 2.0000001, "cost_b": 9, "seed": 1}
     kept = MADE.model_copy(update={"beside": {"cost_b": 9.0, "seed": 1.0}})
-    again = compare(found, Study(TABLE, kept), description, toy)
+    again = commands.compare(found, Study(TABLE, kept), description, toy)
     assert (again.different, again.compared, again.in_table, again.exact) == ([], 3, 1, True)
     assert again.commit == UNKNOWN_COMMIT
-    assert compare(found, Study(TABLE, MADE), description, toy).different == ["cost_b", "seed"]  # not kept
-    off = found | {"cost_a": 2.0 * (1.0 + 0.5 * TOLERANCE)}
-    assert compare(off, Study(TABLE, kept), description, toy).different == ["cost_a"]
+    assert commands.compare(found, Study(TABLE, MADE), description, toy).different == [
+        "cost_b",
+        "seed",
+    ]  # not kept
+    off = found | {"cost_a": 2.0 * (1.0 + 0.5 * commands.TOLERANCE)}
+    assert commands.compare(off, Study(TABLE, kept), description, toy).different == ["cost_a"]
     other = kept.model_copy(update={"processor": "another"})
-    assert compare(off, Study(TABLE, other), description, toy).different == []
-    off |= {"cost_a": 2.0 * (1.0 + 2.0 * TOLERANCE)}
-    assert compare(off, Study(TABLE, other), description, toy).different == ["cost_a"]
-    known = {"processor": "another", "rerun": RERUN.model_copy(update={"processor": processor()})}
-    assert compare({"cost_a": 2.001}, Study(TABLE, MADE.model_copy(update=known)), description, toy).different
+    assert commands.compare(off, Study(TABLE, other), description, toy).different == []
+    off |= {"cost_a": 2.0 * (1.0 + 2.0 * commands.TOLERANCE)}
+    assert commands.compare(off, Study(TABLE, other), description, toy).different == ["cost_a"]
+    known = {
+        "processor": "another",
+        "rerun": RERUN.model_copy(update={"processor": commands.processor()}),
+    }
+    assert commands.compare(
+        {"cost_a": 2.001}, Study(TABLE, MADE.model_copy(update=known)), description, toy
+    ).different
     known["rerun"] = RERUN.model_copy(update={"processor": "a third"})
-    assert not compare(
+    assert not commands.compare(
         {"cost_a": 2.001}, Study(TABLE, MADE.model_copy(update=known)), description, toy
     ).different
     script.write_text("raise SystemExit('no such key')")
     with pytest.raises(InputError, match=r"steps\.py: no such key"):
-        run_part("toy/steps", description, toy)
+        commands.run_part("toy/steps", description, toy)
 
 
 def test_a_study_is_quoted_only_with_its_parameters(toy):
     parameters, results = toy / "params.yaml", toy / "results"
     assert read_study("toy/steps", results, parameters) is None
     made = MADE.model_copy(update={"parameters": digests(parameters, ["learn", "absent"])})
-    write_study(TABLE, made, results / "toy/steps")
+    commands.write_study(TABLE, made, results / "toy/steps")
     study = read_study("toy/steps", results, parameters)
     np.testing.assert_array_equal(study.values("less", "cost_a"), [4.0, 6.0])
     parameters.write_text("people: {}\nlearn: {seed: 0, steps: 4}\n")
@@ -198,8 +209,8 @@ def test_a_study_is_quoted_only_with_its_parameters(toy):
 
 
 def test_the_page_has_a_row_per_variant_with_its_interval(toy):
-    description = read_description("toy/steps", toy / "studies")
-    page = studies_page({"toy/steps": (description, Study(TABLE, MADE))})
+    description = commands.read_description("toy/steps", toy / "studies")
+    page = commands.studies_page({"toy/steps": (description, Study(TABLE, MADE))})
     assert "Made by commit a1b2c3d, not run again." in page
     assert "Does more help?" in page
     assert "make study NAME=toy/steps" in page
@@ -208,13 +219,13 @@ def test_the_page_has_a_row_per_variant_with_its_interval(toy):
     )  # t of one degree of freedom: 12.706 * 0.5
 
 
-@pytest.mark.parametrize("name", study_names())
+@pytest.mark.parametrize("name", commands.study_names())
 def test_every_study_names_what_is_there(name, root: Path):
-    description = read_description(name)
+    description = commands.read_description(name)
     pipeline = yaml.safe_load((root / "dvc.yaml").read_text())
     parameters = yaml.safe_load((root / "params.yaml").read_text())
     assert description.target in pipeline["stages"]
-    for changes in [*description.variants.values(), *repeats(description, root / "params.yaml")]:
+    for changes in [*description.variants.values(), *commands.repeats(description, root / "params.yaml")]:
         for key in changes:
             value = parameters
             for part in key.split("."):
@@ -222,21 +233,21 @@ def test_every_study_names_what_is_there(name, root: Path):
                 value = value[part]
 
 
-RUN = [name for name in study_names() if (RESULTS / name / "study.json").exists()]
+RUN = [name for name in commands.study_names() if (RESULTS / name / "study.json").exists()]
 
 
-@pytest.mark.parametrize("name", [name for name in RUN if read_description(name).rerun])
+@pytest.mark.parametrize("name", [name for name in RUN if commands.read_description(name).rerun])
 def test_the_present_code_gives_what_a_study_found(name, root: Path):
     """Part of one cell is run again: all digits on a processor of the kind that the table is known from."""
-    description, study = read_description(name), stored_study(RESULTS / name)
-    again = compare(run_part(name, description, root), study, description, root)
+    description, study = commands.read_description(name), stored_study(RESULTS / name)
+    again = commands.compare(commands.run_part(name, description, root), study, description, root)
     assert again.different == [], f"make study NAME={name}: the code gives other numbers than its table"
     assert again.compared >= 20
 
 
 @pytest.mark.parametrize("name", RUN)
 def test_every_result_was_made_with_the_parameters_and_variants_of_now(name, root: Path):
-    description, study = read_description(name), read_study(name)
+    description, study = commands.read_description(name), read_study(name)
     assert study is not None, f"make study NAME={name}: parameters have changed since"
     assert set(study.table["variant"]) == set(description.variants)
     assert set(description.shown) <= set(study.table)

@@ -6,7 +6,6 @@ from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.studies import read_study
 from structlearn.rigid_body.model_names import COULOMB, ROBOT
 from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
 from structlearn.rigid_body.online_learning import OnlineParameters
@@ -64,7 +63,6 @@ def main() -> None:
         if not residuals:
             rate_hz = 1.0 / files.step_s(log)
             residuals.append(residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, rate_hz))
-    study = read_study("dynamics/optimiser")
     agreement = [
         {"robot": name} | agreement_with_pinocchio(read_urdf(urdf_path(name), locked))
         for name, locked in (COMPARED | {arm.urdf: arm.locked_joints}).items()
@@ -76,7 +74,6 @@ def main() -> None:
         friction=pd.concat(friction, ignore_index=True),
         residuals=residuals[0],
         chosen=chosen,
-        trials=None if study is None else study.table,
     )
     still = arm_still(str(urdf_path(arm.urdf)), robot.tree, chosen["arm_motion"].used)
     find = findings(results)

@@ -10,7 +10,7 @@ from structlearn.tactile.latent_parameters import GeodesicParameters, LatentPara
 from structlearn.tactile.touch_dataset import TouchDataParameters
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.page.figures import drawings
-from structlearn.testbeds.servoing.page.findings import STUDIES, ModelScores, ServoingResults, findings
+from structlearn.testbeds.servoing.page.findings import PEOPLE_STUDY, ModelScores, ServoingResults, findings
 from structlearn.testbeds.servoing.page.page import document
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     Comparison,
@@ -40,7 +40,7 @@ def main() -> None:
         comparison=Comparison(**loops),
         skin_tables=skin_tables,
         chosen=chosen,
-        studies={name: read_study(f"servoing/{name}") for name in STUDIES},
+        study=read_study(PEOPLE_STUDY),
     )
     find = findings(results)
     page, drawn = document(results, find), drawings(results)

@@ -6,7 +6,6 @@ samples is the same for all.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -46,12 +45,18 @@ class LearningParameters(Parameters):
 class Lesson:
     """A motion to learn from, and the terms of friction that are learned too.
 
-    Networks do not use the kinematics; `regressor(symmetric)` is made once for all structures.
+    Networks do not use the kinematics; a regressor is made once for all structures.
     """
 
     def __init__(self, tree: KinematicTree, motion: Motion, friction: tuple[FrictionTerm, ...] = ()):
-        self.motion, self.friction = motion, friction
-        self.regressor = cache(lambda symmetric: MotionRegressor(tree, motion, symmetric, friction))
+        self.tree, self.motion, self.friction = tree, motion, friction
+        self._regressors: dict[bool, MotionRegressor] = {}
+
+    def regressor(self, symmetric: bool) -> MotionRegressor:
+        """The motion's regressor for inertias that are symmetric, or for nostr, whose are not."""
+        if symmetric not in self._regressors:
+            self._regressors[symmetric] = MotionRegressor(self.tree, self.motion, symmetric, self.friction)
+        return self._regressors[symmetric]
 
 
 @dataclass(frozen=True)

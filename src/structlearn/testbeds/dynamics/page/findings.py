@@ -72,7 +72,6 @@ class DynamicsResults:
     friction: pd.DataFrame
     residuals: pd.DataFrame  # likewise, of the first robot
     chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
-    trials: pd.DataFrame | None = None  # of our optimiser, of the study `dynamics/optimiser`; None: not run
 
     @cached_property
     def kinds(self) -> list[str]:

@@ -68,7 +68,6 @@ def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
         "overspeed": OVERSPEED,
         "stopped_nmse": STOPPED_NMSE,
         "settled_share": SETTLED_SHARE,
-        "tried": results.trials is not None,
         "joints": int(results.errors["joint"].max()),
         "stopped": {arm: _stopped(results, arm) for arm in (IDEAL, ROBOT)},
         "unmet": {
@@ -141,7 +140,7 @@ def tables(results: DynamicsResults) -> dict[str, Table]:
         "agreement": Table(results.agreement, dict.fromkeys(differences, ".1e") | {"largest_n_m": ".0f"}),
     }
     found |= {"robot": _scores(results, ROBOT)} if results.tracked(ROBOT) else {}
-    return found | ({"optimisers": _optimisers(results.trials)} if results.trials is not None else {})
+    return found
 
 
 def _scores(results: DynamicsResults, robot: str) -> Table:
@@ -202,15 +201,6 @@ def _counted(known: pd.Series, every: int) -> str:
     """Mean and spread, and of how many it is unless it is all of them."""
     text = with_spread(known.mean(), known.std()) if len(known) else "not reached"
     return text if len(known) in (0, every) else f"{text} ({len(known)} of {every})"
-
-
-def _optimisers(trials: pd.DataFrame) -> Table:
-    """Epochs by kind, and how DeLaN ended, a row per trial of our optimiser."""
-    kinds = in_order(name.removeprefix("epochs_") for name in trials if name.startswith("epochs_"))
-    columns = {f"epochs_{kind}": model_name(kind) for kind in kinds}
-    columns["worst_delan"] = f"{model_name('delan')}, worst NMSE"
-    frame = trials.groupby("variant", sort=False)[list(columns)].mean().reset_index()
-    return Table(frame, dict.fromkeys(columns, ".1f") | {"worst_delan": ".2g"}, columns)
 
 
 def _by_model(columns: Mapping[str, pd.Series], models: list[str], number_format: str = "") -> Table:

@@ -42,7 +42,7 @@ from structlearn.testbeds.obstacles.world.scenarios import END_CLEARANCE_M
 PACKAGE = "structlearn.testbeds.obstacles.page"
 FOLDER = Path(__file__).parent
 
-STUDIES = ("members", "displaced", "clearance")  # that the page quotes
+STUDIES = ("members", "displaced")  # that the page quotes
 
 WRITTEN_BY = {
     "recorded": Source(files.RUNS, "obstacles_demonstrate"),

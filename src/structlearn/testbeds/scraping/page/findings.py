@@ -97,7 +97,7 @@ class ScrapingPeople(People):
 
 def people_of(results: ScrapingResults, form: str = OURS) -> ScrapingPeople:
     """People of the study that claims rest on, in one form."""
-    return ScrapingPeople(results.studies.get(PEOPLE), form, results.feedback.primitives)
+    return ScrapingPeople(results.study, form, results.feedback.primitives)
 
 
 def prim(name: str, primitives: Sequence[str]) -> str:

@@ -96,7 +96,7 @@ def pages(
             parameters={key: results.parameters[key] for key in keys},
             recordings="../rerun/scraping",
             simulated=True,
-            basis=rests_on(PEOPLE, results.studies.get(PEOPLE)),
+            basis=rests_on(PEOPLE, results.study),
         )
     return made
 

@@ -36,7 +36,7 @@ from structlearn.testbeds.scraping.protocol.execution_scores import (
 from structlearn.testbeds.scraping.world.testbed import FINGERS
 
 SAMPLES = 101  # Points over normalised time on which curves are compared
-PEOPLE, ADDED, EXPLORATION = "scraping/people", "scraping/added_executions", "scraping/exploration"
+PEOPLE = "scraping/people"
 """Studies that the pages rest on: of people, and of parameters of the refinement."""
 
 
@@ -265,7 +265,7 @@ class ScrapingResults:
     segmentation: SegmentationResults
     feedback: FeedbackResults
     refinement: RefinementResults
-    studies: Mapping[str, Study | None]  # by name; None where one was not run with these parameters
+    study: Study | None  # over people; None where it was not run with these parameters
     parameters: Mapping[str, Any]  # by key of `params.yaml`
 
 
@@ -361,5 +361,4 @@ def read_results(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> S
         search=found.table("search"),
         parameters=parameters["refine"],
     )
-    studies = {name: read_study(name) for name in (PEOPLE, ADDED, EXPLORATION)}
-    return ScrapingResults(segmentation, feedback, refinement, studies, parameters)
+    return ScrapingResults(segmentation, feedback, refinement, read_study(PEOPLE), parameters)

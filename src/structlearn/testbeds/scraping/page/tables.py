@@ -21,7 +21,7 @@ from structlearn.testbeds.scraping.names import (
     primitive_title,
 )
 from structlearn.testbeds.scraping.page.board_results import BoardResults, ExecutionResults
-from structlearn.testbeds.scraping.page.results import ADDED, EXPLORATION, ScrapingResults
+from structlearn.testbeds.scraping.page.results import ScrapingResults
 from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL
 
 LOOKS = CUT_METHODS | REPRESENTATIONS | RUNS | SEARCHES | ROLLOUTS
@@ -109,7 +109,7 @@ def tables(results: ScrapingResults, printed: Mapping[str, Any]) -> dict[str, Ta
     if len(refined.search):
         frames |= {"search_efficiency": refined.searches, "searches": refined.searched.reset_index()}
     shown = {name: _shown(frame) for name, frame in frames.items() if frame is not None and len(frame)}
-    return shown | study_tables(results)
+    return shown
 
 
 def _shown(frame: pd.DataFrame) -> Table:
@@ -177,17 +177,3 @@ def hand_rolls(executed: ExecutionResults, primitives: Sequence[str], published:
         cells = [with_spread(*reading) for reading in zip(found["mean_deg"], found["std_deg"], strict=True)]
         rows.append({"which": f"here, {RUNS[model].name}"} | dict(zip(columns, cells, strict=True)))
     return pd.DataFrame(rows)
-
-
-def study_tables(results: ScrapingResults) -> dict[str, Table]:
-    """A row per variant of the two studies of parameters, mean and interval over the exploration's seeds."""
-    numbers = {name: list(results.feedback.primitives).index(name) + 1 for name in results.refinement.refined}
-    costs = {f"rl_cost_ratio_prim{number}": f"{name}: cost" for name, number in numbers.items()}
-    costs |= {"seen_cost_ratio_after_over_before_max": "seen: cost"}
-    searched = {f"search_cost_pi2_prim{number}": f"{name}: search (rad)" for name, number in numbers.items()}
-    shown = {"refinement_added": (ADDED, costs), "refinement_exploration": (EXPLORATION, costs | searched)}
-    return {
-        table: study.summary(columns)
-        for table, (name, columns) in shown.items()
-        if (study := results.studies.get(name)) is not None
-    }

@@ -42,9 +42,6 @@ from structlearn.testbeds.servoing.protocol.servo_variants import (
 
 PUBLISHED = read_values(Path(__file__).with_name("published.yaml"))  # numbers as the dissertation prints them
 
-STUDIES = ("people", "controller", "loss_weights")
-"""What the page quotes of trials beside the pipeline, `benchmarks/studies/servoing`."""
-
 PEOPLE_STUDY = "servoing/people"  # the study that verdicts stand on
 AS_IT_STANDS = "as it stands"  # variant of a study in which nothing is changed
 TEST_CHAIN = 3  # steps of prediction on which forward models are compared; they learn from two (II.4.4)
@@ -156,7 +153,7 @@ class ServoingResults:
     # `trials` as of `Comparison`
     skin_tables: Mapping[str, pd.DataFrame]
     chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
-    studies: Mapping[str, Study | None]  # what was tried beside the pipeline, by name; None where it was not
+    study: Study | None  # over people, run beside the pipeline; None where it was not
 
     @property
     def skin(self) -> Skin:
@@ -177,7 +174,7 @@ class ServoingResults:
     @property
     def people(self) -> People:
         """All that is reported here, of several people, each with a sensor and models of their own."""
-        return People(self.studies["people"], AS_IT_STANDS)
+        return People(self.study, AS_IT_STANDS)
 
     def trials_per_person(self, skin: str = "") -> int:
         """Targets that each controller had over the models of one person, with this skin or another."""
