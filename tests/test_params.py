@@ -15,6 +15,7 @@ from pydantic import Field, ValidationError
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters, read_parameters
+from structlearn.tasks.motion.excite import ExciteParameters
 
 
 class FilterParameters(Parameters):
@@ -143,7 +144,7 @@ def models(root):
     for script in sorted((root / "stages").rglob("*.py")):
         for key, model in read_by(script):
             found.setdefault(key, set()).add(model)
-    return found
+    return found | {"excite": {ExciteParameters}}  # of a command
 
 
 def nested_models(model: type[Parameters]) -> set[type[Parameters]]:

@@ -231,7 +231,7 @@ SPECIMENS = {
         Specimen(
             f"{FOLDERS[PRESSES]}/run/states.csv",
             _skin,
-            lambda path: read_run(path.parent, path.parents[2], False),
+            lambda path: read_run(path.parent, path.parents[2], PRESSES),
             False,
         ),
         Specimen("sub_01/T007/HandTracker_movement_T007.csv", _reach, _reaches, False),
