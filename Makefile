@@ -13,7 +13,7 @@ override OUTPUT := $(value OUTPUT)
 override LOCK := $(value LOCK)
 export TASK SOURCE URDF OUTPUT LOCK
 
-.PHONY: help repro test docs lint recorded own own-example inspect excite check bench profile study studies studies-check other-processor verdicts faults kills upsets view plot-page clean
+.PHONY: help repro test docs lint recorded own own-example inspect excite check bench profile studies studies-check other-processor verdicts faults kills upsets view plot-page clean
 
 help:
 	@grep -hE '^[a-z -]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## /\1\t/' | expand -t 18
@@ -102,14 +102,20 @@ profile: $(INSTALLED)  ## draw where a stage spends its time: make profile STAGE
 	mkdir -p $(dir $(PROFILE))
 	$(BIN)/py-spy record --subprocesses --output $(PROFILE) -- $(BIN)/python $(STAGE)
 
-# Trials beside the pipeline as experiments of DVC, e.g. `make study NAME=scraping/people`; `make studies` runs all,
-# for hours, and goes on where it was stopped.
-study studies: $(INSTALLED)  ## run one study, or all, for hours: make study NAME=scraping/people
-	$(IN_ENVIRONMENT) python benchmarks/study.py $(NAME)
+# More people, seeds and robots than the pipeline has time for, cell by cell (stages/studies); the tables in git take
+# what was run. Hours for all; goes on where it was stopped.
+STUDY = stages/studies/dvc.yaml$(if $(NAME),:$(subst /,_,$(NAME)))
+STUDY_TABLES := python -m structlearn.reporting.study_tables
+studies: $(INSTALLED)  ## run all studies, for hours, or one: make studies NAME=servoing/people
+	$(IN_ENVIRONMENT) dvc repro --keep-going $(STUDY)
+	$(IN_ENVIRONMENT) $(STUDY_TABLES) $(NAME)
 
-# Does the present code still give what the studies found? Runs part of one cell again, and keeps the answer.
-studies-check: $(INSTALLED)  ## run part of one cell of a study again and compare
-	$(IN_ENVIRONMENT) python benchmarks/study.py --check $(NAME)
+# Does the present code still give what the studies found? If so, DVC takes the cells that were run as they are.
+studies-check: $(INSTALLED)  ## run one cell of each study again, and compare it with the table
+	$(IN_ENVIRONMENT) $(STUDY_TABLES) --check $(NAME)
+	$(IN_ENVIRONMENT) dvc repro --quiet code stages/studies/dvc.yaml:code
+	cells=$$(cd data/studies && ls -d $(or $(NAME),*/*)/* | sed 's|/|_|; s|/|@|; s|^|stages/studies/dvc.yaml:|') || exit 0; \
+	  $(IN_ENVIRONMENT) dvc commit --force $$cells
 
 # The whole pipeline once more as on another processor: no verdict may depend on it.
 other-processor: $(INSTALLED)  ## run the pipeline as on an older processor and compare verdicts

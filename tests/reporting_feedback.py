@@ -14,10 +14,9 @@ from structlearn.feedback.feedback_models import REPRESENTATIONS, STOPPINGS, pai
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.primitives import canonical
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.studies import Study
+from structlearn.reporting.studies import OURS, Study
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.page.board_results import BoardResults
-from structlearn.testbeds.scraping.page.findings import OURS
 from structlearn.testbeds.scraping.page.results import FeedbackResults
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION
 
@@ -156,7 +155,7 @@ def people(metrics: dict[str, float], count: int = 5, spread: float = 0.01, **ch
     rng = np.random.default_rng(5)
     numbers = {key: float(value) for key, value in metrics.items()} | changes
     columns = {key: value * (1.0 + spread * rng.normal(size=count)) for key, value in numbers.items()}
-    return Study(pd.DataFrame({"variant": OURS, "repeat": range(count)} | columns))
+    return Study({"findings": pd.DataFrame({"variant": OURS, "cell": range(count)} | columns)})
 
 
 def board_results() -> BoardResults:

@@ -53,7 +53,7 @@ STARTS = {
         "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "tasks/calibrate.py tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
-        "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py",
+        "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py studies/cell.py",
     ),
     "robot": (
         ("pinocchio",),
@@ -86,7 +86,7 @@ STARTS = {
 COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "findings.csv": "findings.csv"}
 """What `make recorded` puts aside of the report on recorded data."""
 
-PIPELINES = ("dvc.yaml", "stages/tasks/dvc.yaml")
+PIPELINES = ("dvc.yaml", "stages/tasks/dvc.yaml", "stages/studies/dvc.yaml")
 LISTED = [yaml.safe_load((ROOT / pipeline).read_text())["stages"] for pipeline in PIPELINES]
 CODE = {stages["code"]["cmd"].split()[2]: stages.pop("code") for stages in LISTED}
 """The stages that list the code of all others, by pipeline."""
@@ -206,12 +206,13 @@ def test_a_module_name_means_one_thing():
 @pytest.mark.parametrize("name", STAGES)
 def test_a_stage_depends_on_its_script_and_on_its_list_of_code(name):
     place = Path(name).relative_to("stages").with_suffix(".txt")
-    lists = ("data/code" if place.parts[0] == "tasks" else "data/code/main") / place
+    lists = ("data/code" if place.parts[0] in ("tasks", "studies") else "data/code/main") / place
     deps = STAGES[name]["deps"]
     assert deps[:2] == [name, lists.as_posix()]
     beside = [dep for dep in deps[2:] if dep.startswith(("src/", "stages/"))]
     # what pages read beside their code: words, and claims about public sets
     read = {"stages/report.py": ["stages/report.yaml"], "stages/tasks/report.py": ["stages/tasks/claims"]}
+    read["stages/studies/cell.py"] = ["stages/scraping"]  # the last of the studies: whose stages it runs
     assert beside == read.get(name, [])
 
 
@@ -237,11 +238,11 @@ def test_the_stages_of_code_depend_on_every_script():
 
 
 def test_every_data_dependency_is_the_output_of_some_stage():
-    outputs = {f"reports/studies/{folder.name}" for folder in (ROOT / "benchmarks/studies").glob("*")}
+    outputs = {f"reports/studies/{folder.name}" for folder in (ROOT / "reports/studies").iterdir()}
     outputs |= {"params.yaml", *((QUOTED / name).as_posix() for name in COPIED)}
     public = yaml.safe_load((ROOT / "stages/tasks/public.yaml").read_text())
     for stage in (stage for stages in LISTED for stage in stages.values()):
-        tasks = public[stage["foreach"][2:-1]] if "foreach" in stage else ()
+        tasks = public[stage["foreach"][2:-1]] if isinstance(stage.get("foreach"), str) else ()
         for out in [*stage.get("do", stage).get("outs", []), *stage.get("metrics", [])]:
             path = out if isinstance(out, str) else next(iter(out))
             outputs |= {path, *(path.replace("${key}", task) for task in tasks)}

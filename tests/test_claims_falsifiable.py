@@ -37,6 +37,7 @@ from test_servoing_page import results as servoing_results  # noqa: F401 a fixtu
 
 from structlearn.reporting.claims import NO, Evidence, Found, read_claims
 from structlearn.reporting.findings import Findings
+from structlearn.reporting.studies import OURS as STUDIED
 from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
@@ -47,11 +48,10 @@ from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
-from structlearn.testbeds.obstacles.page.page import read_published as obstacles_published
+from structlearn.testbeds.obstacles.page.findings import read_published as obstacles_published
 from structlearn.testbeds.scraping.page import findings as scraping
 from structlearn.testbeds.scraping.page.findings import ScrapingPeople
 from structlearn.testbeds.servoing.page import findings as servoing_findings
-from structlearn.testbeds.servoing.page.findings import AS_IT_STANDS
 
 KNOWN = re.compile(
     r"time_s|since_s|start_s|end_s|phase|fraction|noise_mm|setting_deg|tilt|factor|quoted|truth|true_.*|.*frequency.*"
@@ -106,10 +106,10 @@ def dynamics() -> list[Any]:
 
 def servoing(results: Any) -> list[Any]:
     """Published controllers that work, on all skins, and a study of people."""
-    table = pd.DataFrame({"variant": AS_IT_STANDS, "repeat": range(4)})
+    table = pd.DataFrame({"variant": STUDIED, "cell": range(4)})
     keys = list(servoing_findings.findings(results).numbers())
     numbers = pd.DataFrame({key: 0.9 + 0.1 * test_servoing_page.WOBBLE for key in keys})
-    study = Study(pd.concat([table, numbers], axis=1))
+    study = Study({"findings": pd.concat([table, numbers], axis=1)})
     every = {one: 12 for one in test_servoing_page.variants(3)}
     working = replace(
         results,

@@ -15,8 +15,8 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render
-from structlearn.testbeds.obstacles.page.findings import ObstacleResults, findings
-from structlearn.testbeds.obstacles.page.page import PACKAGE, document, read_published
+from structlearn.testbeds.obstacles.page.findings import ObstacleResults, findings, read_published
+from structlearn.testbeds.obstacles.page.page import PACKAGE, document
 from structlearn.testbeds.obstacles.page.page import people as hits_by_person
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import reporting_verdicts
 from committed import committed
@@ -53,7 +52,7 @@ from structlearn.reporting.claims import (
 )
 from structlearn.reporting.document import render, words_in_view
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.studies import Study
+from structlearn.reporting.studies import OURS, stored_study
 from structlearn.testbeds.scraping.page import findings as own
 from structlearn.testbeds.scraping.page import page as module
 from structlearn.testbeds.scraping.page.findings import (
@@ -125,14 +124,14 @@ def feedback_evidence(results, count=5, **changes):
     """What a study of people like that of the results finds."""
     study = people(rows(own.feedback_of_one, results).numbers(), count, **changes)
     settings = results.board.settings_deg
-    return rows(own.feedback_of_people, ScrapingPeople(study, own.OURS, PRIMITIVES), ADAPTED, settings)
+    return rows(own.feedback_of_people, ScrapingPeople(study, OURS, PRIMITIVES), ADAPTED, settings)
 
 
 def refinement_evidence(results, text=None):
     """The same of refinements, in the text's form like `text`, else like the results."""
     study = forms(refinement_numbers(results), refinement_numbers(text or results))
     find = Findings()
-    for form in (own.TEXT, own.OURS):
+    for form in (own.TEXT, OURS):
         own.refinement_of_people(find, ScrapingPeople(study, form, PRIMITIVES), results)
     return find
 
@@ -250,8 +249,8 @@ def test_each_rule_of_stopping_has_its_own_rows(feedback):
 
 
 def test_no_two_rows_rest_on_the_same_number(made, root):
-    table = pd.read_csv(root / "reports/studies/scraping/people/table.csv")
-    for page in made(study=Study(table)).pages.values():
+    study = stored_study(root / "reports/studies/scraping/people")
+    for page in made(study=study).pages.values():
         shown = [here for one in page.judged for _, here, _, verdict in one.cases if verdict != NOT_TESTED]
         assert shown
         assert len(set(shown)) == len(shown)
@@ -263,7 +262,7 @@ def test_a_claim_about_one_primitive_is_not_one_about_both(feedback):
         "ffnn_phase_prim2_generalization_nmse_best_step": numbers["ffnn_prim2_generalization_nmse_best_step"]
     }
     study = people(numbers, **same)
-    evidence = rows(own.feedback_of_people, ScrapingPeople(study, own.OURS, PRIMITIVES), ADAPTED, [])
+    evidence = rows(own.feedback_of_people, ScrapingPeople(study, OURS, PRIMITIVES), ADAPTED, [])
     found = reporting_verdicts.cases(
         module.__package__, defaultdict(lambda: UNKNOWN, evidence), "feedback_claims.yaml"
     )["phase_helps"]
@@ -307,7 +306,7 @@ def test_people_are_judged_where_they_were_studied(made, feedback, segmentation)
 
 def test_a_number_that_was_not_studied_is_not_tested(feedback):
     study = people({"force_largest_error_percent": 1.0})
-    found = rows(own.feedback_of_people, ScrapingPeople(study, own.OURS, PRIMITIVES), ADAPTED, [0.0])
+    found = rows(own.feedback_of_people, ScrapingPeople(study, OURS, PRIMITIVES), ADAPTED, [0.0])
     assert found["force_held"].value == pytest.approx(1.0, rel=0.1)
     assert {one for one in found if one != "force_held"} & set(found.numbers()) == set()
 

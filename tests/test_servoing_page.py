@@ -12,6 +12,7 @@ from tactile_toy import toy_dataset
 from structlearn.core.params import Population
 from structlearn.reporting.claims import Evidence, claims_table
 from structlearn.reporting.document import render
+from structlearn.reporting.studies import OURS as STUDIED
 from structlearn.reporting.studies import Study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
@@ -20,7 +21,6 @@ from structlearn.tactile.touch_dataset import SPLITS, TouchDataParameters
 from structlearn.testbeds.servoing.names import DYNAMICS, OURS, TEXT
 from structlearn.testbeds.servoing.page import page
 from structlearn.testbeds.servoing.page.findings import (
-    AS_IT_STANDS,
     TEXT_LL,
     ModelScores,
     ServoingResults,
@@ -183,9 +183,9 @@ def results():
 
 def with_people(results, table):
     """Numbers of four people, spread about those of `table` where it has one for all."""
-    whole = pd.DataFrame({"variant": AS_IT_STANDS, "repeat": range(4)})
+    whole = pd.DataFrame({"variant": STUDIED, "cell": range(4)})
     columns = {key: spread(value) if np.isscalar(value) else value for key, value in table.items()}
-    return replace(results, study=Study(pd.concat([whole, pd.DataFrame(columns)], axis=1)))
+    return replace(results, study=Study({"findings": pd.concat([whole, pd.DataFrame(columns)], axis=1)}))
 
 
 def predictions():

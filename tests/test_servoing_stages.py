@@ -38,5 +38,5 @@ def test_what_is_reported_is_of_the_first_of_the_test_set(root):
     seeds = ("toucher.seed", "toucher.sensor_seed", "train_latent.training.seed", "servo.seed")
     for key in seeds:
         assert reduce(getitem, key.split("."), parameters) == people.test[0], key
-    study = yaml.safe_load((root / "benchmarks/studies/servoing/people.yaml").read_text())
-    assert set(study["repeats"]["seeds"]) == set(seeds)
+    study = yaml.safe_load((root / "stages/studies/studies.yaml").read_text())["servoing/people"]
+    assert set(study["seeds"]) == set(seeds)

@@ -1,7 +1,5 @@
-"""Studies: what they vary is data, and what they found is quoted with its parameters, and by whose code."""
+"""Studies: cells run the stages of a testbed with other seeds; tables say with which parameters and code."""
 
-import importlib.util
-import json
 import subprocess
 from pathlib import Path
 
@@ -10,90 +8,227 @@ import pandas as pd
 import pytest
 import yaml
 
+from structlearn.core.artefacts import write_csv
 from structlearn.core.errors import InputError
+from structlearn.reporting import study_tables
 from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
 from structlearn.reporting.studies import (
     RESULTS,
+    Check,
     Made,
-    Rerun,
+    Origin,
     Study,
-    digests,
+    extended,
     provenance,
     read_study,
     rests_on,
     stored_study,
 )
+from structlearn.reporting.study_cells import (
+    CELLS,
+    Description,
+    changed,
+    processor,
+    read_descriptions,
+    run_cell,
+    seeds_of,
+    write_cell,
+)
+from structlearn.reporting.study_tables import TOLERANCE, check_study, compare, join_study, joined, made_with
 
-
-def program(path):
-    """A program of `benchmarks` as a module."""
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-commands = program(Path(__file__).parents[1] / "benchmarks/study.py")
-
-DESCRIPTION = """
-question: Does more help?
-target: learn
-reads: [reports/toy/findings.csv]
-keys: [cost_*]
-shown: {cost_a: cost}
-variants: {less: {learn.steps: 1}, more: {learn.steps: 9}}
-repeats: [{learn.seed: 0}, {learn.seed: 1}]
-minutes: 3
+NAME = "toy/people"
+DESCRIPTION = Description(
+    question="Does more help?",
+    seeds=["learn.seed", "people.test"],
+    stages=["learn", "report"],
+    tables=["findings", "tables/rows"],
+    numbers=("cost*",),
+    variants={"text": {"parameters": {"report.factor": 10}, "first": "report"}},
+)
+LEARN = """
+import yaml
+from pathlib import Path
+learn = yaml.safe_load(open('params.yaml'))['learn']
+count = Path('data/count.txt')
+count.parent.mkdir(exist_ok=True)
+count.write_text(str(int(count.read_text() if count.exists() else 0) + 1))
+if learn['seed'] == 66:
+    raise SystemExit('no such person')
+Path('data/learnt.txt').write_text(str(learn['seed'] * learn['steps']))
 """
-TABLE = pd.DataFrame(
-    {"variant": ["less", "less", "more", "more"], "repeat": [0, 1, 0, 1], "cost_a": [4.0, 6.0, 1.0, 2.0]}
-)
-
-
-MADE = Made(parameters={}, commit="a1b2c3d", processor="", added={}, beside={}, rerun=None)
-RERUN = Rerun(
-    commit="e4f5a6b",
-    processor="here",
-    exact=True,
-    covers="recordings of the first person",
-    compared=3,
-    in_table=2,
-    different=[],
-)
+REPORT = """
+import yaml
+from pathlib import Path
+values = yaml.safe_load(open('params.yaml'))
+cost = int(Path('data/learnt.txt').read_text()) * values['report']['factor']
+Path('reports/toy/tables').mkdir(parents=True, exist_ok=True)
+head = 'name,case,value,low,high,n,unit,population,headline,study,reason\\n'
+runs = Path('data/count.txt').read_text()
+rows = f'cost,,{cost},,,1,,,False,,\\ncost_runs,,{runs},,,1,,,False,,\\nother,,1,,,1,,,False,,\\n'
+Path('reports/toy/findings.csv').write_text(head + rows)
+people = ''.join(f'{seed},\\n' for seed in values['people']['test'])
+Path('reports/toy/tables/rows.csv').write_text('seed,note\\n' + people)
+"""
 
 
 @pytest.fixture
 def toy(tmp_path):
-    folder = tmp_path / "studies/toy"
-    folder.mkdir(parents=True)
-    (folder / "steps.yaml").write_text(DESCRIPTION)
-    (tmp_path / "params.yaml").write_text(
-        "learn: {steps: 4, seed: 0}\npeople: {tuning: [1], test: [11, 12]}\n"
-    )
+    for name, text in (("learn", LEARN), ("report", REPORT)):
+        path = tmp_path / f"stages/toy/{name}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    stages = {"toy_learn": {"params": ["learn.steps", "learn.seed"]}, "toy_report": {"params": ["report"]}}
+    (tmp_path / "dvc.yaml").write_text(yaml.safe_dump({"stages": stages}))
+    values = {"learn": {"steps": 4, "seed": 1}, "report": {"factor": 1}, "people": {"test": [1, 2]}}
+    (tmp_path / "params.yaml").write_text(yaml.safe_dump(values))
     return tmp_path
 
 
-def test_a_description_is_checked(toy):
-    folder = toy / "studies"
-    assert commands.study_names(folder) == ["toy/steps"]
-    assert commands.read_description("toy/steps", folder).variants["more"] == {"learn.steps": 9}
-    with pytest.raises(InputError, match=r"no such study; there are toy/steps"):
-        commands.read_description("toy/other", folder)
-    (folder / "toy/steps.yaml").write_text(DESCRIPTION + "color: red\n")
-    with pytest.raises(InputError, match="color"):
-        commands.read_description("toy/steps", folder)
-    (folder / "toy/steps.yaml").write_text(DESCRIPTION + "target: front\n")
-    with pytest.raises(InputError, match=r"steps\.yaml: key 'target' stands twice"):
-        commands.read_description("toy/steps", folder)
+def run(toy, *cells):
+    """Run cells, and join them with the tables in git."""
+    for cell in cells:
+        write_cell(run_cell(NAME, DESCRIPTION, cell, toy), toy / CELLS / NAME / cell, toy)
+    join_study(NAME, DESCRIPTION, toy)
+    return stored_study(toy / RESULTS / NAME)
 
 
-def test_repeats_over_a_population_are_its_test_seeds(toy):
-    text = DESCRIPTION.replace(
-        "[{learn.seed: 0}, {learn.seed: 1}]", "{population: people, seeds: [record.seed, sensor.seed]}"
-    )
-    (toy / "studies/toy/steps.yaml").write_text(text)
-    found = commands.repeats(commands.read_description("toy/steps", toy / "studies"), toy / "params.yaml")
-    assert found == [{"record.seed": 11, "sensor.seed": 11}, {"record.seed": 12, "sensor.seed": 12}]
+@pytest.mark.parametrize(
+    ("cell", "seeds"),
+    [
+        ("13", [13]),
+        ("19-21", [19, 20, 21]),
+        ("x", "not a seed"),
+        ("3-1", "1 is below 3"),
+        ("-2", "not a seed"),
+    ],
+)
+def test_a_cell_is_named_by_its_seeds(cell, seeds):
+    if isinstance(seeds, list):
+        assert seeds_of(cell) == seeds
+    else:
+        with pytest.raises(InputError, match=f"cell {cell}: .*{seeds}"):
+            seeds_of(cell)
+
+
+def test_a_cell_runs_all_stages_with_its_seeds_and_a_variant_those_that_it_changes(toy):
+    tables = run_cell(NAME, DESCRIPTION, "5-7", toy)
+    found = tables["findings"]
+    assert list(found) == ["variant", "cell", "cost", "cost_runs"]
+    assert found.to_numpy().tolist() == [["ours", "5-7", 20, 1], ["text", "5-7", 200, 1]]
+    assert tables["rows"]["seed"].tolist() == [5, 6, 7] * 2  # a list gets all seeds
+    assert sorted(path.name for path in toy.iterdir()) == ["dvc.yaml", "params.yaml", "stages"]
+    with pytest.raises(InputError, match=r"cell 66: stages/toy/learn\.py: no such person"):
+        run_cell(NAME, DESCRIPTION, "66", toy)
+    with pytest.raises(InputError, match=r"params\.yaml: key 'learn\.pace' is missing"):
+        changed({"learn": {"steps": 4}}, {"learn.pace": 1})
+
+
+def test_cells_are_joined_with_those_in_git(toy):
+    study = run(toy, "10", "9")
+    assert study.table["cell"].tolist() == ["9", "10"] * 2
+    assert list(study.made.cells) == ["9", "10"]
+    np.testing.assert_array_equal(study.values("ours", "cost"), [36, 40])
+    np.testing.assert_array_equal(study.values("text", "cost"), [360, 400])
+    (toy / "stages/toy/learn.py").write_text(LEARN.replace("learn['steps'])", "learn['steps'] + 1)"))
+    assert run(toy, "10").values("ours", "cost").tolist() == [36, 41]  # run anew by other code
+    more = {"8": (run_cell(NAME, DESCRIPTION, "8", toy), ORIGIN)}
+    assert list(joined(study, more, study.made.parameters, DESCRIPTION).made.cells) == ["8", "9", "10"]
+    values = yaml.safe_load((toy / "params.yaml").read_text())
+    (toy / "params.yaml").write_text(yaml.safe_dump(values | {"report": {"factor": 2}}))
+    with pytest.raises(InputError, match=r"made with other parameters.*make studies NAME=toy/people"):
+        check_study(NAME, DESCRIPTION, toy)
+    alone = joined(study, more, made_with(NAME, DESCRIPTION, toy), DESCRIPTION)
+    assert list(alone.made.cells) == ["8"]  # the others say nothing with these parameters
+    (toy / CELLS / NAME / "9/cell.json").write_text("{}")
+    with pytest.raises(InputError, match=r"cell\.json: cell\.commit: Field required"):
+        join_study(NAME, DESCRIPTION, toy)
+
+
+def test_a_study_is_quoted_only_with_its_parameters_whoever_the_pipeline_shows(toy):
+    def read(**changes):
+        values = changed({"learn": {"steps": 4, "seed": 1}, "report": {"factor": 1}}, changes)
+        (toy / "params.yaml").write_text(yaml.safe_dump(values))
+        return read_study(NAME, toy / RESULTS, toy / "params.yaml")
+
+    assert read() is None
+    (toy / "params.yaml").write_text((toy / "params.yaml").read_text() + "people: {test: [1, 2]}\n")
+    run(toy, "3")
+    assert read() is not None
+    assert read(**{"learn.seed": 8}) is not None
+    assert read(**{"learn.steps": 5}) is None
+    (toy / RESULTS / NAME / "findings.csv").write_text("variant,cost\nours\ntext,1,2,3\n")
+    with pytest.raises(InputError, match=r"findings\.csv: not a table"):
+        read()
+
+
+def test_rows_of_a_study_come_below_those_of_this_run():
+    own = pd.DataFrame({"seed": [1, 2], "met": [True, False], "why": ["", "late"]})
+    cells = {"variant": "ours", "cell": "2-3", "seed": [2, 3], "met": [True, True], "why": [np.nan, np.nan]}
+    whole = extended(own, Study({"rows": pd.DataFrame(cells)}), "rows")
+    assert whole.to_numpy().tolist() == [[1, True, ""], [2, False, "late"], [3, True, ""]]
+    assert whole.dtypes.equals(own.dtypes)
+    assert extended(own, None, "rows") is own
+
+
+def test_a_cell_that_was_run_again_is_held_against_the_table(toy):
+    study = run(toy, "9", "10")
+    assert check_study(NAME, DESCRIPTION, toy) == []
+    check = stored_study(toy / RESULTS / NAME).made.check
+    assert (check.cell, check.exact, check.compared, check.different) == ("10", True, 8, [])
+    found = run_cell(NAME, DESCRIPTION, "9", toy)
+    near, far = (1.0 + share * TOLERANCE for share in (0.5, 2.0))
+    elsewhere = {"9": Origin(commit="a1b2c3d", processor="another"), "10": study.made.cells["10"]}
+    other = Study(study.tables, study.made.model_copy(update={"cells": elsewhere}))
+    for factor, of, different in (
+        (1.0, study, []),
+        (near, study, ["findings.cost"]),
+        (near, other, []),
+        (far, other, ["findings.cost"]),
+    ):
+        moved = found | {"findings": found["findings"].assign(cost=found["findings"]["cost"] * factor)}
+        check = compare(moved, of, "9", toy)
+        assert (check.different, check.exact, check.processor) == (different, of is study, processor())
+    assert compare(found | {"rows": found["rows"][:1]}, study, "9", toy).different == [
+        "rows.seed",
+        "rows.note",
+    ]
+    (toy / "stages/toy/learn.py").write_text(LEARN.replace("learn['steps'])", "learn['steps'] + 1)"))
+    assert check_study(NAME, DESCRIPTION, toy) == ["toy/people: findings.cost"]  # a mutant in a method
+
+
+ORIGIN, LATER = (Origin(commit=commit, processor="here") for commit in ("a1b2c3d", "e4f5a6b"))
+CHECK = Check(cell="3", commit="0a1b2c3", processor="here", exact=True, compared=70, different=[])
+
+
+@pytest.mark.parametrize(
+    ("cells", "check", "words"),
+    [
+        ({"1": ORIGIN}, None, "made by commit a1b2c3d, not run again"),
+        (
+            {"1": ORIGIN, "2": ORIGIN, "3": LATER},
+            {},
+            "made by commit a1b2c3d (2 cells: 1 to 2) and e4f5a6b (1 cell: 3); "
+            "cell 3 run again by 0a1b2c3: 70 numbers, equal",
+        ),
+        (
+            {"1": ORIGIN},
+            {"exact": False},
+            "made by commit a1b2c3d; "
+            "cell 3 run again by 0a1b2c3: 70 numbers, equal within 0.1 % on another processor",
+        ),
+        (
+            {"1": ORIGIN},
+            {"different": ["findings.cost"]},
+            "made by commit a1b2c3d; cell 3 run again by 0a1b2c3: 70 numbers, findings.cost differ",
+        ),
+    ],
+)
+def test_a_study_says_by_whose_code_each_cell_was_made_and_which_was_run_again(cells, check, words):
+    again = None if check is None else CHECK.model_copy(update=check)
+    study = Study({}, Made(parameters={}, seeds=[], cells=cells, check=again))
+    assert provenance(study) == words
+    assert rests_on(NAME, study) == f"Rows over people rest on the study toy/people, {words}."
+    assert rests_on(NAME, None) == ""
 
 
 def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monkeypatch):
@@ -118,139 +253,49 @@ def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monk
     assert source_commit(["src"], tmp_path) == UNKNOWN_COMMIT
 
 
-def test_a_study_says_by_whose_code_it_was_made_and_what_of_it_was_run_again():
-    def words(**changes):
-        made = MADE.model_copy(update={"rerun": RERUN.model_copy(update=changes)})
-        return provenance(Study(TABLE, made))
-
-    study = Study(TABLE, MADE)
-    assert provenance(study) == "made by commit a1b2c3d, not run again"
-    assert rests_on("toy/steps", None) == ("", "")
-    assert rests_on("toy/steps", study) == (
-        f"Rows over people rest on the study toy/steps, {provenance(study)}.",
-        "",
-    )
-    assert words() == "made by commit a1b2c3d, part of one cell run again by e4f5a6b: equal"
-    assert rests_on("toy/steps", Study(TABLE, MADE.model_copy(update={"rerun": RERUN})))[1] == (
-        "Run again: recordings of the first person, compared in 2 numbers of the table and 1 number that the "
-        "table's code gives and the table lacks; nothing else of the study."
-    )
-    assert "run again by e4f5a6b: 1 of 3 numbers differ" in words(different=["cost_a"])
-    assert "equal within 0.1 % on another processor" in words(exact=False)
+POPULATIONS = {"obstacles": "obstacle_people", "dynamics": "dynamics_robots", "servoing": "servo_people"}
 
 
-def test_a_study_that_does_not_say_by_which_code_it_was_made_is_refused(toy):
-    folder = toy / "results/toy/steps"
-    commands.write_study(TABLE, MADE, folder)
-    assert stored_study(folder).made == MADE
-    (folder / "study.json").write_text(json.dumps({"learn": "0" * 32}))
-    with pytest.raises(InputError, match=r"study\.json: .*commit: Field required"):
-        read_study("toy/steps", toy / "results", toy / "params.yaml")
-
-
-def test_a_part_of_a_cell_is_run_with_its_parameters_and_held_against_the_table(toy):
-    cell = "rerun: {variant: more, repeat: 1, covers: all}\n"
-    (toy / "studies/toy/steps.yaml").write_text(DESCRIPTION + cell)
-    description = commands.read_description("toy/steps", toy / "studies")
-    script = toy / "benchmarks/studies/toy/steps.py"
-    script.parent.mkdir(parents=True)
-    script.write_text(
-        "import json, yaml\n"
-        "learn = yaml.safe_load(open('params.yaml'))['learn']\n"
-        "found = {'cost_a': 2.0000001, 'cost_b': learn['steps'], 'seed': learn['seed']}\n"
-        "json.dump(found, open('numbers.json', 'w'))\n"
-    )
-    found = commands.run_part("toy/steps", description, toy)
-    assert found == {"cost_a": 2.0000001, "cost_b": 9, "seed": 1}
-    kept = MADE.model_copy(update={"beside": {"cost_b": 9.0, "seed": 1.0}})
-    again = commands.compare(found, Study(TABLE, kept), description, toy)
-    assert (again.different, again.compared, again.in_table, again.exact) == ([], 3, 1, True)
-    assert again.commit == UNKNOWN_COMMIT
-    assert commands.compare(found, Study(TABLE, MADE), description, toy).different == [
-        "cost_b",
-        "seed",
-    ]  # not kept
-    off = found | {"cost_a": 2.0 * (1.0 + 0.5 * commands.TOLERANCE)}
-    assert commands.compare(off, Study(TABLE, kept), description, toy).different == ["cost_a"]
-    other = kept.model_copy(update={"processor": "another"})
-    assert commands.compare(off, Study(TABLE, other), description, toy).different == []
-    off |= {"cost_a": 2.0 * (1.0 + 2.0 * commands.TOLERANCE)}
-    assert commands.compare(off, Study(TABLE, other), description, toy).different == ["cost_a"]
-    known = {
-        "processor": "another",
-        "rerun": RERUN.model_copy(update={"processor": commands.processor()}),
-    }
-    assert commands.compare(
-        {"cost_a": 2.001}, Study(TABLE, MADE.model_copy(update=known)), description, toy
-    ).different
-    known["rerun"] = RERUN.model_copy(update={"processor": "a third"})
-    assert not commands.compare(
-        {"cost_a": 2.001}, Study(TABLE, MADE.model_copy(update=known)), description, toy
-    ).different
-    script.write_text("raise SystemExit('no such key')")
-    with pytest.raises(InputError, match=r"steps\.py: no such key"):
-        commands.run_part("toy/steps", description, toy)
-
-
-def test_a_study_is_quoted_only_with_its_parameters(toy):
-    parameters, results = toy / "params.yaml", toy / "results"
-    assert read_study("toy/steps", results, parameters) is None
-    made = MADE.model_copy(update={"parameters": digests(parameters, ["learn", "absent"])})
-    commands.write_study(TABLE, made, results / "toy/steps")
-    study = read_study("toy/steps", results, parameters)
-    np.testing.assert_array_equal(study.values("less", "cost_a"), [4.0, 6.0])
-    parameters.write_text("people: {}\nlearn: {seed: 0, steps: 4}\n")
-    assert read_study("toy/steps", results, parameters) is not None  # what it depends on is as before
-    (results / "toy/steps/table.csv").write_text("variant,cost_a\nless\nmore,1,2,3\n")
-    with pytest.raises(InputError, match=r"table\.csv: not a table"):
-        read_study("toy/steps", results, parameters)
-    parameters.write_text("learn: {seed: 0, steps: 5}\n")
-    assert read_study("toy/steps", results, parameters) is None
-
-
-def test_the_page_has_a_row_per_variant_with_its_interval(toy):
-    description = commands.read_description("toy/steps", toy / "studies")
-    page = commands.studies_page({"toy/steps": (description, Study(TABLE, MADE))})
-    assert "Made by commit a1b2c3d, not run again." in page
-    assert "Does more help?" in page
-    assert "make study NAME=toy/steps" in page
-    assert "1.5 [-4.85, 7.85]" in page.replace(
-        "\N{MINUS SIGN}", "-"
-    )  # t of one degree of freedom: 12.706 * 0.5
-
-
-@pytest.mark.parametrize("name", commands.study_names())
-def test_every_study_names_what_is_there(name, root: Path):
-    description = commands.read_description(name)
-    pipeline = yaml.safe_load((root / "dvc.yaml").read_text())
+@pytest.mark.parametrize("name", read_descriptions())
+def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chosen(name, root: Path):
+    description, testbed = read_descriptions()[name], name.partition("/")[0]
+    planned = yaml.safe_load((root / "stages/studies/dvc.yaml").read_text())["stages"][name.replace("/", "_")]
     parameters = yaml.safe_load((root / "params.yaml").read_text())
-    assert description.target in pipeline["stages"]
-    for changes in [*description.variants.values(), *commands.repeats(description, root / "params.yaml")]:
-        for key in changes:
-            value = parameters
-            for part in key.split("."):
-                assert part in value, f"{key} is no parameter"
-                value = value[part]
+    for variant in description.variants.values():
+        changed(parameters, dict.fromkeys(description.seeds, 1) | variant.parameters)
+        assert variant.first in description.stages
+    upstream = set(made_with(name, description, root))
+    assert {one for one in planned["do"]["params"] if isinstance(one, str)} == upstream
+    assert {f"stages/{testbed}", f"data/code/main/{testbed}", *description.takes} <= set(
+        planned["do"]["deps"]
+    )
+    assert planned["do"]["outs"] == [f"{CELLS}/{name}/${{item}}"]
+    population = parameters[POPULATIONS.get(testbed, f"{testbed}_people")]
+    seeds = [seed for cell in planned["foreach"] for seed in seeds_of(str(cell))]
+    assert len(set(seeds)) == len(seeds)
+    assert not set(seeds) & set(population["tuning"])
+    if (root / RESULTS / name / "study.json").exists():
+        study = read_study(name)
+        assert study is not None, f"make studies NAME={name}: parameters have changed since"
+        assert set(study.made.cells) <= {str(cell) for cell in planned["foreach"]}
+        assert study.made.check is None or study.made.check.different == []
+        for table in study.tables.values():
+            assert set(table["variant"]) == {"ours", *description.variants}
+            assert set(table["cell"]) == set(study.made.cells)
 
 
-RUN = [name for name in commands.study_names() if (RESULTS / name / "study.json").exists()]
+def test_the_page_lists_every_study(root, monkeypatch):
+    monkeypatch.chdir(root)
+    page = study_tables.studies_page(read_descriptions())
+    for made in root.glob(f"{RESULTS}/*/*/study.json"):
+        name = made.parent.relative_to(root / RESULTS).as_posix()
+        assert name in page
+        assert all(f'href="{name}/{table.name}"' in page for table in made.parent.glob("*.csv"))
+        assert provenance(stored_study(made.parent))[5:30] in page
 
 
-@pytest.mark.parametrize("name", [name for name in RUN if commands.read_description(name).rerun])
-def test_the_present_code_gives_what_a_study_found(name, root: Path):
-    """Part of one cell is run again: all digits on a processor of the kind that the table is known from."""
-    description, study = commands.read_description(name), stored_study(RESULTS / name)
-    again = commands.compare(commands.run_part(name, description, root), study, description, root)
-    assert again.different == [], f"make study NAME={name}: the code gives other numbers than its table"
-    assert again.compared >= 20
-
-
-@pytest.mark.parametrize("name", RUN)
-def test_every_result_was_made_with_the_parameters_and_variants_of_now(name, root: Path):
-    description, study = commands.read_description(name), read_study(name)
-    assert study is not None, f"make study NAME={name}: parameters have changed since"
-    assert set(study.table["variant"]) == set(description.variants)
-    assert set(description.shown) <= set(study.table)
-    assert study.made.rerun is None or study.made.rerun.different == []
-    assert bool(study.made.rerun) == bool(description.rerun), f"make studies-check NAME={name}"
-    assert f"{name}/table.csv" in (RESULTS / "index.html").read_text()
+def test_a_study_that_was_run_without_numbers_says_so(toy, monkeypatch):
+    write_csv(pd.DataFrame({"variant": ["ours"], "cell": ["1"]}), toy / RESULTS / NAME / "findings.csv")
+    (toy / RESULTS / NAME / "study.json").write_text('{"parameters": {}}')
+    with pytest.raises(InputError, match=r"study\.json: .*cells: Field required"):
+        stored_study(toy / RESULTS / NAME)

@@ -6,6 +6,7 @@ from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.studies import extended, read_study
 from structlearn.rigid_body.model_names import COULOMB, ROBOT
 from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
 from structlearn.rigid_body.online_learning import OnlineParameters
@@ -15,6 +16,8 @@ from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
 from structlearn.testbeds.dynamics.page.figures import arm_still, drawings
 from structlearn.testbeds.dynamics.page.findings import (
+    ROBOTS_STUDY,
+    STUDIED,
     DynamicsResults,
     findings,
     friction_table,
@@ -67,13 +70,15 @@ def main() -> None:
         {"robot": name} | agreement_with_pinocchio(read_urdf(urdf_path(name), locked))
         for name, locked in (COMPARED | {arm.urdf: arm.locked_joints}).items()
     ]
+    study = read_study(ROBOTS_STUDY)
+    tables = files.read_tables() | {"known": pd.concat(known, ignore_index=True)}
     results = DynamicsResults(
-        **files.read_tables(),
+        **tables | {name: extended(tables[name], study, name) for name in STUDIED},
         agreement=pd.DataFrame(agreement),
-        known=pd.concat(known, ignore_index=True),
         friction=pd.concat(friction, ignore_index=True),
         residuals=residuals[0],
         chosen=chosen,
+        study=study,
     )
     still = arm_still(str(urdf_path(arm.urdf)), robot.tree, chosen["arm_motion"].used)
     find = findings(results)

@@ -7,10 +7,17 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.runs import read_runs
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.studies import read_study
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.figures import figures
-from structlearn.testbeds.obstacles.page.findings import ObstacleResults, example_setting, findings
-from structlearn.testbeds.obstacles.page.page import document, read_published
+from structlearn.testbeds.obstacles.page.findings import (
+    PEOPLE_STUDY,
+    ObstacleResults,
+    example_setting,
+    findings,
+    read_published,
+)
+from structlearn.testbeds.obstacles.page.page import document
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
@@ -42,6 +49,7 @@ def main() -> None:
         demonstrations={place.shape: read_runs(f"{files.RUNS}/{place.name}.parquet") for place in shown},
         population=population,
         parameters=parameters,
+        study=read_study(PEOPLE_STUDY),
     )
     published = read_published()
     find = findings(results, published)

@@ -79,8 +79,7 @@ class Document:
     recordings: str = ""  # folder of the .rrd files, relative to the page
     simulated: bool = False  # whether what it shows was simulated; it is labelled so
     recorded: Sequence[OnRecordings] = ()  # which of its statements were tested on recorded data too
-    # what the verdicts rest on beside the pipeline: a sentence, and one that is hidden at first
-    basis: tuple[str, str] = ("", "")
+    basis: str = ""  # what the verdicts rest on beside the pipeline, a sentence
     root: str = ".."  # folder of the front page, relative to this one
     command: str = ""  # that makes it; default `dvc repro STAGE`
 

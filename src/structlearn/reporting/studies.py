@@ -1,18 +1,15 @@
-"""Studies: trials beside the pipeline, each an experiment of DVC that anyone can run (`make study NAME=...`).
+"""Studies: populations that one run of the pipeline is too short for, as tables in git that pages read.
 
-What a study varies is data, `benchmarks/studies/<testbed>/<name>.yaml`; `benchmarks/study.py` runs it and
-leaves `reports/studies/<testbed>/<name>/table.csv`, one row per variant and repeat, with `study.json`
-beside it. Pages quote the table. It says with which parameters it was made: with others, what it found says
-nothing of what a page shows, so it is as good as not run. It also names the commit of its code.
-
-A whole study takes an hour. What of one cell (a variant and a repeat) can be run in 20 s is a script beside
-the study's description, which writes numbers. They are held against the table, and where this has no such
-number against those that were kept beside it when it was made; pages say whether they came out equal.
+The pipeline `stages/studies/dvc.yaml` makes them cell by cell: a cell is some people or robots, with whose
+seeds the stages of a testbed run anew (`structlearn.reporting.study_cells`). Here is what pages need:
+`reports/studies/<study>` holds the tables of all cells and `study.json`, which says with which parameters
+they were made, and each cell by which commit. With other parameters, what was found says nothing of what a
+page shows, so the study is as good as not run.
 """
 
 import hashlib
 import json
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,64 +20,62 @@ import pandas as pd
 
 from structlearn.core.artefacts import read_csv, read_metrics
 from structlearn.core.params import Parameters, checked, read_values
-from structlearn.reporting.claims import mean
-from structlearn.reporting.document import Table
-from structlearn.reporting.prose import counted, interval, listing, rounded
+from structlearn.reporting.prose import counted, listing
 
 RESULTS = Path("reports/studies")
+OURS = "ours"
+"""The variant of a study with the parameters of the pipeline."""
+
+KEYS = ["variant", "cell"]
+"""First columns of a study's tables."""
 
 
-class Rerun(Parameters):
-    """What came of running part of a cell again."""
+class Origin(Parameters):
+    """Whose code made a cell, and where."""
 
+    commit: str
+    processor: str  # empty where that was not kept
+
+
+class Check(Parameters):
+    """What came of running one cell again."""
+
+    cell: str
     commit: str  # of the code that ran it
     processor: str  # that it ran on
-    exact: bool  # whether all digits were compared; else within `TOLERANCE`
-    covers: str  # in words
+    exact: bool  # whether all digits were compared; else within `study_cells.TOLERANCE`
     compared: int  # numbers
-    in_table: int  # of these; the others were kept beside the table
-    different: list[str]  # keys of those that differ
+    different: list[str]  # tables and columns in which some differ
 
 
 class Made(Parameters):
     """How a study was made, as `study.json` holds it."""
 
-    parameters: dict[str, str]  # digests by key of `params.yaml`
-    commit: str  # of the code
-    processor: str  # that it ran on; empty where that was not kept
-    # columns of the table that were computed later for the same cells, with the commit of that code
-    added: dict[str, str]
-    # numbers of the part of a cell that can be run again which the table does not have
-    beside: dict[str, float]
-    rerun: Rerun | None  # of that part; None before it was run again
+    parameters: dict[str, str]  # digests by key of `params.yaml`, see `digests`
+    seeds: list[str]  # parameters that cells have values of their own for, which no digest counts
+    cells: dict[str, Origin]
+    check: Check | None  # None before a cell was run again
 
 
 @dataclass(frozen=True)
 class Study:
     """Results of a study."""
 
-    table: pd.DataFrame  # `variant`, `repeat`, then a column per number
+    tables: Mapping[str, pd.DataFrame]  # by name, each with the columns `KEYS` first
     made: Made | None = None  # how; None in tests
 
+    @property
+    def table(self) -> pd.DataFrame:
+        """Numbers of people, a row for each variant and cell, of a study that gathers `findings.csv`."""
+        return self.tables["findings"]
+
     def values(self, variant: str, key: str) -> np.ndarray:
-        """One number of a variant, (N,) by repeat, in order: values of two variants are pairs."""
+        """One number of a variant, (N,) by cell, in order: values of two variants are pairs."""
         return self.table[key].to_numpy(float)[self._rows.get(variant, [])]
 
     @cached_property
     def _rows(self) -> dict[Hashable, np.ndarray]:
         return self.table.groupby("variant").indices
-
-    def summary(self, columns: Mapping[str, str]) -> Table:
-        """A row per variant: mean over repeats, with its interval where there are two or more."""
-        rows = []
-        for variant, part in self.table.groupby("variant", sort=False):
-            row = {"variant": variant, "n": len(part)}
-            for key, heading in columns.items():
-                found = mean(part[key].dropna().to_numpy(float))
-                text = rounded(found.value, ".3g")
-                row[heading] = text if found.n < 2 else f"{text} {interval(found.low, found.high, '.3g')}"
-            rows.append(row)
-        return Table(pd.DataFrame(rows))
 
 
 @dataclass(frozen=True)
@@ -97,69 +92,93 @@ class People:
     @property
     def count(self) -> int:
         """Number of people; 0 where the study was not run."""
-        return len(self.study.values(self.variant, "repeat")) if self.study else 0
+        return len(self.study.values(self.variant, "cell")) if self.study else 0
 
 
-def digests(parameters: Path, keys: list[str]) -> dict[str, str]:
-    """A digest of each key's value, `absent` where there is none; the order within mappings is no matter."""
-    values = read_values(parameters)
-    texts = {key: json.dumps(values[key], sort_keys=True) for key in keys if key in values}
-    return {key: hashlib.md5(texts[key].encode()).hexdigest() if key in texts else "absent" for key in keys}
+def digests(values: Mapping[str, Any], keys: Sequence[str], seeds: Sequence[str]) -> dict[str, str]:
+    """A digest of each key's value without the seeds, `absent` where there is none.
+
+    The order within mappings is no matter.
+    """
+    found = {}
+    for key in keys:
+        text = json.dumps(_without(values[key], key, set(seeds)), sort_keys=True) if key in values else ""
+        found[key] = hashlib.md5(text.encode()).hexdigest() if text else "absent"
+    return found
+
+
+def _without(value: Any, key: str, seeds: set[str]) -> Any:
+    """A value of parameters, with None for those whose dotted key is one of `seeds`."""
+    if key in seeds:
+        return None
+    if isinstance(value, Mapping):
+        return {name: _without(one, f"{key}.{name}", seeds) for name, one in value.items()}
+    return value
 
 
 def stored_study(folder: Path) -> Study:
     """A study as it was written, with whatever parameters.
 
-    Raises InputError: a file is missing or damaged, or was written before commits were kept in it.
+    Raises InputError: a file is missing or damaged, or does not say by which commit it was made.
     """
     path = folder / "study.json"
-    return Study(read_csv(folder / "table.csv"), checked(read_metrics(path), Made, path, "study"))
+    made = checked(read_metrics(path), Made, path, "study")
+    texts = dict.fromkeys(KEYS, str)
+    return Study({table.stem: read_csv(table, dtype=texts) for table in sorted(folder.glob("*.csv"))}, made)
 
 
 def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("params.yaml")) -> Study | None:
     """Results of a study; None where it was not run, or with parameters of other values than in this file."""
-    made = Path(folder, name)
-    if not (made / "study.json").exists():
+    if not Path(folder, name, "study.json").exists():
         return None
-    known: Any = read_metrics(made / "study.json").get("parameters", {})
-    return stored_study(made) if known == digests(parameters, list(known)) else None
+    study = stored_study(Path(folder, name))
+    assert study.made is not None
+    known = study.made.parameters
+    return study if known == digests(read_values(parameters), list(known), study.made.seeds) else None
+
+
+def extended(own: pd.DataFrame, study: Study | None, name: str, key: str = "seed") -> pd.DataFrame:
+    """A table of this run, and below it the rows of those whom only a study has.
+
+    `key`: the column of seeds, by which rows are told apart. Returns columns and types of `own`.
+    """
+    if study is None:
+        return own
+    more = study.tables[name]
+    more = more.loc[~more[key].isin(own[key]), own.columns]
+    texts = list(own.select_dtypes(["object", "string"]))
+    more = more.astype(dict.fromkeys(texts, object)).fillna(dict.fromkeys(texts, ""))  # CSV has no empty text
+    return pd.concat([own, more.astype(own.dtypes)], ignore_index=True)
 
 
 def provenance(study: Study) -> str:
-    """`made by commit a319e1d, part of one cell run again by b9b799a: equal`, in words."""
+    """`5 cells made by commit a319e1d, cell 13 run again by b9b799a: equal`, in words."""
     made = study.made
     if made is None:
         return "made by unknown code, not run again"
-    words = f"made by commit {made.commit}"
-    if made.added:
-        later = listing(sorted(set(made.added.values())))
-        words += f" ({counted(len(made.added), 'column')} by {later})"
-    again = made.rerun
+    by_commit: dict[str, list[str]] = {}
+    for cell, origin in made.cells.items():
+        by_commit.setdefault(origin.commit, []).append(cell)
+    words = "made by commit " + listing(
+        commit if len(by_commit) == 1 else f"{commit} ({counted(len(cells), 'cell')}: {_range(cells)})"
+        for commit, cells in by_commit.items()
+    )
+    again = made.check
     if again is None:
         return f"{words}, not run again"
-    outcome = f"{len(again.different)} of {again.compared} numbers differ" if again.different else "equal"
+    outcome = f"{', '.join(again.different)} differ" if again.different else "equal"
     if not again.exact and not again.different:
         outcome = "equal within 0.1 % on another processor"
-    return f"{words}, part of one cell run again by {again.commit}: {outcome}"
+    return f"{words}; cell {again.cell} run again by {again.commit}: {again.compared} numbers, {outcome}"
 
 
-def covered(study: Study) -> str:
-    """A sentence on what was run again, with how many numbers; empty where nothing was."""
-    again = study.made.rerun if study.made else None
-    if again is None:
-        return ""
-    beside = again.compared - again.in_table
-    words = [f"{counted(again.in_table, 'number')} of the table"] if again.in_table else []
-    if beside:
-        words.append(f"{counted(beside, 'number')} that the table's code gives and the table lacks")
-    return f"Run again: {again.covers}, compared in {listing(words)}; nothing else of the study."
+def _range(cells: Sequence[str]) -> str:
+    return cells[0] if len(cells) == 1 else f"{cells[0]} to {cells[-1]}"
 
 
-def rests_on(name: str, study: Study | None) -> tuple[str, str]:
+def rests_on(name: str, study: Study | None) -> str:
     """For the head of a table of verdicts: whose code made the study, and what of it was run again.
 
-    Both are empty where the study was not run.
+    Empty where the study was not run.
     """
-    if study is None:
-        return "", ""
-    return f"Rows over people rest on the study {name}, {provenance(study)}.", covered(study)
+    return "" if study is None else f"Rows over people rest on the study {name}, {provenance(study)}."

@@ -2,7 +2,8 @@
 
 n counts seeds in simulation and robots elsewhere; ratios and differences are taken in pairs. Claims of the
 dissertation are decided by the published form, our form has claims of its own. Nothing follows from a model
-that did not meet the criterion (`UNMET`): the dissertation trained until it was met.
+that did not meet the criterion (`UNMET`): the dissertation trained until it was met. To the seeds and robots
+of this run come those of the study `dynamics/robots`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,6 +19,7 @@ from structlearn.core.metrics import nmse
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import Evidence, Found, geometric_mean, mean, unknown
 from structlearn.reporting.findings import Findings
+from structlearn.reporting.studies import Study, extended
 from structlearn.rigid_body.compiled_dynamics import friction_rows
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.friction import FrictionTerm, friction_columns
@@ -48,13 +50,17 @@ SUFFIXES = {OURS: "", TEXT: "_plain"}
 HEADLINES = (*(f"{model}_plain" for model in STRICT), "mlp", "delan", "cov")
 """Models whose epochs stand in `metrics.json`."""
 
+ROBOTS_STUDY = "dynamics/robots"  # further seeds and robots, with whom verdicts are stated
+STUDIED = ("outcomes", "scores", "payload", "known")
+"""Tables of `DynamicsResults` that hold those of the study too."""
+
 Scores = Callable[[str], pd.Series]
 """Of a model, by seed or robot; empty where it was not run."""
 
 
 @dataclass(frozen=True)
 class DynamicsResults:
-    """Outputs of the stages of the testbed, and what follows from it.
+    """Outputs of the stages of the testbed, `STUDIED` with those of a study, and what follows from it.
 
     Of robots a seed is that of the robot; in simulation it is that of a model's start and of its goals.
     """
@@ -72,6 +78,7 @@ class DynamicsResults:
     friction: pd.DataFrame
     residuals: pd.DataFrame  # likewise, of the first robot
     chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
+    study: Study | None = None  # of further robots; None where it was not run with these parameters
 
     @cached_property
     def kinds(self) -> list[str]:
@@ -119,13 +126,18 @@ class DynamicsResults:
         keys = ["loss", "model", "seed", "batch"]
         return self.online.groupby(keys, sort=False)["nmse"].mean().reset_index()
 
+    @cached_property
+    def learned_online(self) -> pd.DataFrame:
+        """By `loss`, `model` and `seed`: `final` NMSE, and `speed`, mean log10 NMSE of batches."""
+        curves = self.online_curves[self.online_curves["batch"] > 0].sort_values("batch")
+        by = curves.assign(logarithm=np.log10(curves["nmse"])).groupby(["loss", "model", "seed"])
+        own = pd.DataFrame({"final": by["nmse"].last(), "speed": by["logarithm"].mean()})
+        return extended(own.reset_index(), self.study, "online_scores")
+
     def online_scores(self, form: Form = TEXT) -> pd.DataFrame:
-        """Of learning online, by model and seed: `final` NMSE, and `speed`, mean log10 NMSE of batches."""
-        curves = self.online_curves
-        curves = curves[(curves["loss"] == LOSSES[form]) & (curves["batch"] > 0)]
-        curves = curves.assign(logarithm=np.log10(curves["nmse"]))
-        by = curves.sort_values("batch").groupby(["model", "seed"])
-        return pd.DataFrame({"final": by["nmse"].last(), "speed": by["logarithm"].mean()})
+        """`learned_online` with the loss of a form, by model and seed."""
+        scores = self.learned_online[self.learned_online["loss"] == LOSSES[form]]
+        return scores.set_index(["model", "seed"])[["final", "speed"]].sort_index()
 
     @cached_property
     def pick_up_s(self) -> float:
@@ -240,6 +252,7 @@ def findings(results: DynamicsResults) -> Findings:
     find = Findings("seeds")
     robots = find.among("simulated robots")
     robots.exact("robots", results.outcomes.loc[results.outcomes["arm"] == ROBOT, "seed"].nunique())
+    robots.exact("robots_of_this_run", results.friction["seed"].nunique())
     differences = results.agreement[["recursion_n_m", "regressor_n_m", "compiled_n_m"]].to_numpy()
     find.among("URDFs").exact(
         "rnea_max_error_nm", differences.max(), len(differences), unit="N m", headline=True

@@ -14,13 +14,16 @@ from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import with_spread
+from structlearn.reporting.studies import rests_on
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
 from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.page.findings import (
+    ROBOTS_STUDY,
     SETTLED_SHARE,
     STOPPED_NMSE,
+    STUDIED,
     DynamicsResults,
     published,
     unmet,
@@ -100,6 +103,7 @@ def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
         parameters=chosen,
         recordings="../rerun/dynamics",
         simulated=True,
+        basis=rests_on(ROBOTS_STUDY, results.study),
     )
 
 
@@ -125,7 +129,7 @@ def _median_friction(results: DynamicsResults) -> dict[str, float]:
 
 
 def tables(results: DynamicsResults) -> dict[str, Table]:
-    """Tables of the page by name."""
+    """Tables of the page by name, and those that a study gathers of each cell."""
     differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three ways to the same torques
     found = {
         "simulation": _scores(results, IDEAL),
@@ -140,7 +144,8 @@ def tables(results: DynamicsResults) -> dict[str, Table]:
         "agreement": Table(results.agreement, dict.fromkeys(differences, ".1e") | {"largest_n_m": ".0f"}),
     }
     found |= {"robot": _scores(results, ROBOT)} if results.tracked(ROBOT) else {}
-    return found
+    found |= {name: Table(getattr(results, name)) for name in STUDIED}
+    return found | {"online_scores": Table(results.learned_online)}
 
 
 def _scores(results: DynamicsResults, robot: str) -> Table:
@@ -269,7 +274,8 @@ def _robot_errors(results: DynamicsResults) -> Table:
     """NMSE on robots' logs, mean over robots: `model`, `form`, `joint_1` ..., `mean`; strong: known."""
     errors = results.errors[results.errors["arm"] == ROBOT]
     kept = errors[errors["epoch"] == errors.groupby(["model", "form"])["epoch"].transform("max")]
-    every = pd.concat([results.known.assign(form=""), kept])
+    known_errors = results.known[results.known["seed"].isin(kept["seed"])]
+    every = pd.concat([known_errors.assign(form=""), kept])
     joints = every.pivot_table("nmse", ["model", "form"], "joint").add_prefix("joint_")
     known = [(model, "") for model in in_order(results.known["model"].unique())]
     order = [key for key in (*known, *product(results.robot_models, FORM_TITLES)) if key in joints.index]

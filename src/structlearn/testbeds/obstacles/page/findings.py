@@ -2,12 +2,14 @@
 
 The dissertation's statements are held against its own form: single networks with its rules (`TEXT`).
 Ensembles with limits at the goal (`OURS`) are evidence for this project's claims. Rates are clustered by
-person, errors are means over people, differences are paired by person.
+person, errors are means over people, differences are paired by person. To the people of this run come those
+of the study `obstacles/people`: of them there are errors of models, and sums and extremes over reaches.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,11 +25,12 @@ from structlearn.avoidance.learned_models import (
     SETTING,
 )
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.core.params import Population
+from structlearn.core.params import Population, read_values
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.claims import Evidence
 from structlearn.reporting.findings import Findings
+from structlearn.reporting.studies import Study, extended
 from structlearn.testbeds.obstacles.names import KINDS, SITUATIONS
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     GOAL_CHANGE,
@@ -46,9 +49,17 @@ from structlearn.testbeds.obstacles.world.scenarios import Scenario
 TEXT, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
 """Kind of model and rules of what avoids: as published, and our variant."""
 
+PEOPLE_STUDY = "obstacles/people"  # further people, with whom verdicts are stated
 EVERY = (*SHAPES, ALL)
 FEW_HITS = 1  # of the unseen spheres, that a person's model may hit to be good
 PARTS = {"learned from": "train", "held out": "test"}
+MODEL = ["protocol", "rules", "model", "learned_from"]
+
+
+@lru_cache
+def read_published() -> Mapping[str, Any]:
+    """What the dissertation prints."""
+    return read_values(Path(__file__).with_name("published.yaml"))
 
 
 @dataclass(frozen=True)
@@ -65,11 +76,23 @@ class ObstacleResults:
     demonstrations: Mapping[str, Sequence[Demonstration]]
     population: Population  # whose models are judged, and who is shown
     parameters: Mapping[str, Any]  # of the stages, by their keys in `params.yaml`
+    study: Study | None = None  # of further people; None where it was not run with these parameters
 
-    @property
+    @cached_property
     def people(self) -> list[int]:
         """Seeds of those whose models are judged."""
-        return list(self.population.test)
+        return self.by_person["person"].unique().tolist()
+
+    @cached_property
+    def own_by_person(self) -> pd.DataFrame:
+        """`reaches_by_person` of those whose models are judged in this run."""
+        scores = self.scores[self.scores["person"].isin(self.population.test)]
+        return reaches_by_person(scores, read_published()["per_setting"][NETWORK]["goal_max"])
+
+    @cached_property
+    def by_person(self) -> pd.DataFrame:
+        """The same of everybody whose models are judged."""
+        return extended(self.own_by_person, self.study, "by_person", "person")
 
     @property
     def baseline(self) -> PositionPrimitive:
@@ -98,7 +121,7 @@ class ObstacleResults:
         obstacle: str | None = None,
         person: int | None = None,
     ) -> pd.DataFrame:
-        """Scores of one protocol and model, in their order."""
+        """Scores of one protocol and model, in their order, of people of this run."""
         sources = [learned_from] if isinstance(learned_from, str) else list(learned_from)
         keys = [(protocol, rules, model, source) for source in sources]
         none = self.scores.iloc[:0]
@@ -110,27 +133,42 @@ class ObstacleResults:
         """The same without avoidance, of the person that is shown."""
         return self.rows(protocol, person=self.population.shown)
 
+    def reached(
+        self,
+        protocol: str,
+        model: str = NO_MODEL,
+        learned_from: str | Iterable[str] = "",
+        rules: str = LIMITED,
+    ) -> pd.DataFrame:
+        """Rows of `by_person` of one protocol and kind of model."""
+        sources = [learned_from] if isinstance(learned_from, str) else list(learned_from)
+        wanted = {"protocol": protocol, "model": model, "rules": rules}
+        table = self.by_person
+        return table[
+            (table[list(wanted)] == pd.Series(wanted)).all(axis=1) & table["learned_from"].isin(sources)
+        ]
+
     def hits(self, protocol: str, model: str = NO_MODEL, learned_from: str | Iterable[str] = "") -> int:
         """Number of hits with limits at the goal, of all people together."""
-        return int(self.rows(protocol, model, learned_from)["hit"].sum())
+        return int(self.reached(protocol, model, learned_from)["hits"].sum())
 
     def hits_by_person(
         self, protocol: str, form: tuple[str, str], learned_from: str | Iterable[str]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Hits (P,) of each person with a kind of model and its rules, and of how many reaches (P,)."""
         kind, rules = form
-        return _sums_and_sizes(
-            self.rows(protocol, kind, learned_from, rules).groupby("person", sort=False)["hit"]
-        )
+        by = self.reached(protocol, kind, learned_from, rules).groupby("person", sort=False)
+        return by["hits"].sum().to_numpy(int), by["reaches"].sum().to_numpy(int)
 
     @cached_property
     def fits(self) -> pd.DataFrame:
-        """`errors` with `nmse_across`, the mean of y and z, and `nmse_worse`, the larger of both.
+        """`errors` of everybody with `nmse_across`, mean of y and z, and `nmse_worse`, the larger of both.
 
         x is never acted upon: the post-processing takes it away.
         """
-        across = self.errors[["nmse_y", "nmse_z"]]
-        return self.errors.assign(nmse_across=across.mean(axis=1), nmse_worse=across.max(axis=1))
+        errors = extended(self.errors, self.study, "errors", "person")
+        across = errors[["nmse_y", "nmse_z"]]
+        return errors.assign(nmse_across=across.mean(axis=1), nmse_worse=across.max(axis=1))
 
     def fit(self, model: str, learned_from: str, obstacle: str, part: str = "test") -> pd.DataFrame:
         """Rows of `fits` of a model that learned several scenarios, one per person, in their order."""
@@ -176,6 +214,19 @@ def _sums_and_sizes(by_person: SeriesGroupBy) -> tuple[np.ndarray, np.ndarray]:
     return by_person.sum().to_numpy(int), by_person.size().to_numpy(int)
 
 
+def reaches_by_person(scores: pd.DataFrame, farthest_m: float) -> pd.DataFrame:
+    """Sums and extremes over the reaches of each person with each model, of `avoidance_protocols.evaluate`.
+
+    Returns `person`, `MODEL`, number of `reaches`, of `hits`, and of reaches that are `far`, more than
+    `farthest_m` from the goal; largest distances from it in m, as there; means of `detour_m`, `restrained`.
+    """
+    by = scores.assign(far=scores["goal_distance_m"] > farthest_m).groupby(["person", *MODEL], sort=False)
+    largest = by[["goal_distance_m", "late_goal_distance_m", "excursion_m"]].max()
+    counts = by[["hit", "far"]].sum().rename(columns={"hit": "hits"}).astype(int)
+    means = by[["detour_m", "restrained"]].mean()
+    return pd.concat([by.size().rename("reaches"), counts, largest, means], axis=1).reset_index()
+
+
 def example_setting(scores: pd.DataFrame, person: int) -> int:
     """The setting that a person's reach comes closest to without avoidance, averaged over the shapes."""
     own = scores[(scores["protocol"] == TRAINED) & (scores["person"] == person)]
@@ -193,12 +244,13 @@ def findings(results: ObstacleResults, published: Mapping[str, Any]) -> Findings
     """
     find = Findings(f"{len(results.people)} simulated people on whom nothing was tuned")
     find.exact("people", len(results.people), headline=True)
+    find.exact("people_of_this_run", len(results.population.test))
     find.exact("scenarios", len(results.scenarios))
     find.exact("demonstrations", len(results.demonstrated))
     find.exact("networks_per_ensemble", results.parameters["obstacle_training"].ensemble.members)
     _fits(results, find, published["largest_nmse"])
     _hits(results, find)
-    _goals(results, find, published["per_setting"][NETWORK]["goal_max"])
+    _goals(results, find)
     shown = find.among(f"person {results.population.shown}, on whom constants were tuned")
     keys = ["person", "part", "learned_from", "model"]
     worst = results.fits.groupby(keys)["nmse_worse"].max().loc[results.population.shown, "test", ALL]
@@ -251,13 +303,12 @@ def _hits(results: ObstacleResults, find: Findings) -> None:
             cases = {source: results.hits_by_person(protocol, form, source) for source in sources}
             find.clustered_share(f"{word}hits_{name}", cases)
     for protocol in SITUATIONS:
-        bare = results.rows(protocol)
-        find.exact(f"hits_{protocol}_baseline", bare["hit"].sum(), len(bare), headline=protocol == UNSEEN)
-        find.exact(f"hits_all_shapes_{protocol}", results.hits(protocol, ENSEMBLE, ALL), len(bare))
-        detour = results.rows(protocol, ENSEMBLE, ALL)["detour_m"]
-        find.exact(
-            f"detour_{protocol}_all_mean_m", detour.mean(), len(detour), unit="m", headline=protocol == PAIR
-        )
+        count = results.reached(protocol)["reaches"].sum()
+        find.exact(f"hits_{protocol}_baseline", results.hits(protocol), count, headline=protocol == UNSEEN)
+        find.exact(f"hits_all_shapes_{protocol}", results.hits(protocol, ENSEMBLE, ALL), count)
+        ours = results.reached(protocol, ENSEMBLE, ALL)  # as many reaches of everybody
+        name, detour = f"detour_{protocol}_all_mean_m", ours["detour_m"].mean()
+        find.exact(name, detour, ours["reaches"].sum(), unit="m", headline=protocol == PAIR)
     within = {}
     for source in EVERY:
         for form, word in ((OURS, ""), (TEXT, "_single")):
@@ -273,34 +324,31 @@ def _hits(results: ObstacleResults, find: Findings) -> None:
         np.divide(*results.hits_by_person(UNSEEN, (kind, PUBLISHED), SHAPES)) for kind in (NETWORK, ENSEMBLE)
     )
     find.rate_difference("fewer_hits", single, several, unit="%")
-    detours = {
-        source: results.rows(PAIR, ENSEMBLE, source).groupby("person")["detour_m"].mean() for source in EVERY
-    }
+    detours = {source: results.reached(PAIR, ENSEMBLE, source)["detour_m"] for source in EVERY}
     find.mean("detour_pair", detours, unit="m")
 
 
-def _goals(results: ObstacleResults, find: Findings, largest_goal_m: float) -> None:
+def _goals(results: ObstacleResults, find: Findings) -> None:
     """Distances from the goal: at the prescribed time, at 1.5 times it (late), and between (excursion)."""
-    own = results.rows(TRAINED, NETWORK, SETTING, PUBLISHED)
-    far = (own["goal_distance_m"] > largest_goal_m).groupby(own["person"])
-    find.clustered_share("goal_of_network", *_sums_and_sizes(far))
-    rai = results.rows(TRAINED, HUMAN_INSPIRED, SETTING, PUBLISHED)["goal_distance_m"]
-    find.exact("goal_of_rai", rai.max(), len(rai), unit="m")
-    limited = results.scores[results.scores["person"].isin(results.people)].query("rules == @LIMITED")
+    networks = results.reached(TRAINED, NETWORK, SETTING, PUBLISHED)
+    find.clustered_share("goal_of_network", networks["far"].to_numpy(), networks["reaches"].to_numpy())
+    rai = results.reached(TRAINED, HUMAN_INSPIRED, SETTING, PUBLISHED)
+    find.exact("goal_of_rai", rai["goal_distance_m"].max(), rai["reaches"].sum(), unit="m")
+    limited = results.by_person[results.by_person["rules"] == LIMITED]
+    count = limited["reaches"].sum()
     for name in ("goal", "late_goal"):
-        find.exact(f"{name}_distance_max_m", limited[f"{name}_distance_m"].max(), len(limited), unit="m")
+        find.exact(f"{name}_distance_max_m", limited[f"{name}_distance_m"].max(), count, unit="m")
     goals = {"prescribed time": "goal_distance_m", "1.5 times it": "late_goal_distance_m"}
-    find.exact(
-        "goal_with_limits",
-        {words: (100 * limited[column].max(), len(limited)) for words, column in goals.items()},
-        unit="cm",
-    )
-    between = limited.groupby("model")["excursion_m"].agg(["max", "size"])
-    find.exact("excursions", 100 * between.loc[ENSEMBLE, "max"], between.loc[ENSEMBLE, "size"])
+    found = {words: (100 * limited[column].max(), count) for words, column in goals.items()}
+    find.exact("goal_with_limits", found, unit="cm")
+    between = limited.groupby("model").agg({"excursion_m": "max", "reaches": "sum"})
+    find.exact("excursions", 100 * between.loc[ENSEMBLE, "excursion_m"], between.loc[ENSEMBLE, "reaches"])
     for kind in (NETWORK, ENSEMBLE):
-        find.exact(f"excursion_{kind}_max_m", between.loc[kind, "max"], between.loc[kind, "size"], unit="m")
-    short = results.rows(GOAL_CHANGE)["goal_distance_m"]
-    find.exact("short_of_moved_goal_mm", 1e3 * short.max(), len(short), unit="mm")
+        find.exact(f"excursion_{kind}_max_m", *between.loc[kind], unit="m")
+    short = results.reached(GOAL_CHANGE)
+    find.exact(
+        "short_of_moved_goal_mm", 1e3 * short["goal_distance_m"].max(), short["reaches"].sum(), unit="mm"
+    )
     per_setting = results.rows(TRAINED, NETWORK, SETTING)
     for name, its in (("networks", per_setting), ("people", results.demonstrated)):
         find.exact(f"distance_of_{name}_radii", its["obstacle_distance"].mean(), len(its))

@@ -4,6 +4,7 @@ Tables show the published beside the reproduced, and models beside models.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,20 +13,21 @@ import pandas as pd
 
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.core.params import read_values
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.studies import provenance, read_study
+from structlearn.reporting.studies import extended, provenance, read_study, rests_on
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
 from structlearn.testbeds.obstacles.page.findings import (
     EVERY,
     FEW_HITS,
     OURS,
+    PEOPLE_STUDY,
     TEXT,
     ObstacleResults,
     example_setting,
+    read_published,
 )
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     LIMITED,
@@ -53,11 +55,6 @@ WRITTEN_BY = {
 }
 
 
-def read_published() -> dict[str, Any]:
-    """What the dissertation prints."""
-    return read_values(FOLDER / "published.yaml")
-
-
 def document(results: ObstacleResults, find: Findings) -> Document:
     """The page; figures are those of `figures.figures`."""
     published = read_published()
@@ -79,6 +76,7 @@ def document(results: ObstacleResults, find: Findings) -> Document:
         parameters=results.parameters,
         recordings="../rerun/obstacles",
         simulated=any(one.simulated for its in results.demonstrations.values() for one in its),
+        basis=rests_on(PEOPLE_STUDY, results.study),
     )
 
 
@@ -97,7 +95,7 @@ def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, A
         "longest_detour_m": DETOURS_M[-1],
         "end_clearance_m": END_CLEARANCE_M,
         **{key.removeprefix("obstacle_"): its for key, its in results.parameters.items()},
-        "reaches": lambda protocol: len(results.rows(protocol)),
+        "reaches": lambda protocol: results.reached(protocol)["reaches"].sum(),
         "unseen_spheres": len(results.situations[UNSEEN].numbers),
         "outside": int(((spheres.centre[:, 0] < 0.0) | (spheres.centre[:, 0] > length)).sum()),
         "radius_mm": 1e3 * float(spheres.radius[0]),
@@ -157,16 +155,22 @@ Row = dict[str, Any]
 
 
 def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Table]:
-    """Tables by name; `published` is the YAML."""
+    """Tables by name; `published` is the YAML.
+
+    `by_person` and `errors` are what the study gathers of each cell.
+    """
+    own, errors = replace(results, study=None), extended(results.errors, results.study, "errors", "person")
     frames = {
         "people": people(results),
-        "per_setting": per_setting(results, published["per_setting"]),
-        "per_shape": per_shape(results, published["per_shape"]),
-        "unseen": unseen(results, published["unseen"]),
+        "per_setting": per_setting(own, published["per_setting"]),
+        "per_shape": per_shape(own, published["per_shape"]),
+        "unseen": unseen(own, published["unseen"]),
         "fit": fit(results, published["largest_nmse"]),
         "limits": limits(results),
-        "all_shapes": all_shapes(results),
-        "hits": hits(results),
+        "all_shapes": all_shapes(own),
+        "hits": hits(own),
+        "by_person": results.by_person,
+        "errors": errors[errors["person"].isin(results.people)],
     }
     return {name: Table(frame, FORMATS, HEADINGS, _strong(frame)) for name, frame in frames.items()}
 
@@ -246,16 +250,17 @@ def limits(results: ObstacleResults) -> pd.DataFrame:
     rows = []
     for protocol, kind, words in groups:
         rules = {"text": PUBLISHED, "limited": LIMITED}
-        found = {name: results.rows(protocol, kind, families[words], its) for name, its in rules.items()}
-        count = len(found["limited"])
+        found = {name: results.reached(protocol, kind, families[words], its) for name, its in rules.items()}
+        limited = found["limited"]
+        count = int(limited["reaches"].sum())
         if count == 0:
             continue
         row: Row = {"obstacles": protocol, "model": f"{KINDS[kind].name}, {words}", "unrolls": count}
-        row |= {f"hits_{name}": int(its["hit"].sum()) for name, its in found.items()}
+        row |= {f"hits_{name}": int(its["hits"].sum()) for name, its in found.items()}
         for column in ("goal", "late_goal"):
             row |= {f"{column}_{name}": its[f"{column}_distance_m"].max() for name, its in found.items()}
         row["excursion"] = found["limited"]["excursion_m"].max()
-        rows.append(row | {"restrained": found["limited"]["restrained"].mean()})
+        rows.append(row | {"restrained": np.average(limited["restrained"], weights=limited["reaches"])})
     return pd.DataFrame(rows)
 
 

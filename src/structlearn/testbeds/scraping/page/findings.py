@@ -16,7 +16,7 @@ from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.reporting.claims import UNKNOWN, Evidence, difference, mean
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import level_name
-from structlearn.reporting.studies import People
+from structlearn.reporting.studies import OURS, People
 from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import errors_by_seed, wins_at_every_noise_level
 from structlearn.testbeds.scraping.names import CUT_METHODS
@@ -30,7 +30,7 @@ from structlearn.testbeds.scraping.page.results import (
 )
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
-OURS, TEXT = "ours", "text"  # variants of the study
+TEXT = "text"  # variant of the study, beside `OURS`
 
 MODEL_KEYS = {NOMINAL: "nominal", POINTWISE: "feedback", LEVEL: "level", UNROLLED: "unrolled"}
 REPRESENTATION_KEYS = {name: name for name in REPRESENTATIONS} | {"pmnn_100": "pmnn"}

@@ -19,6 +19,7 @@ import pandas as pd
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import UNKNOWN, Evidence, Found, clustered_share, difference
 from structlearn.reporting.findings import Findings
+from structlearn.reporting.studies import OURS as STUDIED
 from structlearn.reporting.studies import People, Study
 from structlearn.tactile.electrodes import SKINS, Skin, map_laying
 from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
@@ -43,7 +44,6 @@ from structlearn.testbeds.servoing.protocol.servo_variants import (
 PUBLISHED = read_values(Path(__file__).with_name("published.yaml"))  # numbers as the dissertation prints them
 
 PEOPLE_STUDY = "servoing/people"  # the study that verdicts stand on
-AS_IT_STANDS = "as it stands"  # variant of a study in which nothing is changed
 TEST_CHAIN = 3  # steps of prediction on which forward models are compared; they learn from two (II.4.4)
 SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
 
@@ -174,7 +174,7 @@ class ServoingResults:
     @property
     def people(self) -> People:
         """All that is reported here, of several people, each with a sensor and models of their own."""
-        return People(self.study, AS_IT_STANDS)
+        return People(self.study, STUDIED)
 
     def trials_per_person(self, skin: str = "") -> int:
         """Targets that each controller had over the models of one person, with this skin or another."""

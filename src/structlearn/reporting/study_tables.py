@@ -1,0 +1,199 @@
+"""Tables of studies in git: `python -m structlearn.reporting.study_tables` joins the cells that were run.
+
+With `--check [NAME ...]` it runs one cell of each study again and holds it against the table. No stage of
+DVC does this: pages read these tables, so `dvc repro` of a page would run hours of studies first.
+"""
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core.artefacts import publish, write_csv
+from structlearn.core.errors import InputError
+from structlearn.core.params import read_values
+from structlearn.core.stage import run
+from structlearn.reporting.document import Document, render, source_commit
+from structlearn.reporting.studies import (
+    KEYS,
+    OURS,
+    RESULTS,
+    Check,
+    Made,
+    Origin,
+    Study,
+    digests,
+    provenance,
+    stored_study,
+)
+from structlearn.reporting.study_cells import (
+    CELLS,
+    Description,
+    processor,
+    read_cell,
+    read_descriptions,
+    run_cell,
+    seeds_of,
+)
+
+TOLERANCE = 1e-3
+"""Relative; on a processor of another kind than the table's, whose kernels round in another order."""
+
+
+def main() -> None:
+    """Join or check, and write the page of all studies."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", help="e.g. scraping/people; default all")
+    parser.add_argument("--check", action="store_true", help="run one cell of each again")
+    given, root, descriptions = parser.parse_args(), Path.cwd(), read_descriptions()
+    if unknown := sorted(set(given.names) - set(descriptions)):
+        raise InputError(f"no study {', '.join(unknown)}; there are {', '.join(descriptions)}")
+    different = []
+    for name in given.names or descriptions:
+        if given.check:
+            different += check_study(name, descriptions[name], root)
+        else:
+            join_study(name, descriptions[name], root)
+    with publish(RESULTS / "index.html") as path:
+        path.write_text(studies_page(descriptions), encoding="utf-8")
+    print(f"{RESULTS}/index.html is up to date")
+    if different:
+        raise InputError(f"the present code gives other numbers: {', '.join(different)}")
+
+
+def join_study(name: str, description: Description, root: Path) -> None:
+    """Put the cells of a study that were run into its tables in git."""
+    folders = sorted(path.parent for path in (root / CELLS / name).glob("*/cell.json"))
+    cells = {folder.name: read_cell(folder) for folder in folders}
+    if cells:
+        folder = root / RESULTS / name
+        before = stored_study(folder) if (folder / "study.json").exists() else None
+        write_study(joined(before, cells, made_with(name, description, root), description), folder)
+    print(f"{name}: {len(cells)} cells joined")
+
+
+def check_study(name: str, description: Description, root: Path) -> list[str]:
+    """Run the newest cell of a study again, and write what came of it beside the tables.
+
+    Returns what differs, `study: table.column`; nothing where the study was not run.
+    """
+    folder = root / RESULTS / name
+    if not (folder / "study.json").exists():
+        return []
+    study = stored_study(folder)
+    assert study.made is not None
+    if study.made.parameters != made_with(name, description, root):
+        raise InputError(f"{folder}: made with other parameters than these: make studies NAME={name}")
+    cell = list(study.made.cells)[-1]
+    check = compare(run_cell(name, description, cell, root), study, cell, root)
+    write_study(Study(study.tables, study.made.model_copy(update={"check": check})), folder)
+    print(f"{name}, cell {cell}: {check.compared} numbers compared, {len(check.different)} columns differ")
+    return [f"{name}: {column}" for column in check.different]
+
+
+def studies_page(descriptions: Mapping[str, Description]) -> str:
+    """The page of all studies as HTML: those that can be run, and others whose tables pages quote."""
+    names = sorted(path.parent.relative_to(RESULTS).as_posix() for path in RESULTS.glob("*/*/study.json"))
+    studies = {name: stored_study(RESULTS / name) for name in names}
+    facts = {
+        "descriptions": descriptions,
+        "studies": studies,
+        "provenance": {name: provenance(study) for name, study in studies.items()},
+    }
+    document = Document("studies.html.jinja", "structlearn.reporting", facts=facts, simulated=True)
+    return render(document, figures={})
+
+
+def joined(
+    before: Study | None,
+    cells: Mapping[str, tuple[Mapping[str, pd.DataFrame], Origin]],
+    made_with: Mapping[str, str],
+    description: Description,
+) -> Study:
+    """A study with more cells, or some of them made anew.
+
+    `before`: as it is in git; what was made with other parameters is dropped. `made_with`: digests of the
+    parameters of `cells`. Tables keep the columns that all cells have.
+    """
+    if before is not None and before.made is not None and before.made.parameters != made_with:
+        before = None
+    known = {} if before is None or before.made is None else dict(before.made.cells)
+    stay = {
+        name: table[~table["cell"].isin(list(cells))]
+        for name, table in (before.tables if before else {}).items()
+    }
+    origins = known | {cell: origin for cell, (_, origin) in cells.items()}
+    order = sorted(origins, key=lambda cell: seeds_of(cell)[0])
+    variants = [OURS, *description.variants]
+    tables = {}
+    for name in (Path(table).name for table in description.tables):
+        parts = [
+            one for one in (stay.get(name), *(its[name] for its, _ in cells.values())) if one is not None
+        ]
+        whole = pd.concat(parts, join="inner", ignore_index=True)
+        places = whole["variant"].map(variants.index) * len(order) + whole["cell"].map(order.index)
+        tables[name] = whole.iloc[np.argsort(places.to_numpy(), kind="stable")].reset_index(drop=True)
+    check = before.made.check if before and before.made else None
+    made = Made(
+        parameters=dict(made_with),
+        seeds=description.seeds,
+        cells={cell: origins[cell] for cell in order},
+        check=check if check and check.cell not in cells else None,
+    )
+    return Study(tables, made)
+
+
+def write_study(study: Study, folder: Path) -> None:
+    """Write the tables of a study, and how it was made."""
+    for name, table in study.tables.items():
+        write_csv(table, folder / f"{name}.csv")
+    assert study.made is not None
+    with publish(folder / "study.json") as path:
+        path.write_text(study.made.model_dump_json(indent=2) + "\n", encoding="utf-8")
+
+
+def made_with(name: str, description: Description, root: Path) -> dict[str, str]:
+    """Digests of the parameters that the stages of a study depend on, and of its variants."""
+    testbed, stages = name.partition("/")[0], read_values(root / "dvc.yaml")["stages"]
+    its = [stages[f"{testbed}_{stage}"].get("params", []) for stage in description.stages]
+    keys = sorted({key.split(".")[0] for params in its for key in params})
+    return digests(read_values(root / "params.yaml"), keys, description.seeds)
+
+
+def compare(found: Mapping[str, pd.DataFrame], study: Study, cell: str, root: Path) -> Check:
+    """Tables of one cell, run anew, beside those of the study."""
+    assert study.made is not None
+    here, check = processor(), study.made.check
+    known_on = {study.made.cells[cell].processor} | ({check.processor} if check and check.exact else set())
+    exact = here in known_on
+    compared, different = 0, []
+    for name, table in study.tables.items():
+        known = table[table["cell"] == cell].reset_index(drop=True)
+        new = found[name].reset_index(drop=True)
+        for column in table.columns.drop(KEYS):
+            compared += len(known)
+            alike = column in new and len(new) == len(known) and _alike(known[column], new[column], exact)
+            different += [] if alike else [f"{name}.{column}"]
+    return Check(
+        cell=cell,
+        commit=source_commit(root=root),
+        processor=here,
+        exact=exact,
+        compared=compared,
+        different=different,
+    )
+
+
+def _alike(known: pd.Series, new: pd.Series, exact: bool) -> bool:
+    """Whether two columns say the same; of numbers six digits are kept."""
+    if not (pd.api.types.is_numeric_dtype(known) and pd.api.types.is_numeric_dtype(new)):
+        return bool((known.fillna("").astype(str) == new.fillna("").astype(str)).all())
+    first, second = known.to_numpy(float), new.to_numpy(float)
+    tolerance = 0.0 if exact else TOLERANCE  # both were written with six digits
+    return bool(np.isclose(first, second, rtol=tolerance, atol=0.0, equal_nan=True).all())
+
+
+if __name__ == "__main__":
+    run(main)
