@@ -16,6 +16,7 @@ from conftest import minimum_jerk
 from readers_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import environment
 
+from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.feedback.skill_file import read_provenance, read_skill
@@ -113,6 +114,9 @@ def test_repeats_in_a_recording_become_demonstrations_of_their_own(root, folder)
     page = Path("reports/tasks/reach/index.html").read_text()
     assert "6 repeats of the task were found in 3 recordings" in page
     assert "take_1-03" in page
+    quality = read_csv(Path("reports/tasks/reach/tables/quality.csv"))
+    assert sorted(quality["rank"]) == list(range(1, 7))
+    assert "None is an outlier" in page or "by the measures named" in page
 
 
 def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
