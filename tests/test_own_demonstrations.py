@@ -134,6 +134,21 @@ def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wro
     assert recording.read_bytes() != once[1]
 
 
+def test_a_recording_that_cannot_be_read_stops_the_others_unless_failures_are_skipped(root, folder, capsys):
+    damaged = Path("bags/take_2.mcap")
+    damaged.write_bytes(damaged.read_bytes()[:-5000])
+    with pytest.raises(SystemExit):
+        run_stages(root, "reach", "import_task")
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert line.startswith("error: ")
+    assert "bags/take_2.mcap" in line
+    own_tasks(folder, QUICK, reach=merged(REACH, {"segment": {"skip_failures": True}}))
+    run_stages(root, "reach", "import_task")
+    files = TaskFiles("reach")
+    assert [run.name for run in files.runs("demonstrations")] == ["take_1", "take_3"]
+    assert files.left_out()["file"].tolist() == ["bags/take_2.mcap"]
+
+
 def test_a_source_that_changes_while_it_is_read_is_refused(folder):
     task = read_task("reach")
     before = source_digests(task)
