@@ -155,10 +155,15 @@ def write_study(study: Study, folder: Path) -> None:
 
 
 def made_with(name: str, description: Description, root: Path) -> dict[str, str]:
-    """Digests of the parameters that the stages of a study depend on, and of its variants."""
+    """Digests of the parameters that the stages of a study depend on."""
     testbed, stages = name.partition("/")[0], read_values(root / "dvc.yaml")["stages"]
-    its = [stages[f"{testbed}_{stage}"].get("params", []) for stage in description.stages]
-    keys = sorted({key.split(".")[0] for params in its for key in params})
+    its = [stages[f"{testbed}_{stage}"] for stage in description.stages]
+    own = [key for one in its for key in one.get("params", [])]
+    files = [
+        Path(dep) for one in its for dep in one.get("deps", [])
+    ]  # parameters that stages share are files
+    shared = [path.stem for path in files if path.match("data/code/main/*.yaml")]
+    keys = sorted({key.split(".")[0] for key in (*own, *shared)})
     return digests(read_values(root / "params.yaml"), keys, description.seeds)
 
 
