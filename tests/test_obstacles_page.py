@@ -15,6 +15,7 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render
+from structlearn.reporting.studies import Study
 from structlearn.testbeds.obstacles.page.findings import ObstacleResults, findings, read_published
 from structlearn.testbeds.obstacles.page.page import PACKAGE, document
 from structlearn.testbeds.obstacles.page.page import people as hits_by_person
@@ -111,6 +112,19 @@ def test_findings_are_those_of_the_scores(results):
     limited = scores[(scores["rules"] == LIMITED) & (scores["person"] != 1)]
     assert values["goal_distance_max_m"] == limited["goal_distance_m"].max()
     assert values["hits_unseen_baseline"] == results.rows("unseen")["hit"].sum() > 0
+
+
+def test_verdicts_are_over_people_of_the_study_too_and_the_page_says_how_many_are_of_this_run(results):
+    others = {"by_person": results.by_person, "errors": results.errors[results.errors["person"] != 1]}
+    tables = {name: table.assign(person=table["person"] + 100) for name, table in others.items()}
+    whole = replace(results, study=Study(tables))
+    alone, together = numbers(results), numbers(whole)
+    assert (together["people"], together["people_of_this_run"]) == (4, 2)
+    assert together["hits_unseen_baseline"] == 2 * alone["hits_unseen_baseline"]
+    assert together["nmse_test_sphere"] == pytest.approx(alone["nmse_test_sphere"])
+    assert len(hits_by_person(whole)) == 4
+    assert "over all 4 people" in rendered(whole)
+    assert "make studies NAME=obstacles/people" in rendered(results)
 
 
 def test_hits_are_counted_by_person(results):
