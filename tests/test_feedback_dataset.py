@@ -57,21 +57,16 @@ def test_parts_are_disjoint_and_cover_everything(chunk):
         np.testing.assert_array_equal(np.sort(rows), np.arange(len(data.target)))
 
 
-def test_the_same_number_is_left_out_of_every_setting_and_enters_nothing_else():
+def test_a_number_is_left_out_of_every_setting_and_other_samples_are_split_as_the_text_says():
     data = toy_dataset()
     for fold in leave_one_out(data, FRACTIONS, 1, seed=0):
         assert set(data.demonstration[fold.generalization]) == {fold.number}
         assert set(data.setting[fold.generalization]) == set(data.setting)
         for rows in (fold.train, fold.validation, fold.test):
             assert fold.number not in data.demonstration[rows]
-
-
-def test_single_samples_are_split_as_the_text_says():
-    data = toy_dataset()
-    fold = leave_one_out(data, FRACTIONS, 1, seed=0)[2]
-    remaining = len(data.target) - len(fold.generalization)
-    assert len(fold.validation) == len(fold.test) == round(0.075 * remaining)
-    assert len(fold.train) / remaining == pytest.approx(0.85, abs=0.01)
+        remaining = len(data.target) - len(fold.generalization)
+        assert len(fold.validation) == len(fold.test) == round(0.075 * remaining)
+        assert len(fold.train) / remaining == pytest.approx(0.85, abs=0.01)
 
 
 def test_a_chunk_is_split_as_a_whole_and_ends_with_its_demonstration():

@@ -40,12 +40,9 @@ def test_weights_fall_with_the_velocity_difference_and_vanish_near_zero():
     np.testing.assert_allclose(weights, [1.0, 1.0, np.exp(-3.0 * 0.4), 0.0])
 
 
-def test_too_few_pairs_are_told():
+def test_too_few_pairs_and_backward_time_are_told():
     with pytest.raises(InputError, match="only 1 correspondence pairs"):
         least_squares(np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([1.0, 0.0]))
-
-
-def test_backward_time_is_told():
     with pytest.raises(InputError, match="backwards"):
         least_squares(np.array([[0.0, 10.0], [10.0, 0.0]]))
 

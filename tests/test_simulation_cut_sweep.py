@@ -1,14 +1,20 @@
 import pytest
 from committed import committed
-from reporting_scraping import PARAMETERS
 
 from structlearn.core.errors import InputError
 from structlearn.segmentation.cut_errors import mean_cut_errors_ms
+from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 
+PRIMITIVES = [
+    {"name": "down", "axis": "z", "threshold_m_s": 0.02},
+    {"name": "turn", "axis": "between", "threshold_m_s": None},
+    {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
+]
 FILTERS = {"guess_cutoff_hz": 2.0, "cut_cutoff_hz": 3.0, "align_cutoff_hz": 4.0}
-SEGMENT = PARAMETERS.model_copy(update=FILTERS | {"extension_s": 0.5, "downsampling": 4})
+REST = {"primitives": PRIMITIVES, "extension_s": 0.5, "downsampling": 4}
+SEGMENT = committed(SegmentParameters, "segment", **FILTERS, **REST)
 SIMULATION = committed(DemonstratorParameters, "simulate", count=4)
 
 
