@@ -1,5 +1,7 @@
 """A small board of the scraping task, on which rollouts take a fraction of a second each."""
 
+from functools import cache
+
 import numpy as np
 from committed import committed
 from scraping_motions import NAMES, scraping_skill
@@ -20,6 +22,7 @@ POLICY = np.linspace(-10.0, -5.0, 25)
 SEED = (1, 0, 2)
 
 
+@cache
 def small_board():
     """The second of three primitives on a board of 5 degrees."""
     skill = scraping_skill()

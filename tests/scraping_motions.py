@@ -2,6 +2,7 @@
 
 import numpy as np
 from committed import committed
+from primitives_movements import ramp
 
 from structlearn.core import quaternion
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
@@ -71,14 +72,9 @@ def conditions(roll_deg=0.0, ticks=600, control=None, **changes):
 def minimum_jerk(start, goal, duration, dt=0.005):
     """Straight path with exact derivatives, at rest at both ends."""
     time = dt * np.arange(round(duration / dt) + 1)
-    s = (time / time[-1])[:, None]
+    progress, rate, change = (values[:, None] for values in ramp(time / time[-1]))
     way = np.asarray(goal, dtype=float) - start
-    return Trajectory(
-        time,
-        start + way * (10 * s**3 - 15 * s**4 + 6 * s**5),
-        way * 30 * s**2 * (1 - s) ** 2 / time[-1],
-        way * 60 * s * (1 - s) * (1 - 2 * s) / time[-1] ** 2,
-    )
+    return Trajectory(time, start + way * progress, way * rate / time[-1], way * change / time[-1] ** 2)
 
 
 def turn(start, goal, duration, dt=0.005):

@@ -25,7 +25,6 @@ import test_servoing_page
 import test_tasks_obstacles
 import test_tasks_representations
 import test_touch_page
-import torch
 from committed import committed_entry
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
@@ -35,11 +34,10 @@ from test_obstacles_page import results as obstacles_results  # noqa: F401 a fix
 from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
-from structlearn.reporting.claims import NO, Evidence, Found, read_claims
+from structlearn.reporting.claims import NO, Claim, Evidence, Found, read_claims
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import OURS as STUDIED
 from structlearn.reporting.studies import Study
-from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
@@ -69,15 +67,9 @@ Tables = Mapping[str, pd.DataFrame]
 
 @dataclass(frozen=True)
 class Page:
-    """A page's claims, what they rest on, and results to begin with.
+    """A file of claims in a package, results with tables anywhere in them, and what finds evidence in these.
 
-    Attributes:
-        package: that has the file of claims.
-        file: of claims.
-        results: makes one or more, each with tables anywhere in it, given `request.getfixturevalue`.
-        evidence: of such results.
-        chosen: whether a table, by its place in the results, is changed.
-        known: further columns that are not measured, by table.
+    Tables at places that are not `chosen` stay; `known` names further columns that are not measured.
     """
 
     package: str
@@ -86,6 +78,10 @@ class Page:
     evidence: Callable[[Any], Mapping[str, Found]]
     chosen: Callable[[str], bool] = lambda place: True
     known: Callable[[], Mapping[str, set[str]]] = dict
+
+    @property
+    def claims(self) -> Sequence[Claim]:
+        return read_claims(files(f"structlearn.{self.package}") / self.file)
 
 
 def dynamics() -> list[Any]:
@@ -120,7 +116,7 @@ def servoing(results: Any) -> list[Any]:
     return [working, results]
 
 
-def servoing_people(results: Any) -> Findings:
+def over_people(results: Any) -> Findings:
     """What is found over people, on which all claims rest."""
     find = Findings()
     servoing_findings.over_people(find, results)
@@ -161,81 +157,60 @@ FOLLOWS = {
 }
 """Columns of tables of arms that follow from how Cov writes a link, or from the URDF: not measured."""
 
-SCRAPING = "structlearn.testbeds.scraping.page"
-PUBLIC, CLAIMS = "structlearn.tasks", Path(__file__).parents[1] / "stages/tasks/claims"
-PAGES = (
-    {
-        "dynamics": Page(
-            "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings
-        ),
-        "obstacles": Page(
-            "structlearn.testbeds.obstacles.page",
-            "claims.yaml",
-            lambda get: [get("obstacles_results")],
-            partial(obstacles_findings, published=obstacles_published()),
-        ),
-        "servoing": Page(
-            "structlearn.testbeds.servoing.page",
-            "claims.yaml",
-            lambda get: servoing(get("servoing_results")),
-            servoing_people,
-        ),
-        "segmentation": Page(
-            SCRAPING,
-            "segmentation_claims.yaml",
-            lambda get: [get("segmentation")],
-            segmentation_of_people,
-            known=arithmetic,
-        ),
-        "feedback": Page(
-            SCRAPING,
-            "feedback_claims.yaml",
-            lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
-            test_scraping_page.feedback_evidence,
-        ),
-        "refinement": Page(
-            SCRAPING,
-            "refinement_claims.yaml",
-            lambda get: [refinement_results()],
-            test_scraping_page.refinement_evidence,
-        ),
-        "calibration": Page(
-            "structlearn.tasks.touch",
-            "calibration_claims.yaml",
-            lambda get: [test_touch_page.calibration(1.0)],
-            find_calibration,
-            lambda place: place == "comparison",
-        ),
-        "boxes": Page(
-            PUBLIC,
-            f"{CLAIMS}/boxes.yaml",
-            lambda get: [test_tasks_obstacles.made_up_ways()],
-            lambda its: scene_findings(SceneWays(its)),
-        ),
-        "avoidance": Page(
-            PUBLIC,
-            f"{CLAIMS}/avoidance.yaml",
-            lambda get: [test_tasks_representations.made_up_scores()],
-            representation_findings,
-        ),
-    }
-    | {
-        name: Page(
-            PUBLIC, f"{CLAIMS}/{name}.yaml", lambda get, made=made: [made()], test_touch_page.FIND[name]
-        )
-        for name, made in test_touch_page.MADE_UP.items()
-    }
-    | {
-        name: Page(
-            PUBLIC,
-            f"{CLAIMS}/{name}.yaml",
-            lambda get, name=name: [motion_tables.made_up(name)],
-            lambda its, name=name: motion_findings(MotionResults(its, committed_entry(name))),
-            known=partial(dict, FOLLOWS),
-        )
-        for name in motion_tables.JOINTS
-    }
-)
+SCRAPING, TASKS, OWN = "testbeds.scraping.page", "tasks", Path(__file__).parents[1] / "stages/tasks/claims"
+OBSTACLES = partial(obstacles_findings, published=obstacles_published())
+PAGES = {
+    "dynamics": Page("testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings),
+    "obstacles": Page(
+        "testbeds.obstacles.page", "claims.yaml", lambda get: [get("obstacles_results")], OBSTACLES
+    ),
+    "servoing": Page(
+        "testbeds.servoing.page",
+        "claims.yaml",
+        lambda get: servoing(get("servoing_results")),
+        over_people,
+    ),
+    "segmentation": Page(
+        SCRAPING,
+        "segmentation_claims.yaml",
+        lambda get: [get("segmentation")],
+        segmentation_of_people,
+        known=arithmetic,
+    ),
+    "feedback": Page(
+        SCRAPING,
+        "feedback_claims.yaml",
+        lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
+        test_scraping_page.feedback_evidence,
+    ),
+    "refinement": Page(
+        SCRAPING,
+        "refinement_claims.yaml",
+        lambda get: [refinement_results()],
+        test_scraping_page.refinement_evidence,
+    ),
+    "calibration": Page(
+        "tasks.touch",
+        "calibration_claims.yaml",
+        lambda get: [test_touch_page.calibration(1.0)],
+        find_calibration,
+        lambda place: place == "comparison",
+    ),
+}
+PUBLIC = {
+    "boxes": (test_tasks_obstacles.made_up_ways, lambda its: scene_findings(SceneWays(its))),
+    "avoidance": (test_tasks_representations.made_up_scores, representation_findings),
+} | {name: (made, test_touch_page.FIND[name]) for name, made in test_touch_page.MADE_UP.items()}
+for name, (made, find) in PUBLIC.items():
+    PAGES[name] = Page(TASKS, f"{OWN}/{name}.yaml", lambda get, made=made: [made()], find)
+for name in motion_tables.JOINTS:
+    PAGES[name] = Page(
+        TASKS,
+        f"{OWN}/{name}.yaml",
+        lambda get, name=name: [motion_tables.made_up(name)],
+        lambda its, name=name: motion_findings(MotionResults(its, committed_entry(name))),
+        known=partial(dict, FOLLOWS),
+    )
 
 
 def tables(results: Any, place: str = "") -> dict[str, pd.DataFrame]:
@@ -364,7 +339,7 @@ def with_other(how: Callable, every: Tables, columns: Mapping[str, Sequence[str]
 
 def never_no(page: Page, get: Callable[[str], Any]) -> dict[str, tuple[set[str], set[str]]]:
     """By evidence of a page's claims, all cases, and those that no change turns into a "no"."""
-    claims, known = read_claims(files(page.package) / page.file), page.known()
+    claims, known = page.claims, page.known()
     several = page.results(get)
     begun = page.evidence(several[0])
     every_case = {claim.evidence: set(cases(begun[claim.evidence])) for claim in claims}
@@ -423,7 +398,7 @@ def unmoved():
     [
         pytest.param(name, claim, id=f"{name}: {claim.evidence}")
         for name, page in PAGES.items()
-        for claim in read_claims(files(page.package) / page.file)
+        for claim in page.claims
     ],
 )
 def test_every_case_of_a_claim_can_come_out_no(page, claim, unmoved, request):
@@ -431,13 +406,3 @@ def test_every_case_of_a_claim_can_come_out_no(page, claim, unmoved, request):
         unmoved[page] = never_no(PAGES[page], request.getfixturevalue)
     every, never = unmoved[page][claim.evidence]
     assert never == (every if claim.by_construction else set())
-
-
-def test_no_links_of_cov_are_impossible():
-    """What `possible_bodies` of the UR10e is marked for: it is so whatever was learned."""
-    free = 3.0 * torch.from_numpy(np.random.default_rng(0).normal(size=(1000, parameter_count("cov"))))
-    inertias = link_inertias("cov", free)
-    moments = np.linalg.eigvalsh(inertias.inertia.numpy())
-    assert (inertias.mass > 0.0).all()
-    assert (moments[:, 0] > 0.0).all()
-    assert (moments[:, 0] + moments[:, 1] >= moments[:, 2]).all()

@@ -45,29 +45,28 @@ FRACTIONS = (0.075, 0.075)
 
 @pytest.mark.parametrize("chunk", [1, 7])
 def test_parts_are_disjoint_and_cover_everything(chunk):
+    """Without generalisation none is left out, whatever the demonstrations' numbers."""
     data = toy_dataset()
     folds = leave_one_out(data, FRACTIONS, chunk, seed=0)
     assert [fold.number for fold in folds] == [0, 1, 2, 3]
-    for fold in [*folds, without_generalization(data, FRACTIONS, chunk, seed=0)]:
+    renumbered = replace(data, demonstration=data.demonstration - 2)
+    whole = without_generalization(renumbered, FRACTIONS, chunk, seed=0)
+    assert len(whole.generalization) == 0
+    for fold in [*folds, whole]:
         rows = np.concatenate(fold.parts())
         np.testing.assert_array_equal(np.sort(rows), np.arange(len(data.target)))
 
 
-def test_the_same_number_is_left_out_of_every_setting_and_enters_nothing_else():
+def test_a_number_is_left_out_of_every_setting_and_other_samples_are_split_as_the_text_says():
     data = toy_dataset()
     for fold in leave_one_out(data, FRACTIONS, 1, seed=0):
         assert set(data.demonstration[fold.generalization]) == {fold.number}
         assert set(data.setting[fold.generalization]) == set(data.setting)
         for rows in (fold.train, fold.validation, fold.test):
             assert fold.number not in data.demonstration[rows]
-
-
-def test_single_samples_are_split_as_the_text_says():
-    data = toy_dataset()
-    fold = leave_one_out(data, FRACTIONS, 1, seed=0)[2]
-    remaining = len(data.target) - len(fold.generalization)
-    assert len(fold.validation) == len(fold.test) == round(0.075 * remaining)
-    assert len(fold.train) / remaining == pytest.approx(0.85, abs=0.01)
+        remaining = len(data.target) - len(fold.generalization)
+        assert len(fold.validation) == len(fold.test) == round(0.075 * remaining)
+        assert len(fold.train) / remaining == pytest.approx(0.85, abs=0.01)
 
 
 def test_a_chunk_is_split_as_a_whole_and_ends_with_its_demonstration():
@@ -91,11 +90,3 @@ def test_too_little_data_is_named():
         leave_one_out(toy_dataset(demonstrations=1), FRACTIONS, 1, seed=0)
     with pytest.raises(InputError, match="6 chunks of samples are too few for train, validation and test"):
         leave_one_out(toy_dataset(demonstrations=3), FRACTIONS, 10_000, seed=0)
-
-
-def test_no_demonstration_is_left_out_whatever_its_number():
-    data = toy_dataset(demonstrations=4)
-    renumbered = replace(data, demonstration=data.demonstration - 2)
-    fold = without_generalization(renumbered, FRACTIONS, 1, seed=0)
-    assert len(fold.generalization) == 0
-    np.testing.assert_array_equal(np.sort(np.concatenate(fold.parts())), np.arange(len(data.target)))

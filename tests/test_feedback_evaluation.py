@@ -22,6 +22,7 @@ from structlearn.testbeds.scraping.protocol.execution_scores import (
     orientation_cost,
     traces,
 )
+from structlearn.testbeds.scraping.protocol.execution_scores import scores as execution_scores_of
 
 SCORED = ("turn", "scrape")
 NOMINAL = nominal_orientation([execution()])
@@ -32,6 +33,18 @@ PARAMETERS = committed(
 
 def scores(*runs):
     return execution_scores(runs, cuts(runs, SCORED), NOMINAL, Y)
+
+
+def test_scores_of_sets_are_those_of_their_runs_by_model_setting_and_primitive():
+    runs = {setting: [execution(f"{n}", roll=setting / 100.0 * n) for n in (1, 2)] for setting in (5.0, 10.0)}
+    segments = {setting: cuts(group) for setting, group in runs.items()}
+    sets = [ExecutedSet(model, {}, runs, segments) for model in ("nominal", "ours")]
+    keys = ["model", "setting_deg", "run", "primitive"]
+    table = execution_scores_of(sets, NOMINAL, PARAMETERS)
+    assert len(table.drop_duplicates(keys)) == len(table) == 2**4  # the first primitive has no feedback
+    for _, part in table[table["setting_deg"] == 10.0].groupby("model"):
+        alone = scores(*runs[10.0])
+        pd.testing.assert_frame_equal(part[alone.columns].reset_index(drop=True), alone)
 
 
 def test_a_steady_roll_gives_closed_form_scores():

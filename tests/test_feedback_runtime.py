@@ -100,6 +100,9 @@ def test_without_feedback_the_ticks_are_the_unrolled_sequence(rate, moved, rng):
     path = sequence.unroll(skill.primitives, 1 / rate, start, **situation)
     controller = Controller(skill, rate, feedback=False, **situation)
     controller.start(start.position, start.orientation)
+    np.testing.assert_allclose(controller.position, start.position, atol=1e-15)  # as after the first tick
+    np.testing.assert_allclose(controller.orientation, start.orientation, atol=1e-15)
+    assert (controller.time, controller.phase, controller.primitive) == (0.0, 1.0, 0)
     outputs, _ = run(controller)
     assert len(outputs["time"]) == path.switches[-1] + 1
     assert_motions_agree(outputs, vars(path.position) | vars(path.orientation))
@@ -216,20 +219,6 @@ def test_a_corrected_end_is_where_the_next_primitive_starts():
     np.testing.assert_allclose(outputs["position"][-1], skill.primitives[-1].position.goal, atol=1e-6)
 
 
-def test_the_outputs_after_start_are_those_of_the_first_tick():
-    skill = with_feedback(np.random.default_rng(0))
-    controller = started(Controller(skill, RATE))
-    start = sequence.default_start(skill.primitives)
-    for _ in range(2):
-        np.testing.assert_allclose(controller.position, start.position, atol=1e-15)
-        np.testing.assert_allclose(controller.orientation, start.orientation, atol=1e-15)
-        for name in ("velocity", "acceleration", "angular_velocity", "angular_acceleration"):
-            np.testing.assert_allclose(getattr(controller, name), 0.0, atol=1e-9)
-        assert (controller.time, controller.phase, *controller.coupling) == (0.0, 1.0, 0.0)
-        assert (controller.primitive, controller.finished) == (0, False)
-        controller.tick(None)
-
-
 def test_a_second_run_repeats_the_first_whatever_happened_in_it():
     rng = np.random.default_rng(1)
     skill, sensor = with_feedback(rng), touching(rng)
@@ -253,9 +242,6 @@ def test_positions_without_orientations_can_be_followed():
     np.testing.assert_array_equal(
         outputs["orientation"], np.tile(quaternion.IDENTITY, (len(path.position.time), 1))
     )
-
-
-# --- guarantees -------------------------------------------------------------------------------------------
 
 
 # --- faults of the sensor ---------------------------------------------------------------------------------

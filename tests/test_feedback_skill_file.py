@@ -97,10 +97,6 @@ def changed(file, tensors=None, **description):
         ({"networks": {"tilt": {"y": "pmnn"}}}, r"no skill of this version \(missing 'input_mean'"),
         ({"networks": {"tilt": {"rx": "os"}}}, "there is no feedback network 'os'"),
         ({"expected": ["down"]}, "'tilt' for z takes 6 channels, but there are no expected traces"),
-        (
-            {"limits": LIMITS.model_dump() | {"largest_coupling": {"z": 1.0}}},
-            "no largest coupling term for rx",
-        ),
         ({"limits": LIMITS.model_dump() | {"largest_coupling": {"z": -1.0}}}, "z: Input should be greater"),
         ({"limits": LIMITS.model_dump() | {"largest_coupling": {"z": 1e300}}}, "z: Input should be less"),
         (

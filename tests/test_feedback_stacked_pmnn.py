@@ -1,13 +1,11 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import torch
+from feedback_skills import random_network
 
 from structlearn.core import artefacts
 from structlearn.core.errors import InputError
 from structlearn.feedback import coupling_model
-from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, kernel_scale
 from structlearn.primitives import canonical, kernels
 
@@ -71,20 +69,6 @@ def test_every_scaled_kernel_sees_a_phase_velocity_of_one_on_average():
 INPUTS, FEW_KERNELS = 4, 5
 
 
-def random_network(sizes=(7,), seed=0):
-    rng = np.random.default_rng(seed)
-    widths = (INPUTS, *sizes)
-    pairs = list(pairwise(widths))
-    return PhaseModulatedNetwork(
-        input_mean=rng.normal(size=INPUTS),
-        input_scale=rng.uniform(0.5, 2.0, INPUTS),
-        hidden=tuple((rng.normal(size=(after, before)), rng.normal(size=after)) for before, after in pairs),
-        phase_weights=rng.normal(size=(FEW_KERNELS, widths[-1])),
-        phase_biases=rng.normal(size=FEW_KERNELS),
-        output_weights=rng.normal(size=FEW_KERNELS),
-    )
-
-
 def by_hand(network, deviation, modulation):
     """Equations IV.27-IV.30 for one sample, node by node."""
     layer = [(x - m) / s for x, m, s in zip(deviation, network.input_mean, network.input_scale, strict=True)]
@@ -103,11 +87,10 @@ def by_hand(network, deviation, modulation):
 @pytest.mark.parametrize("scale", [1.0, 1e6])
 def test_coupling_is_the_equation_node_by_node(sizes, scale):
     """Also where layers saturate."""
-    rng, network = np.random.default_rng(1), random_network(sizes)
-    deviation, phase = (
-        scale * rng.normal(size=(2, 3, INPUTS)),
-        canonical.phase(np.array([0.2, 0.5, 0.9]), 2.0),
-    )
+    rng = np.random.default_rng(1)
+    network = random_network(rng, INPUTS, sizes, FEW_KERNELS)
+    deviation = scale * 10.0 * rng.normal(size=(2, 3, INPUTS))
+    phase = canonical.phase(np.array([0.2, 0.5, 0.9]), 2.0)
     found = network.coupling(deviation, *phase)
     modulation = kernels.features(*phase, FEW_KERNELS)
     assert found.shape == (2, 3)

@@ -6,8 +6,6 @@ from readers_bags import make_recording
 from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.primitives.primitive_files import write_vector_primitive
-from structlearn.primitives.vector import fit_expected_traces
 from structlearn.readers import synchronise
 from structlearn.readers.runs import write_runs
 from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_settings
@@ -29,15 +27,6 @@ def test_a_folder_that_no_stage_has_written_is_not_an_empty_one(tmp_path, read):
         read(tmp_path / "nowhere")
 
 
-def test_expected_traces_come_by_primitive(tmp_path):
-    waves = np.sin(np.linspace(0, 3, 200)[:, None] * [1.0, 2.0])
-    for name in ("turn", "scrape"):
-        write_vector_primitive(fit_expected_traces([waves], 0.01, 6.0), tmp_path / f"{name}.safetensors", "")
-    expected = read_expected(tmp_path)
-    assert list(expected) == ["scrape", "turn"]
-    assert len(expected["turn"].start) == 2
-
-
 @pytest.fixture
 def written(tmp_path):
     """Datasets of two primitives with settings 0, 5 and 10, and a table of checks."""
@@ -48,20 +37,13 @@ def written(tmp_path):
     return tmp_path, datasets
 
 
-def test_datasets_come_back_without_their_checks(written):
+def test_datasets_come_back_without_their_checks_by_whole_settings(written):
     folder, datasets = written
-    read = read_datasets(folder)
-    assert list(read) == ["scrape", "turn"]
-    for name, dataset in read.items():
-        for array, values in vars(dataset).items():
-            np.testing.assert_array_equal(values, getattr(datasets[name], array))
-
-
-def test_settings_are_chosen_whole(written):
-    folder, datasets = written
-    for name, dataset in read_datasets(folder, (10.0, 5.0)).items():
-        assert set(dataset.setting) == {5.0, 10.0}
-        assert len(dataset.target) == (datasets[name].setting > 0).sum()
+    for read, least in ((read_datasets(folder), 0.0), (read_datasets(folder, (10.0, 5.0)), 5.0)):
+        assert list(read) == ["scrape", "turn"]
+        for name, dataset in read.items():
+            for array, values in vars(datasets[name].where(datasets[name].setting >= least)).items():
+                np.testing.assert_array_equal(getattr(dataset, array), values)
 
 
 def test_settings_that_were_not_recorded_are_named(written):

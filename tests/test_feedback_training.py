@@ -5,7 +5,6 @@ import pytest
 import torch
 from committed import committed
 from feedback_toy import toy_dataset
-from pydantic import ValidationError
 
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
@@ -167,10 +166,4 @@ def test_all_channels_share_one_scale_and_its_unit_does_not_matter():
 def test_bad_input_is_named():
     data = toy_dataset()
     with pytest.raises(InputError, match="the coupling target is constant"):
-        train_final(
-            PhaseModulatedNetwork, dataclasses.replace(data, target=np.zeros_like(data.target)), QUICK
-        )
-    with pytest.raises(ValidationError, match="dropout"):
-        committed(TrainingParameters, "compare_models", dropout=1.0)
-    with pytest.raises(ValidationError, match="extra"):
-        committed(TrainingParameters, "compare_models", epochs=3)
+        train_final(PhaseModulatedNetwork, dataclasses.replace(data, target=0.0 * data.target), QUICK)

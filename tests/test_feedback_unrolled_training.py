@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 from committed import committed
+from feedback_toy import toy_dataset
 from primitives_movements import ramp, wobbly_turn
 
 from structlearn.core import quaternion
@@ -11,8 +12,7 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.corrected_paths import corrected_paths, split, unrolled_error
 from structlearn.feedback.coupling import orientation_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
-from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.coupling_model import UnrolledTrainingParameters
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, train_unrolled
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
@@ -88,45 +88,8 @@ def test_half_a_movement_is_refused():
         corrected_paths(whole.where(np.arange(60)), 50)
 
 
-def demonstrated_roll(rng, setting, samples, tremor_deg):
-    """Roll of a hand that turns by the setting, late and trembling: (T,) rad and its two derivatives."""
-    s = np.linspace(0.0, 1.0, samples)
-    delay, width = rng.uniform(0.05, 0.15), rng.uniform(0.4, 0.6)
-    inside = np.clip((s - delay) / width, 0.0, 1.0)
-    path = np.array([values / width**order for order, values in enumerate(ramp(inside))])
-    omega, shift = rng.uniform(25.0, 45.0, size=(3, 1)), rng.uniform(0.0, 6.0, size=(3, 1))  # 1.5 to 3 Hz
-    waves = [np.sin(omega * s + shift), omega * np.cos(omega * s + shift)]
-    waves = np.sum([*waves, -(omega**2) * waves[0]], axis=1)
-    fade = np.array(
-        [values * [1, 10, 100][order] for order, values in enumerate(ramp(np.minimum(10 * s, 1)))]
-    )
-    tremor = [fade[0] * waves[0], fade[1] * waves[0] + fade[0] * waves[1]]
-    tremor.append(fade[2] * waves[0] + 2 * fade[1] * waves[1] + fade[0] * waves[2])
-    return np.radians(setting * path + tremor_deg * np.array(tremor))
-
-
-def random_dataset(numbers, settings=(2.5, 5.0, 10.0), samples=60, channels=6, tremor_deg=0.2, seed=0):
-    """Corrections by a trembling hand; channels show the tilt felt, the tilt that is left, and the speed.
-
-    The tremor is a few percent of the roll, but most of the coupling term, where it is differentiated twice.
-    """
-    rng = np.random.default_rng(seed)
-    mixing = np.random.default_rng(99).normal(size=(3, channels))
-    time = np.arange(samples) / 50
-    parts = []
-    for setting in settings:
-        for number in range(numbers):
-            roll, rate, change = demonstrated_roll(rng, setting, samples, tremor_deg)
-            tilt = np.radians(setting)
-            seen = np.tanh(4.0 * np.column_stack([np.full(samples, tilt), tilt - roll, 0.3 * rate]) @ mixing)
-            seen += 0.03 * rng.normal(size=channels) + 0.03 * rng.normal(size=seen.shape)
-            target = 4.0 * change + transformation.ALPHA * (transformation.BETA * roll + 2.0 * rate)
-            parts.append(dataset_of(time, target, setting, number, seen))
-    return concatenated(parts)
-
-
-def random_paths(numbers=6, settings=(2.5, 5.0, 10.0), samples=60, seed=0):
-    return corrected_paths(random_dataset(numbers, settings, samples, seed=seed), samples)
+def random_paths(numbers=6, settings=(2.5, 5.0, 10.0), samples=60):
+    return corrected_paths(toy_dataset(numbers, settings, (samples, samples)), samples)
 
 
 def untrained(paths, hidden=(4,), seed=0):
@@ -143,7 +106,7 @@ def rms_deg(network, paths):
 def test_the_unrolled_error_is_that_of_the_primitive_in_the_loop():
     paths = random_paths(numbers=1, settings=(5.0,))
     network, zero = untrained(paths), np.zeros(1)
-    dt, tau = 1.7 / 59, canonical.time_constant(1.7)
+    dt, tau = 0.6 / 59, canonical.time_constant(0.6)
     coupling = network.coupling(paths.deviation[0], *paths.phase)[:, None]
     path = transformation.unroll(
         zero, zero, np.zeros((60, 1)), dt, tau, coupling=lambda k, x, xd: coupling[k]
@@ -156,24 +119,6 @@ def test_the_unrolled_error_is_that_of_the_primitive_in_the_loop():
 QUICK = committed(
     UnrolledTrainingParameters, "train_feedback.unrolled", steps=300, learning_rate=3e-3, dropout=0.0
 )
-
-
-def test_of_a_trembling_hand_the_unroll_learns_more_than_single_samples_do():
-    data = random_dataset(numbers=10)
-    paths = corrected_paths(data, 60)
-    training, validation, left_out = (
-        paths.where((paths.demonstration >= first) & (paths.demonstration < last))
-        for first, last in ((0, 6), (6, 8), (8, 10))
-    )
-    sample_by_sample = train_final(
-        PhaseModulatedNetwork,
-        data.where(data.demonstration < 6),
-        committed(TrainingParameters, "compare_models", steps=1000, dropout=0.0, evaluate_every=250),
-        hidden=(6,),
-    )
-    unrolled = train_unrolled(training, validation, sample_by_sample, QUICK)
-    assert rms_deg(unrolled, left_out) < 0.85 * rms_deg(sample_by_sample, left_out)
-    assert rms_deg(sample_by_sample, left_out) < 0.4 * np.degrees(np.sqrt(np.mean(left_out.correction**2)))
 
 
 def test_a_network_knocked_off_is_put_right_from_the_path_alone():

@@ -2,13 +2,8 @@ import numpy as np
 import pytest
 from committed import committed
 
-from structlearn.avoidance import network_training
+from structlearn.avoidance import learned_models, network_training
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
-from structlearn.avoidance.learned_models import (
-    read_phase_modulated,
-    train_phase_modulated,
-    write_phase_modulated,
-)
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_model import TrainingParameters, write_networks
@@ -170,17 +165,17 @@ def test_demonstrations_that_validate_do_not_train(monkeypatch):
 def test_phase_modulated_avoidance_rests_with_the_phase(tmp_path):
     dataset = toy_dataset(demonstrations=8)
     parameters = committed(TrainingParameters, "compare_models", steps=800, dropout=0.0, evaluate_every=200)
-    model = train_phase_modulated(dataset, parameters, hidden=(20,))
+    model = learned_models.train_phase_modulated(dataset, parameters, hidden=(20,))
     found = model(dataset.features, dataset.phase, dataset.phase_velocity)
     assert found.shape == dataset.target.shape
     assert np.mean((found - dataset.target)[:, 1] ** 2) < 0.1 * dataset.target[:, 1].var()
     at_rest = model(dataset.features, np.ones(len(dataset)), np.zeros(len(dataset)))
     np.testing.assert_array_equal(at_rest, 0.0)
-    write_phase_modulated({"sphere": model, "all": model}, tmp_path / "models.safetensors")
-    back = read_phase_modulated(tmp_path / "models.safetensors")
+    learned_models.write_phase_modulated({"sphere": model, "all": model}, tmp_path / "models.safetensors")
+    back = learned_models.read_phase_modulated(tmp_path / "models.safetensors")
     assert list(back) == ["all", "sphere"]
     states = dataset.features, dataset.phase, dataset.phase_velocity
     np.testing.assert_allclose(back["sphere"](*states), found, rtol=1e-9)
     write_networks([("sphere.x", model.networks[0])], tmp_path / "part.safetensors")
     with pytest.raises(InputError, match="one network for each of x, y and z"):
-        read_phase_modulated(tmp_path / "part.safetensors")
+        learned_models.read_phase_modulated(tmp_path / "part.safetensors")

@@ -69,9 +69,8 @@ def test_mean_of_networks_is_one_network():
     members = [[layer[index] for layer in random_networks(seed=5).layers] for index in range(3)]
     inputs = np.random.default_rng(0).normal(size=(7, 17))
     mean = np.mean([avoidance_network.forward(layers, inputs) for layers in members], axis=0)
-    np.testing.assert_allclose(
-        avoidance_network.forward(avoidance_network.averaged(members), inputs), mean, atol=1e-12
-    )
+    found = avoidance_network.forward(avoidance_network.averaged(members), inputs)
+    np.testing.assert_allclose(found, mean, atol=1e-12)
 
 
 def test_scaling_takes_training_data_to_the_unit_range():

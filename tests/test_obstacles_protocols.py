@@ -9,13 +9,8 @@ from structlearn.avoidance.avoiding_unroll import no_coupling
 from structlearn.avoidance.rai_2014 import HumanInspiredModels
 from structlearn.avoidance.shapes import SHAPES, constant_velocity, obstacle
 from structlearn.readers.demonstration import Demonstration
-from structlearn.testbeds.obstacles.protocol import avoidance_protocols
+from structlearn.testbeds.obstacles.protocol import avoidance_protocols, avoidance_scores
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import (
-    closest_approaches,
-    scores,
-    unitless_distance,
-)
 from structlearn.testbeds.obstacles.protocol.people import demonstration_scores
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
@@ -53,7 +48,9 @@ def closest(situation):
     model, limits = avoidance_protocols.no_coupling, PARAMETERS.postprocessing
     path = avoidance_protocols.unrolled(situation, model, primitive, PARAMETERS, limits)
     until = path.path.time <= primitive.duration
-    return closest_approaches(path.path.time[until], path.path.position[:, until], situation.obstacles)[0]
+    return avoidance_scores.closest_approaches(
+        path.path.time[until], path.path.position[:, until], situation.obstacles
+    )[0]
 
 
 def test_moving_spheres_are_where_the_unseen_ones_are_when_the_hand_is_there():
@@ -148,8 +145,8 @@ LINE = np.stack([TIME, 0 * TIME, 0 * TIME], axis=1)[None]  # 1 m/s along x
 
 @pytest.mark.parametrize(("offset", "distance"), [(0.0, -1.0), (0.05, 0.0), (0.15, 2.0)])
 def test_the_unitless_distance_counts_radii_from_the_surface(offset, distance):
-    assert unitless_distance([0.5, offset, 0], [0.5, 0, 0], 0.05) == pytest.approx(distance)
-    unitless, clearance = closest_approaches(TIME, LINE, [spheres([[0.5, offset, 0]])])
+    assert avoidance_scores.unitless_distance([0.5, offset, 0], [0.5, 0, 0], 0.05) == pytest.approx(distance)
+    unitless, clearance = avoidance_scores.closest_approaches(TIME, LINE, [spheres([[0.5, offset, 0]])])
     assert unitless[0] == pytest.approx(distance, abs=0.01)
     if offset > 0.05:
         assert clearance[0] == pytest.approx(offset - 0.05, abs=0.004)  # the points are 2 cm apart
@@ -157,18 +154,18 @@ def test_the_unitless_distance_counts_radii_from_the_surface(offset, distance):
 
 def test_the_closest_of_several_obstacles_counts():
     near, far = spheres([[0.3, 0.1, 0.0]]), spheres([[0.7, 0.4, 0.0]])
-    alone = closest_approaches(TIME, LINE, [near])
-    assert closest_approaches(TIME, LINE, [far, near]) == alone
-    assert closest_approaches(TIME, LINE, [far])[0] > alone[0]
+    alone = avoidance_scores.closest_approaches(TIME, LINE, [near])
+    assert avoidance_scores.closest_approaches(TIME, LINE, [far, near]) == alone
+    assert avoidance_scores.closest_approaches(TIME, LINE, [far])[0] > alone[0]
 
 
 def test_a_moving_obstacle_is_met_where_it_is_at_the_time():
     crossing = spheres([[0.5, -0.5, 0.0]], motion=constant_velocity([0.0, 1.0, 0.0]))
     late = spheres([[0.5, -0.9, 0.0]], motion=constant_velocity([0.0, 1.0, 0.0]))
-    assert closest_approaches(TIME, LINE, [crossing])[0][0] == pytest.approx(-1.0, abs=1e-9)
+    assert avoidance_scores.closest_approaches(TIME, LINE, [crossing])[0][0] == pytest.approx(-1.0, abs=1e-9)
     # relative to the hand it goes along (-1, 1): closest at 0.4 / sqrt(2)
     expected = (0.4 / np.sqrt(2) - 0.05) / 0.05
-    assert closest_approaches(TIME, LINE, [late])[0][0] == pytest.approx(expected, abs=1e-3)
+    assert avoidance_scores.closest_approaches(TIME, LINE, [late])[0][0] == pytest.approx(expected, abs=1e-3)
 
 
 def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too():
@@ -176,7 +173,7 @@ def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too()
     clouds = spheres(beside_the_reach(rng, 6))
     paths = unroll(primitive, random_network(rng, 40.0), [clouds], DT)
     bare = unroll(primitive, no_coupling, [clouds], DT).path.position
-    table, end, late = scores(paths, [clouds], bare), 80, 120
+    table, end, late = avoidance_scores.scores(paths, [clouds], bare), 80, 120
     position = paths.path.position
     for b in range(6):
         distances = np.linalg.norm(position[b, : end + 1] - clouds.centre[b], axis=1)

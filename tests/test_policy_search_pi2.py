@@ -6,7 +6,6 @@ import pytest
 from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
-from primitives_movements import reach
 from scipy.optimize import minimize_scalar
 
 from structlearn.core.errors import InputError
@@ -23,8 +22,6 @@ from structlearn.policy_search.pi2 import (
     sample,
     update,
 )
-from structlearn.policy_search.refinement import kernel_activation
-from structlearn.primitives.vector import fit_vector
 
 rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 DEFAULT = committed(PI2Parameters, "refine.search")
@@ -233,50 +230,6 @@ def test_a_full_covariance_learns_an_ill_conditioned_quadratic_as_fast_as_cma_es
     assert ours < 1e-3 * of_fixed_shape
 
 
-@pytest.fixture(scope="module")
-def tracking():
-    """A movement primitive that has to follow another path: early weights act on all later costs."""
-    rng = np.random.default_rng(0)
-    path, wanted = (reach(rng, [0.0], [0.3], dt=0.01, detour=detour) for detour in (0.0, 0.05))
-    primitive = replace(fit_vector([path]), goal=wanted.position[-1])
-
-    def costs(policies):
-        weights = policies.reshape(len(policies), 25, 1)
-        return abs(replace(primitive, weights=weights).unroll(0.01).position - wanted.position)[..., 0]
-
-    return primitive.weights.ravel(), costs
-
-
-def test_with_equal_rollouts_ours_follows_a_path_closer_than_the_text_s_form_and_cma_es(tracking):
-    """152 rollouts each; what it is for: costs of every step, weights that act at different times."""
-    ours = np.mean(learning_curves(*tracking, DEFAULT, updates=152 // DEFAULT.samples), axis=0)
-    text = np.mean(learning_curves(*tracking, parameters_of("full"), updates=4), axis=0)
-    start, costs = tracking
-    peer = np.mean(
-        [
-            evolution_strategy(lambda one: costs(one).sum(axis=1), start, 1.0, 11, seed, 13)
-            for seed in range(4)
-        ]
-    )
-    assert ours[-1] < text[-1]
-    assert ours[-1] < peer
-
-
-def learning_curves(start, costs, parameters, updates):
-    """Cost of the mean before and after every update, by search."""
-    curves = []
-    for seed in range(4):
-        distribution = SearchDistribution.around(start, 1.0)
-        curves.append([costs(distribution.mean[None]).sum()])
-        for number in range(updates):
-            policies = sample(distribution, parameters.samples, np.random.default_rng([seed, number]))
-            found = costs(policies)
-            activation = kernel_activation(found.shape[1], len(start))
-            distribution = update(distribution, policies, found, parameters, activation).distribution
-            curves[-1].append(costs(distribution.mean[None]).sum())
-    return curves
-
-
 FLOOR = 1e-3
 
 
@@ -322,28 +275,6 @@ def test_the_bound_is_met_wherever_it_can_be(rng, samples, kl_bound):
     np.testing.assert_allclose(reached[attainable], kl_bound, atol=1e-6, rtol=0)
     np.testing.assert_array_equal(temperatures[~attainable], FLOOR)
     assert np.all(temperatures >= FLOOR)
-
-
-@given(rng=rngs)
-def test_temperatures_minimise_the_dual_of_relative_entropy_policy_search(rng):
-    costs = random_costs(rng, 38, 3)
-    for column, found in zip(costs.T, bounded_temperatures(costs, 1.0, FLOOR), strict=True):
-
-        def dual(temperature, column=column):
-            return temperature + temperature * np.log(np.mean(np.exp(-column / temperature)))
-
-        best = minimize_scalar(dual, bounds=(FLOOR, 10.0), method="bounded", options={"xatol": 1e-10}).x
-        assert dual(found) <= dual(best) + 1e-12
-        assert found == pytest.approx(best, abs=1e-5)
-
-
-def test_the_floor_stands_where_the_bound_is_out_of_reach():
-    """Two samples reach log 2, 38 with 14 equally good ones log(38 / 14), equal costs 0: all below 1."""
-    ties = np.concatenate([np.zeros(14), np.linspace(0.5, 1.0, 24)])[:, None]
-    for costs in (np.array([[0.0], [1.0]]), ties, np.zeros((38, 1))):
-        np.testing.assert_array_equal(bounded_temperatures(costs, 1.0, FLOOR), FLOOR)
-    weights = probabilities(ties, np.array([FLOOR]))[:, 0]
-    np.testing.assert_allclose(weights[:14], 1 / 14)
 
 
 @pytest.mark.parametrize("gap", [1e-2, 3e-3, 2e-3])

@@ -165,19 +165,6 @@ def test_demonstrations_of_different_durations_and_signs_are_one_primitive(rng):
 
 @given(rngs)
 @quick
-def test_the_target_of_an_unrolled_path_is_its_forcing(rng):
-    duration, dt, tau = 1.5, 0.01, 3.0
-    start = random_orientations(rng)
-    turn = quaternion.from_rotation_vector(random_vectors(rng, 1.0))
-    times = dt * np.arange(1501)  # long enough to end at the goal
-    forcing = features(*phase(times, tau)) @ rng.uniform(-15, 15, size=(25, 3))
-    path = orientation.unroll(start, quaternion.product(turn, start), forcing, dt, tau)
-    np.testing.assert_allclose(orientation.forcing_target(path, tau), forcing, atol=1e-5)  # eq. IV.9
-    assert duration < path.duration
-
-
-@given(rngs)
-@quick
 def test_a_batch_is_its_movements_one_by_one(rng):
     primitive = random_quaternion_primitive(rng, 3)
     gain = rng.normal(size=3)

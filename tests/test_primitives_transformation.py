@@ -1,6 +1,6 @@
 import numpy as np
 from hypothesis import given
-from primitives_movements import few, quick, reach, rngs
+from primitives_movements import few, quick, rngs
 from scipy.integrate import solve_ivp
 
 from structlearn.primitives.trajectory import Trajectory
@@ -72,17 +72,6 @@ def test_the_path_starts_in_the_state_asked_for(rng):
 
 
 @given(rngs)
-@quick
-def test_without_forcing_the_goal_is_reached_and_not_overshot_from_rest(rng):
-    start, goal = rng.normal(size=(2, 3))
-    path = unroll(start, goal, np.zeros((400, 3)), 0.01, 2.0)
-    np.testing.assert_allclose(path.position[-1], goal, atol=1e-6)
-    progress = (path.position - start) / (goal - start)
-    assert progress.max() <= 1 + 1e-12
-    assert (np.diff(progress, axis=0) > -1e-12).all()
-
-
-@given(rngs)
 @few
 def test_a_batch_is_its_movements_one_by_one(rng):
     forcing = rng.uniform(-100, 100, size=(3, 4, 20, 2))
@@ -142,14 +131,3 @@ def test_the_target_of_an_unrolled_path_is_its_forcing(rng):
     decay = np.exp(-ALPHA_G * path.time / tau)[:, None]
     expected = forcing + ALPHA * BETA * ((1 - decay) * g_error - decay * forcing[0] / (ALPHA * BETA))
     np.testing.assert_allclose(target, expected, atol=1e-9)
-
-
-@given(rngs)
-@quick
-def test_unrolling_the_target_of_a_demonstration_gives_the_demonstration(rng):
-    demonstration = reach(rng, rng.normal(size=2), rng.normal(size=2), dt=0.001)
-    tau = 2 * demonstration.duration
-    start, goal = demonstration.position[[0, -1]]
-    state = (demonstration.velocity[0], demonstration.acceleration[0])
-    path = unroll(start, goal, forcing_target(demonstration, tau), 0.001, tau, *state)
-    assert_path(path, demonstration, 1e-5, 1e-4, 1e-2)

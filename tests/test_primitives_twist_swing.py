@@ -20,7 +20,6 @@ from structlearn.primitives.twist_swing import (
     fit_twist_swing,
     from_chart,
     largest_turn,
-    on_chart,
     to_chart,
 )
 
@@ -156,14 +155,3 @@ def test_the_reported_rates_are_those_of_the_path(rng):
     change = np.gradient(path.angular_velocity, 0.0005, axis=0)[1:-1]
     scale = np.abs(path.angular_acceleration).max()
     np.testing.assert_allclose(change, path.angular_acceleration[1:-1], atol=1e-2 * scale)
-
-
-@given(rngs)
-@quick
-def test_the_twist_of_a_demonstration_has_no_jump_and_ends_at_the_goal(rng):
-    taught = wobbly_turn(rng, 2 * np.pi * 3.2, base=random_orientations(rng), axis=AXIS)
-    chart = on_chart(taught, dominant_axes([taught]))
-    np.testing.assert_allclose(chart.position[-1], 0.0, atol=1e-12)
-    assert np.abs(np.diff(chart.position, axis=0)).max() < 0.5
-    rate = np.gradient(chart.position, DT, axis=0)[1:-1]
-    np.testing.assert_allclose(chart.velocity[1:-1], rate, atol=0.02 * np.abs(chart.velocity).max())

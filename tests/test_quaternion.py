@@ -20,9 +20,8 @@ def same_rotation(a, b, tolerance=1e-12):
 def test_product_is_the_composition_of_rotations(rng):
     a, b = random_orientations(rng, 2, 20)
     expected = (scipy_rotation(a) * scipy_rotation(b)).as_matrix()
-    np.testing.assert_allclose(
-        scipy_rotation(quaternion.product(a, b)).as_matrix(), expected, atol=1e-13
-    )  # eq. B.1
+    found = scipy_rotation(quaternion.product(a, b)).as_matrix()  # eq. B.1
+    np.testing.assert_allclose(found, expected, atol=1e-13)
 
 
 @given(rngs)
@@ -54,13 +53,8 @@ def test_the_logarithm_is_exact_near_half_a_turn(gap):
 @quick
 def test_rotate_agrees_with_scipy(rng):
     q, vectors = random_orientations(rng, 20), rng.normal(size=(20, 3))
-    np.testing.assert_allclose(quaternion.rotate(q, vectors), scipy_rotation(q).apply(vectors), atol=1e-13)
-    np.testing.assert_allclose(
-        quaternion.rotate(q[0], vectors), scipy_rotation(q[0]).apply(vectors), atol=1e-13
-    )
-    np.testing.assert_allclose(
-        quaternion.rotate(q, vectors[0]), scipy_rotation(q).apply(vectors[0]), atol=1e-13
-    )
+    for some, its in ((q, vectors), (q[0], vectors), (q, vectors[0])):
+        np.testing.assert_allclose(quaternion.rotate(some, its), scipy_rotation(some).apply(its), atol=1e-13)
 
 
 @given(rngs)

@@ -6,15 +6,10 @@ from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
 from rigid_body_robots import carrying, pinocchio_torques, robot_with
 
 from structlearn.core.errors import InputError
+from structlearn.rigid_body import identification
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import friction_columns
-from structlearn.rigid_body.identification import (
-    drawn_fits,
-    fit_structure,
-    identify_load,
-    normalised_triangle,
-)
 from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.motion import Motion, excited
 from structlearn.simulation.arm import Payload
@@ -77,12 +72,12 @@ def loaded_pair(payload: Payload, noise: float) -> tuple[Motion, Motion]:
 def test_a_load_is_found_from_what_it_changes():
     payload = Payload(2.5, (0.03, -0.02, 0.1), 0.05)
     exact = [loaded_pair(payload, 0.0)]
-    load, _ = identify_load(arm().tree, exact, FRICTION, 100, 10, seed=0)
+    load, _ = identification.identify_load(arm().tree, exact, FRICTION, 100, 10, seed=0)
     assert load[0] == pytest.approx(2.5, rel=1e-6)
     np.testing.assert_allclose(load[1:4], 2.5 * np.array(payload.point_m), atol=1e-6)
     noisy = [loaded_pair(payload, 0.05) for _ in range(2)]
-    one, drawn = identify_load(arm().tree, noisy[:1], FRICTION, 100, 200, seed=0)
-    both, tighter = identify_load(arm().tree, noisy, FRICTION, 100, 200, seed=0)
+    one, drawn = identification.identify_load(arm().tree, noisy[:1], FRICTION, 100, 200, seed=0)
+    both, tighter = identification.identify_load(arm().tree, noisy, FRICTION, 100, 200, seed=0)
     for found, its in ((one, drawn), (both, tighter)):
         assert abs(found[0] - 2.5) < 3.0 * its[:, 0].std()
         assert its[:, 0].mean() == pytest.approx(found[0], abs=0.5 * its[:, 0].std())
@@ -92,11 +87,11 @@ def test_a_load_is_found_from_what_it_changes():
 def test_intervals_of_inertias_are_tight_where_torques_show_them_and_nothing_is_noise():
     motion = rubbing_motion(arm())
     regressor = MotionRegressor(arm().tree, motion, True, FRICTION)
-    free, rubbing = fit_structure(
-        "cov", normalised_triangle(regressor.factors), FRICTION, arm().inertias, 300
+    free, rubbing = identification.fit_structure(
+        "cov", identification.normalised_triangle(regressor.factors), FRICTION, arm().inertias, 300
     )
     model = DynamicsModels("cov", arm().tree.names, FRICTION, (), {"inertia": free, "friction": rubbing})
-    drawn = drawn_fits(model, regressor, arm().inertias, 100, 200, 3, seed=0)
+    drawn = identification.drawn_fits(model, regressor, arm().inertias, 100, 200, 3, seed=0)
     assert drawn.inertias().mass.shape == (3, 7)
     np.testing.assert_allclose(drawn.friction_coefficients()[..., 1], COULOMB, rtol=0.1)
     # the torques show the sum of masses and levers only; what they do not show stays where it was

@@ -29,8 +29,8 @@ def principal_moments(inertias):
     return np.linalg.eigvalsh(matrix)
 
 
-@pytest.mark.parametrize("structure", ["tri", "cov"])
-@settings(max_examples=200)
+@pytest.mark.parametrize("structure", ["spd", "tri", "cov"])
+@settings(max_examples=100)
 @given(free=FREE)
 @example(free=np.zeros((2, 10)))
 @example(free=np.full((2, 10), 1e60))
@@ -39,12 +39,14 @@ def principal_moments(inertias):
 @example(free=np.tile([0.0] * 6 + [1.0, 1e8, 1e8, 800.0], (2, 1)))  # a flat triangle: third side the sum
 @example(free=np.tile([0.0] * 4 + [1e8, 0.0, 0.0, 1e8, 1e8, 0.0], (2, 1)))  # all mass on one line
 def test_every_value_is_a_body_that_can_exist(structure, free):
+    """But for the triangle inequality, which spd may break."""
     inertias = link_inertias(structure, torch.tensor(free))
     assert (inertias.mass > 0.0).all()
     moments = principal_moments(inertias)
     assert np.isfinite(moments).all()
     assert (moments > 0.0).all()  # positive definite
-    assert (moments[:, 0] + moments[:, 1] >= moments[:, 2]).all()  # eq. III.8, with all permutations
+    triangle = moments[:, 0] + moments[:, 1] >= moments[:, 2]  # eq. III.8, with all permutations
+    assert triangle.all() or structure == "spd"
 
 
 @pytest.mark.parametrize("structure", ["tri", "cov"])
@@ -76,13 +78,6 @@ def test_gradients_in_closed_form_are_those_of_autograd(structure, seed, size):
     np.testing.assert_allclose(structure_theta(*arguments), theta.detach(), rtol=1e-9, atol=1e-13)
     for found, gradient in zip(structure_gradient(*arguments, slope.numpy()), expected, strict=True):
         np.testing.assert_allclose(found, gradient, rtol=1e-8, atol=1e-11)
-
-
-@given(free=FREE)
-def test_spd_is_positive_definite_and_may_break_the_triangle(free):
-    inertias = link_inertias("spd", torch.tensor(free))
-    assert (inertias.mass > 0.0).all()
-    assert (principal_moments(inertias) > 0.0).all()
 
 
 def test_weaker_structures_are_not_consistent():

@@ -17,17 +17,8 @@ from structlearn.segmentation.alignment import (
     with_crossings,
 )
 from structlearn.segmentation.crossings import Crossing
-from structlearn.segmentation.dtw import correspondences, warping
+from structlearn.segmentation.dtw import correspondences
 from structlearn.segmentation.motion_runs import moving_interval
-
-
-@given(st.floats(0.3, 3.0), st.floats(-500, 500), st.integers(0, 1000))
-def test_recovers_scale_and_delay_from_exact_pairs(time_scale, delay, seed):
-    rng = np.random.default_rng(seed)
-    reference = rng.choice(1000, size=20, replace=False)
-    pairs = np.column_stack([reference, time_scale * reference + delay])
-    found = least_squares(pairs, rng.uniform(0.1, 1.0, 20))
-    np.testing.assert_allclose([found.time_scale, found.delay], [time_scale, delay], rtol=1e-8, atol=1e-6)
 
 
 def test_equals_the_weighted_normal_equations():
@@ -49,12 +40,9 @@ def test_weights_fall_with_the_velocity_difference_and_vanish_near_zero():
     np.testing.assert_allclose(weights, [1.0, 1.0, np.exp(-3.0 * 0.4), 0.0])
 
 
-def test_too_few_pairs_are_told():
+def test_too_few_pairs_and_backward_time_are_told():
     with pytest.raises(InputError, match="only 1 correspondence pairs"):
         least_squares(np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([1.0, 0.0]))
-
-
-def test_backward_time_is_told():
     with pytest.raises(InputError, match="backwards"):
         least_squares(np.array([[0.0, 10.0], [10.0, 0.0]]))
 
@@ -190,19 +178,3 @@ def test_equals_the_algorithm_of_the_text(n, m, axes, seed, ties):
         assert len(correspondences(reference, guess)) <= min(n, m)
     else:
         assert correspondences(reference, guess).tolist() == [list(pair) for pair in expected]
-
-
-@given(st.integers(2, 30), st.integers(2, 30), st.integers(1, 3))
-def test_every_cell_is_computed_once(n, m, axes):
-    rng = np.random.default_rng(0)
-    pairs, cells = warping(rng.normal(size=(n, axes)), rng.normal(size=(m, axes)))
-    assert cells == n * m
-    assert len(pairs) <= min(n, m)
-
-
-def test_scale_and_offset_do_not_matter():
-    rng = np.random.default_rng(0)
-    reference, guess = rng.normal(size=200).cumsum(), rng.normal(size=150).cumsum()
-    np.testing.assert_array_equal(
-        correspondences(reference, guess), correspondences(3 * reference + 7, 0.1 * guess - 2)
-    )

@@ -7,7 +7,6 @@ from reporting_scraping import PARAMETERS, demonstration, noise_table
 
 from structlearn.primitives.sequence import largest_acceleration_jump
 from structlearn.readers.demonstration import Demonstration
-from structlearn.segmentation import alignment
 from structlearn.segmentation.cut_errors import (
     Dwells,
     aligned_segments,
@@ -22,7 +21,6 @@ from structlearn.segmentation.cut_errors import (
     paired_comparison,
     wins_at_every_noise_level,
 )
-from structlearn.segmentation.dtw import warping
 from structlearn.segmentation.segments import cut
 
 
@@ -80,16 +78,6 @@ def test_dwells_keep_the_movement_and_know_where_it_is():
     np.testing.assert_allclose((noisy.position - quiet.position).std(axis=0), 2e-3)
     step = np.diff(noisy.position - quiet.position, axis=0).std()
     assert step < 2e-3 * 2 * np.pi * 5.0 * 1e-3  # smooth: slower than its cut-off
-
-
-def test_downsampled_work_is_what_the_warping_did(two_move_demonstrations, monkeypatch):
-    def banded(*signals, **options):
-        pairs, _ = warping(*signals, **options)
-        return pairs, 40 * len(signals[0])  # a band of fixed width: its work falls with g alone
-
-    monkeypatch.setattr(alignment, "warping", banded)
-    effect = downsampling_effect(two_move_demonstrations, PARAMETERS, [1, 2, 4])
-    np.testing.assert_allclose(effect["work"], [1, 1 / 2, 1 / 4], rtol=0.05)
 
 
 def test_pairs_decide_where_people_differ_more_than_methods():

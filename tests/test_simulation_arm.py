@@ -13,7 +13,6 @@ from structlearn.simulation.bullet_arm import BulletArm, differences
 
 DT = 1.0 / 250.0
 PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)
-ENGINES = ("compiled", "pybullet")
 
 
 @pytest.fixture(scope="module", params=["iiwa", "panda", "xarm"])
@@ -37,21 +36,8 @@ class Compiled:
         return self.q.copy(), self.qd.copy()
 
 
-@pytest.fixture(params=ENGINES)
-def arm(request):
-    """Makes an arm of an engine."""
-    made = []
-
-    def make(robot, coulomb=None):
-        kind = Compiled if request.param == "compiled" else BulletArm
-        zero = np.zeros(len(robot.tree.names))
-        made.append(kind(robot.tree, robot.inertias, zero if coulomb is None else coulomb, DT))
-        return made[-1]
-
-    yield make
-    for one in made:
-        if isinstance(one, BulletArm):
-            one.__exit__()
+def compiled(robot, coulomb=0.0):
+    return Compiled(robot.tree, robot.inertias, coulomb + np.zeros(len(robot.tree.names)), DT)
 
 
 def states(robot, count):
@@ -60,8 +46,8 @@ def states(robot, count):
     return zip(*(rng.normal(size=(count, joints)) for _ in range(3)), strict=True)
 
 
-def test_a_step_is_pinocchios_forward_dynamics(robot, arm):
-    data, one = robot.model.createData(), arm(robot)
+def test_a_step_is_pinocchios_forward_dynamics(robot):
+    data, one = robot.model.createData(), compiled(robot)
     for q, qd, torques in states(robot, 10):
         one.place(q, qd)
         moved, velocity = one.step(torques)
@@ -88,9 +74,9 @@ def test_a_link_with_a_payload_is_one_body(robot):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12)
 
 
-def test_friction_slows_what_moves(robot, arm):
+def test_friction_slows_what_moves(robot):
     coulomb = np.full(len(robot.tree.names), 0.001)
-    data, one = robot.model.createData(), arm(robot, coulomb)
+    data, one = robot.model.createData(), compiled(robot, coulomb)
     model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     for q, qd, qdd in states(robot, 10):
         fast = qd + 3.0 * np.sign(qd)  # no joint stops within the step
@@ -101,25 +87,22 @@ def test_friction_slows_what_moves(robot, arm):
         np.testing.assert_allclose((velocity - fast) / DT, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_friction_holds_a_joint_that_is_pushed_less(robot, arm):
+def test_friction_holds_a_joint_that_is_pushed_less(robot):
     joints = len(robot.tree.names)
     q, still = np.full(joints, 0.3), np.zeros(joints)
     weight = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)(q, still, still)
-    one = arm(robot, np.full(joints, 2.0))
+    one = compiled(robot, 2.0)
     one.place(q, still)
     for _ in range(100):
         moved, _ = one.step(weight + 1.5)
-    np.testing.assert_allclose(
-        moved, q, atol=1e-12
-    )  # without friction the wrist would have turned many times
+    np.testing.assert_allclose(moved, q, atol=1e-12)  # else the wrist would have turned many times
 
 
 def test_both_engines_find_what_is_held_and_what_slides(robot):
     rng, joints = np.random.default_rng(3), len(robot.tree.names)
     coulomb = rng.uniform(0.1, 1.0, joints)
     coulomb[0] = 0.0
-    one = Compiled(robot.tree, robot.inertias, coulomb, DT)
-    held = 0
+    one, held = compiled(robot, coulomb), 0
     with BulletArm(robot.tree, robot.inertias, coulomb, DT) as other:
         for q, qd, push in states(robot, 100):
             slow = 10.0 ** rng.uniform(-4.0, 0.0, joints) * qd * (rng.random(joints) < 0.7)

@@ -14,16 +14,12 @@ from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import Rollout, open_loop_weights
-from structlearn.testbeds.scraping.protocol.board_refinement import (
-    Board,
-    BoardRefinementParameters,
-    refine_on_board,
-)
+from structlearn.testbeds.scraping.protocol import board_refinement
 
 TURN, SCRAPE = NAMES[1:]
 DATASETS = {TURN: toy_dataset(seed=0), SCRAPE: toy_dataset(seed=1)}
 PARAMETERS = committed(
-    BoardRefinementParameters,
+    board_refinement.BoardRefinementParameters,
     "refine",
     settings_deg=(0.0, 5.0, 10.0),
     setting_deg=20.0,
@@ -42,7 +38,7 @@ ASKED = []
 
 
 @dataclass(frozen=True)
-class MadeUpBoard(Board):
+class MadeUpBoard(board_refinement.Board):
     """Executions are demonstrations with the coupling term of the network."""
 
     @property
@@ -73,7 +69,7 @@ def same_network(one, other):
 
 def test_a_primitive_is_refined_while_those_before_it_run_refined(board):
     ASKED.clear()
-    refined = refine_on_board(board, DATASETS, PARAMETERS)
+    refined = board_refinement.refine_on_board(board, DATASETS, PARAMETERS)
     assert list(dict.fromkeys(name for name, *_ in ASKED)) == [TURN, SCRAPE]
     for name, _, preceding, _ in ASKED:
         assert list(preceding) == ([] if name == TURN else [TURN])
@@ -92,7 +88,7 @@ def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(boar
 
     monkeypatch.setattr(refinement, "train_final", remember)
     ASKED.clear()
-    refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"iterations": 1}))
+    board_refinement.refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"iterations": 1}))
     data = DATASETS[TURN]
     own = [(setting, networks) for name, setting, _, networks in ASKED if name == TURN]
     known = [one for one in own if one[0] != PARAMETERS.setting_deg]
@@ -113,14 +109,14 @@ def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(boar
 def test_in_the_text_s_form_only_what_was_tried_is_added(board):
     ASKED.clear()
     text = PARAMETERS.model_copy(update={"shown_runs": 0, "level_runs": 0})
-    refine_on_board(board, DATASETS, text)
+    board_refinement.refine_on_board(board, DATASETS, text)
     assert {setting for _, setting, _, _ in ASKED} == {PARAMETERS.setting_deg}
 
 
 @pytest.mark.parametrize("explored", [{SCRAPE}, set()])
 def test_a_primitive_without_exploration_keeps_its_model(explored, board):
     parameters = PARAMETERS.model_copy(update={"exploration": dict.fromkeys(explored, 5.0)})
-    refined = refine_on_board(board, DATASETS, parameters)
+    refined = board_refinement.refine_on_board(board, DATASETS, parameters)
     for name in {TURN, SCRAPE} - explored:
         assert same_network(refined.after[name], refined.before[name])
     assert set(refined.history.get("primitive", ())) == explored
@@ -129,4 +125,4 @@ def test_a_primitive_without_exploration_keeps_its_model(explored, board):
 def test_a_primitive_without_corrections_is_named(board):
     unknown = PARAMETERS.model_copy(update={"exploration": {"slide": 5.0}})
     with pytest.raises(InputError, match=r"refine\.exploration names slide: no primitive with corrections"):
-        refine_on_board(board, DATASETS, unknown)
+        board_refinement.refine_on_board(board, DATASETS, unknown)

@@ -11,7 +11,6 @@ from parallel_work import Deadly
 from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network, scraping_skill
 
 from structlearn.core.artefacts import write_table
-from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import largest_coupling
@@ -20,11 +19,6 @@ from structlearn.readers import synchronise
 from structlearn.readers.runs import read_runs, write_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import board_refinement
-from structlearn.testbeds.scraping.protocol.board_refinement import (
-    REFINED,
-    BoardRefinementParameters,
-    read_board,
-)
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
@@ -124,7 +118,7 @@ def test_seeds_meet_no_other_runs_and_tell_primitives_apart(board, asked):
     settings = [0.0, 2.5, 5.0, 6.3, 10.0, -2.5]
     others = [*nominal_runs(15), *corrected_runs(settings, 15), *evaluation_runs(settings, 8, False)]
     assert len({run.seed for run in others}) == len(others) == 15 + 15 * 6 + 8 * 6
-    assert REFINED not in {run.seed[0] for run in others}
+    assert board_refinement.REFINED not in {run.seed[0] for run in others}
 
 
 def assert_failed(run, fault):
@@ -216,8 +210,10 @@ def data(board, tmp_path):
 
 
 def read(data, board, settings=(5.0, 10.0)):
-    refined = committed(BoardRefinementParameters, "refine", settings_deg=settings, setting_deg=20.0)
-    return read_board(data, refined, board.supervision, board.testbed, CLOCK)
+    refined = committed(
+        board_refinement.BoardRefinementParameters, "refine", settings_deg=settings, setting_deg=20.0
+    )
+    return board_refinement.read_board(data, refined, board.supervision, board.testbed, CLOCK)
 
 
 def test_the_board_is_read_with_the_demonstrations_of_the_settings_asked_for(data, board):
@@ -235,8 +231,3 @@ def test_what_is_not_learned_from_does_not_bound_the_feedback(data, board):
     for settings in ((0.0,), (0.0, 5.0, 10.0)):
         found, datasets = read(data, board, settings)
         assert found.limits.largest_coupling == {"ry": largest_coupling([datasets["turn"].target])}
-
-
-def test_a_setting_without_corrections_is_named(data, board):
-    with pytest.raises(InputError, match=r"turn\.parquet: has no corrections in the settings 6\.3"):
-        read(data, board, (5.0, 6.3))

@@ -7,20 +7,14 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 
-SEGMENT = committed(
-    SegmentParameters,
-    "segment",
-    primitives=(
-        {"name": "down", "axis": "z", "threshold_m_s": 0.02},
-        {"name": "turn", "axis": "between", "threshold_m_s": None},
-        {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
-    ),
-    guess_cutoff_hz=2.0,
-    cut_cutoff_hz=3.0,
-    align_cutoff_hz=4.0,
-    extension_s=0.5,
-    downsampling=4,
-)
+PRIMITIVES = [
+    {"name": "down", "axis": "z", "threshold_m_s": 0.02},
+    {"name": "turn", "axis": "between", "threshold_m_s": None},
+    {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
+]
+FILTERS = {"guess_cutoff_hz": 2.0, "cut_cutoff_hz": 3.0, "align_cutoff_hz": 4.0}
+REST = {"primitives": PRIMITIVES, "extension_s": 0.5, "downsampling": 4}
+SEGMENT = committed(SegmentParameters, "segment", **FILTERS, **REST)
 SIMULATION = committed(DemonstratorParameters, "simulate", count=4)
 
 
@@ -39,12 +33,12 @@ def test_errors_grow_with_the_noise(errors):
 
 
 ONE_SET = committed(SweepParameters, "segment_sweep", noise_mm=(0.1,), seeds=1, downsampling=(1,))
+FIRST, *OTHERS = SEGMENT.primitives
+DEAF = SEGMENT.model_copy(update={"primitives": (FIRST.model_copy(update={"threshold_m_s": 5.0}), *OTHERS)})
 
 
 def test_a_lost_reference_loses_the_set_and_is_counted():
-    first, *others = SEGMENT.primitives
-    deaf = (first.model_copy(update={"threshold_m_s": 5.0}), *others)
-    lost = noise_sweep(ONE_SET, SIMULATION, SEGMENT.model_copy(update={"primitives": deaf}))
+    lost = noise_sweep(ONE_SET, SIMULATION, DEAF)
     assert lost["method"].tolist() == ["left_out"] * 4
     assert lost["start_error_s"].isna().all()
 
@@ -56,9 +50,7 @@ def test_every_person_is_cut_at_every_factor():
     work = found.pivot_table("work", "seed", "factor")
     assert (work[1] == 1.0).all()
     assert work[4].between(1 / 16, 1.1 / 16).all()
-    first, *others = SEGMENT.primitives
-    deaf = (first.model_copy(update={"threshold_m_s": 5.0}), *others)
-    lost = downsampling_sweep(factors, SIMULATION, SEGMENT.model_copy(update={"primitives": deaf}))
+    lost = downsampling_sweep(factors, SIMULATION, DEAF)
     assert lost.empty
     assert "factor" in lost
 

@@ -92,20 +92,18 @@ def test_time_is_warped_non_linearly(noise_free):
     assert (np.diff(descents, axis=1) < 1e-6).all()  # yet the hand never turns back
 
 
-def test_hesitation_costs_time():
-    smooth, hesitant = (simulated(noise_mm=0, hesitation_probability=p) for p in (0, 1))
-    for without, dipping in zip(smooth, hesitant, strict=True):
-        gained = np.diff(dipping.true_segments) - np.diff(without.true_segments)
-        assert (gained > 0.03).all()
-        assert (gained < 0.5).all()
-
-
-def test_pauses_move_the_same_primitives_apart():
-    short, long = simulated(pause_s=(0, 0)), simulated(pause_s=(1, 2))
-    for a, b in zip(short, long, strict=True):
-        np.testing.assert_allclose(np.diff(a.true_segments)[[0, 2]], np.diff(b.true_segments)[[0, 2]])
-        gained = np.diff(b.true_segments)[1] - np.diff(a.true_segments)[1]
-        assert 2 <= gained <= 4  # both switches
+@pytest.mark.parametrize(
+    ("fewer", "more", "low", "high"),
+    [
+        ({"hesitation_probability": 0}, {"hesitation_probability": 1}, [0.03] * 3, [0.5] * 3),
+        ({"pause_s": (0, 0)}, {"pause_s": (1, 2)}, [-1e-9, 2.0, -1e-9], [1e-9, 4.0, 1e-9]),  # both switches
+    ],
+)
+def test_hesitation_and_pauses_cost_time(fewer, more, low, high):
+    for short, long in zip(simulated(**fewer), simulated(**more), strict=True):
+        gained = (np.diff(long.true_segments) - np.diff(short.true_segments))[:, 0]
+        assert (gained >= low).all()
+        assert (gained <= high).all()
 
 
 def test_noise_level_scales_the_noise_and_nothing_else(noise_free):

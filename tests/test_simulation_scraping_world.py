@@ -6,22 +6,16 @@ import pytest
 from committed import committed
 from scraping_motions import FLAT, beside_contact
 
+from structlearn.testbeds.scraping.world import scraping_world
 from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
 from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
 from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm_model, joint_angles, urdf
-from structlearn.testbeds.scraping.world.scraping_world import (
-    GRAVITY,
-    WorldParameters,
-    advance,
-    placed,
-    tool_wrench,
-)
 
 ABOVE = beside_contact(0.05)
 NOTHING = np.zeros(6)
 
 
-PARAMETERS = committed(WorldParameters, "testbed.world")
+PARAMETERS = committed(scraping_world.WorldParameters, "testbed.world")
 
 
 class Engine:
@@ -37,7 +31,7 @@ class Engine:
         for _ in range(ticks):
             observe(self.arm, self.world.q, self.world.v)
             control(self.arm, target, 900.0, force)
-            advance(self.world, self.arm.torques)
+            scraping_world.advance(self.world, self.arm.torques)
         observe(self.arm, self.world.q, self.world.v)
         return self.world
 
@@ -45,12 +39,14 @@ class Engine:
     def felt(self):
         """Wrench of the tool on the board, as the wrist feels it."""
         wrench = np.empty(6)
-        tool_wrench(self.world.grasp_load, self.arm.rotation, self.world.tool_rotation, wrench)
+        scraping_world.tool_wrench(self.world.grasp_load, self.arm.rotation, self.world.tool_rotation, wrench)
         return wrench
 
 
 def place(position=ABOVE, rotation=FLAT, roll=0.0, parameters=PARAMETERS, **factors):
-    return Engine(placed(parameters, joint_angles(position, rotation), roll, CONTACT_M, **factors))
+    return Engine(
+        scraping_world.placed(parameters, joint_angles(position, rotation), roll, CONTACT_M, **factors)
+    )
 
 
 def test_nothing_drifts_in_the_air():
@@ -105,15 +101,6 @@ def test_factors_of_a_run_scale_board_and_friction():
     assert drags[2.0] == pytest.approx(-0.4, abs=0.02)
 
 
-def test_a_standing_tool_does_not_chatter():
-    """Friction as a function of speed, too steep for the physics step, flips its sign at every step."""
-    engine, lowered = place(beside_contact(0.001), friction_factor=1.4), beside_contact(-0.001)
-    engine.hold(lowered, FLAT, 300)
-    drags = [engine.hold(lowered, FLAT, 1).board_wrench[:2].copy() for _ in range(10)]
-    assert engine.world.board_wrench[2] > 1.0
-    assert np.ptp(drags, axis=0).max() < 0.01
-
-
 def test_a_pushed_tool_stands_until_friction_is_overcome():
     """Neither creep nor slip below the Coulomb force: the hand moves 0.02 mm aside, the edge holds on."""
     engine = place(beside_contact(-0.0005))
@@ -129,10 +116,10 @@ def test_a_pushed_tool_stands_until_friction_is_overcome():
 def test_a_falling_arm_keeps_its_energy():
     """Limp in the air without damping: kinetic, potential and spring energy together stay what they were."""
     model = pinocchio.buildModelFromXML(urdf())
-    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+    model.gravity.linear = np.array([0.0, 0.0, -scraping_world.GRAVITY])
     data, own = (
         model.createData(),
-        committed(WorldParameters, "testbed.world", grasp_damping=0.0, substeps=20),
+        committed(scraping_world.WorldParameters, "testbed.world", grasp_damping=0.0, substeps=20),
     )
     about_x, about_z, about_y = own.grasp_n_m_rad
     springs = np.array([own.grasp_n_m] * 3 + [about_z, about_x, about_y])
@@ -145,7 +132,7 @@ def test_a_falling_arm_keeps_its_energy():
 
     energies = [energy()]
     for _ in range(30):
-        advance(world, np.zeros(ARM_JOINTS))
+        scraping_world.advance(world, np.zeros(ARM_JOINTS))
         energies.append(energy())
     kinetic = pinocchio.computeKineticEnergy(model, data, world.q, world.v)
     assert kinetic > 1.0  # J

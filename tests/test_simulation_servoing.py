@@ -9,13 +9,7 @@ from hypothesis import strategies as st
 
 from structlearn.simulation.touch_demonstrator import ToucherParameters, covered
 from structlearn.tactile.electrodes import SKINS
-from structlearn.testbeds.servoing.protocol.servo_scores import (
-    ControllerScores,
-    progress,
-    scored,
-    success_by_tolerance,
-    success_rates,
-)
+from structlearn.testbeds.servoing.protocol import servo_scores
 from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS, draw, make_scene
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     RESTING,
@@ -72,7 +66,7 @@ def test_a_turn_about_x_rolls_the_contact_over_the_cylinder():
 def test_a_finger_that_is_drawn_back_leaves_the_handle():
     start = held([-0.006, 0.0, 1.0])
     found = run(Steady([0, 0, 0.01, 0, 0, 0]), start, start, 1.0)
-    table = scored(found, start, start, SCENE, TOLERANCE)
+    table = servo_scores.scored(found, start, start, SCENE, TOLERANCE)
     assert found.load[-1] == 0
     assert table["lifted"].item()
     assert not table["success"].item()
@@ -82,7 +76,7 @@ def test_a_finger_that_is_drawn_back_leaves_the_handle():
 def test_a_contact_that_slides_over_the_end_is_counted():
     start = held([-0.013, 0.0, 1.0])
     found = run(Steady([0.005, 0, 0, 0, 0, 0]), start, start, 1.0)
-    assert scored(found, start, start, SCENE, TOLERANCE)["off_skin"].item()
+    assert servo_scores.scored(found, start, start, SCENE, TOLERANCE)["off_skin"].item()
 
 
 def test_scores_of_a_straight_approach():
@@ -93,12 +87,12 @@ def test_scores_of_a_straight_approach():
     seconds = 0.006 / (RADIUS * 0.2) + SCENE.follow_s
     found = run(Steady([0, 0, 0, 0.2 * sign, 0, 0]), start, target, seconds)
     tolerance = TOLERANCE.model_copy(update={"judged_s": 0.05, "pressure": 0.5})  # electrodes differ by place
-    table = scored(found, start, target, SCENE, tolerance).iloc[0]
+    table = servo_scores.scored(found, start, target, SCENE, tolerance).iloc[0]
     assert table["success"]
     assert table["geodesic_mm"] == pytest.approx(6.0, rel=1e-3)
     assert table["path_mm"] == pytest.approx(6.0, abs=0.2)
     assert table["reach_s"] == pytest.approx(seconds - 1e-3 / (RADIUS * 0.2), abs=0.1)
-    course = progress(found, target, SCENE, TOLERANCE)
+    course = servo_scores.progress(found, target, SCENE, TOLERANCE)
     assert (np.diff(course["median_mm"]) < 0).all()
     assert course["within"].iloc[-1] == 1
 
@@ -153,12 +147,12 @@ def test_rates_by_group_and_tolerance():
             "off_skin": [False] * 6,
         }
     )
-    table = success_rates(trials, ["form"])
+    table = servo_scores.success_rates(trials, ["form"])
     assert table["rate"].tolist() == [0.75, 0.0]
     assert table["reach_s"].iloc[0] == 2.0
     assert table["path_ratio"].iloc[0] == 1.5
     assert table["lifted"].tolist() == [1, 0]
-    curve = success_by_tolerance(trials, ["form"], np.array([0.5, 2.5]), 0.1)
+    curve = servo_scores.success_by_tolerance(trials, ["form"], np.array([0.5, 2.5]), 0.1)
     assert curve.groupby("form", sort=False)["rate"].agg(list).tolist() == [[0.5, 0.75], [0.0, 0.5]]
 
 
@@ -168,7 +162,7 @@ def test_only_the_pressure_is_wrong_of_misses_whose_contact_is_near():
     table = pd.DataFrame(rows, columns=["success", "position_error_mm"])
     one, other = Variant(RESTING, "NJ"), Variant(RESTING, "LL")
     trials = pd.concat([table.assign(**vars(one)), table.iloc[::-2].assign(**vars(other))])
-    scores = ControllerScores(trials)
+    scores = servo_scores.ControllerScores(trials)
     assert scores.only_pressed_wrong(one, 1.0) == 2
     assert scores.only_pressed_wrong(one, 2.0) == 3
     assert scores.only_pressed_wrong(other, 2.0) == 2

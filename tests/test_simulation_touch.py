@@ -56,13 +56,6 @@ def test_a_held_finger_touches_where_and_as_hard_as_asked(along, across, load, p
         np.testing.assert_allclose(contact.point[0], FINGER.skin.surface(along, across), atol=1e-7)
 
 
-def test_in_the_air_there_is_no_load():
-    position, orientation = held_on_handle(np.zeros(1), np.zeros(1), np.zeros(1), BAR, FINGER)
-    contact = touching(position + np.array([0, 0, 0.002]), orientation, BAR, FINGER)
-    assert contact.load[0] == 0
-    assert contact.gap[0] == pytest.approx(0.002)
-
-
 def test_a_motion_is_in_the_frame_of_the_finger():
     orientation = quaternion.from_rotation_vector(np.array([[0, 0, np.pi / 2]]))
     position, turned = moved(np.zeros((1, 3)), orientation, np.array([[1.0, 0, 0, 0, 0, 0.1]]), 0.5)

@@ -16,16 +16,12 @@ from structlearn.testbeds.scraping.protocol.executions import (
     executions,
     nominal_runs,
 )
+from structlearn.testbeds.scraping.world import testbed
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.testbed import (
-    RecorderParameters,
-    TestbedParameters,
-    guided_demonstrations,
-)
 
 KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]
 KINDS += ["tactile", "tactile", "tool_to_board"]
-TESTBED = committed(TestbedParameters, "testbed")
+TESTBED = committed(testbed.TestbedParameters, "testbed")
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +104,7 @@ def test_feedback_that_asks_for_nothing_is_the_nominal_run(recordings, runs):
 def test_motion_capture_has_its_own_noise(skill):
     seen = []
     for noise_deg in (0.5, 0.0):
-        recorder = committed(RecorderParameters, "testbed.recorder", motion_capture_deg=noise_deg)
+        recorder = committed(testbed.RecorderParameters, "testbed.recorder", motion_capture_deg=noise_deg)
         (recording,) = executions(skill, nominal_runs(1), TESTBED.model_copy(update={"recorder": recorder}))
         seen.append(stream(recording, "tool_to_board").values)
     off = np.degrees(quaternion.difference(*seen))
@@ -119,7 +115,7 @@ def test_motion_capture_has_its_own_noise(skill):
 def test_a_guided_demonstration_is_recorded_like_an_execution():
     quick = {"durations_s": (0.6, 0.6, 0.6), "rest_s": (0.2, 0.2), "pause_s": (0.1, 0.1)}
     demonstrator = committed(DemonstratorParameters, "simulate", count=2, seed=3, **quick)
-    both = guided_demonstrations(demonstrator, TESTBED)
+    both = testbed.guided_demonstrations(demonstrator, TESTBED)
     assert [recording.name for recording in both] == ["01", "02"]
     for recording in both:
         check_recording(recording)
@@ -130,5 +126,5 @@ def test_a_guided_demonstration_is_recorded_like_an_execution():
         np.testing.assert_array_equal(recording.true_segments[1:, 0], recording.true_segments[:-1, 1])
         assert recording.true_segments[-1, 1] < synchronise(recording).time[-1]
     assert not np.array_equal(both[0].true_segments, both[1].true_segments)
-    (first,) = guided_demonstrations(demonstrator.model_copy(update={"count": 1}), TESTBED)
+    (first,) = testbed.guided_demonstrations(demonstrator.model_copy(update={"count": 1}), TESTBED)
     assert same(first, both[0])

@@ -8,30 +8,18 @@ from structlearn.core import quaternion
 from structlearn.core.artefacts import write_tensors
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
+from structlearn.tactile import touch_dataset
 from structlearn.tactile.electrodes import biotac
-from structlearn.tactile.touch_dataset import (
-    ROTATION,
-    TEST,
-    TRAIN,
-    VALIDATION,
-    TouchDataParameters,
-    TouchDataset,
-    chains,
-    prepare,
-    read_dataset,
-    splits,
-    write_dataset,
-)
 
 RATE_HZ = 100.0
 
 
-def walk(lengths=(120, 100, 40), seed: int = 0) -> TouchDataset:
+def walk(lengths=(120, 100, 40), seed: int = 0) -> touch_dataset.TouchDataset:
     """Contacts of these lengths, with random velocities and orientations."""
     rng = np.random.default_rng(seed)
     count = sum(lengths)
     contact = np.repeat(np.arange(len(lengths)), lengths)
-    return TouchDataset(
+    return touch_dataset.TouchDataset(
         signals=rng.normal(size=(count, 19)).astype(np.float32),
         pressure=rng.normal(size=count).astype(np.float32),
         contact_point=rng.normal(size=(count, 3)).astype(np.float32),
@@ -42,14 +30,14 @@ def walk(lengths=(120, 100, 40), seed: int = 0) -> TouchDataset:
         trial=contact,
         time=np.concatenate([np.arange(length) / RATE_HZ for length in lengths]).astype(np.float32),
         motion=np.zeros(count, dtype=int),
-        split=np.where(contact == 1, TEST, TRAIN),
+        split=np.where(contact == 1, touch_dataset.TEST, touch_dataset.TRAIN),
         rate_hz=np.array(RATE_HZ),
     )
 
 
 def test_chains_never_leave_their_contact():
     dataset = walk()
-    found = chains(dataset, 2, (30, 31))
+    found = touch_dataset.chains(dataset, 2, (30, 31))
     assert len(found) == 2 * (120 + 100) - 2 * (60 + 62)
     assert (dataset.contact[found.rows] == dataset.contact[found.rows[:, :1]]).all()
     steps = np.diff(found.rows, axis=1)
@@ -59,14 +47,14 @@ def test_chains_never_leave_their_contact():
 def test_chains_need_pressure_at_every_sample():
     dataset = walk()
     dataset.pressed[60] = False
-    found = chains(dataset, 2, (20,))
+    found = touch_dataset.chains(dataset, 2, (20,))
     assert 60 not in found.rows
-    assert len(found) == len(chains(walk(), 2, (20,))) - 3
+    assert len(found) == len(touch_dataset.chains(walk(), 2, (20,))) - 3
 
 
 def test_chains_of_a_split():
     dataset = walk()
-    found = chains(dataset, 1, (31,), TEST)
+    found = touch_dataset.chains(dataset, 1, (31,), touch_dataset.TEST)
     assert len(found) == 100 - 31
     assert (dataset.contact[found.rows] == 1).all()
 
@@ -74,7 +62,7 @@ def test_chains_of_a_split():
 def test_an_action_is_the_mean_velocity_in_the_frame_of_the_finger():
     """Eq. II.25 with the mean over the step, one chain by hand."""
     dataset = walk()
-    found = chains(dataset, 2, (7,))
+    found = touch_dataset.chains(dataset, 2, (7,))
     place = 33
     for step in range(2):
         start, end = found.rows[place, step : step + 2]
@@ -85,23 +73,23 @@ def test_an_action_is_the_mean_velocity_in_the_frame_of_the_finger():
 
 
 def test_chains_longer_than_any_contact():
-    assert len(chains(walk(), 10, (31,))) == 0
+    assert len(touch_dataset.chains(walk(), 10, (31,))) == 0
     with pytest.raises(ValueError, match="positive lengths"):
-        chains(walk(), 0)
+        touch_dataset.chains(walk(), 0)
 
 
 def test_files_give_back_the_dataset(tmp_path):
     dataset = walk()
-    write_dataset(dataset, tmp_path / "touch.safetensors")
-    back = read_dataset(tmp_path / "touch.safetensors")
+    touch_dataset.write_dataset(dataset, tmp_path / "touch.safetensors")
+    back = touch_dataset.read_dataset(tmp_path / "touch.safetensors")
     for name, values in vars(dataset).items():
         np.testing.assert_array_equal(getattr(back, name), values)
     write_tensors({"rows": np.zeros(3)}, tmp_path / "other.safetensors", "something else")
     with pytest.raises(InputError, match="holds no samples of touch"):
-        read_dataset(tmp_path / "other.safetensors")
+        touch_dataset.read_dataset(tmp_path / "other.safetensors")
 
 
-PARAMETERS = committed(TouchDataParameters, "touch_dataset")
+PARAMETERS = committed(touch_dataset.TouchDataParameters, "touch_dataset")
 OFFSET = np.linspace(-40, 40, 19)
 
 
@@ -123,7 +111,7 @@ def pressed_twice(name: str = "one", **changes) -> Demonstration:
 
 
 def test_contacts_are_found_with_their_velocities_and_offsets():
-    dataset = prepare([pressed_twice(), pressed_twice("two")], biotac(), PARAMETERS)
+    dataset = touch_dataset.prepare([pressed_twice(), pressed_twice("two")], biotac(), PARAMETERS)
     assert dataset.contact.max() == 3
     assert np.bincount(dataset.contact) == pytest.approx(400, abs=60)
     middle = (dataset.time > 3.5) & (dataset.time < 4.5)
@@ -135,8 +123,8 @@ def test_contacts_are_found_with_their_velocities_and_offsets():
         dataset.velocity[middle], np.tile([0.01, 0, 0, 0.2, 0, 0], (middle.sum(), 1)), atol=1e-4
     )
     np.testing.assert_allclose(dataset.contact_point[middle], [[-9.8e-3, 0, -7e-3]] * middle.sum(), atol=1e-4)
-    assert (dataset.motion == ROTATION).all()
-    assert set(dataset.split) == {TRAIN, VALIDATION, TEST}
+    assert (dataset.motion == touch_dataset.ROTATION).all()
+    assert set(dataset.split) == {touch_dataset.TRAIN, touch_dataset.VALIDATION, touch_dataset.TEST}
     assert not dataset.pressed.all()
     assert (dataset.pressure[dataset.pressed] >= PARAMETERS.pressed_counts).all()
     for contact in range(4):
@@ -145,12 +133,16 @@ def test_contacts_are_found_with_their_velocities_and_offsets():
 
 def test_splits_have_their_shares_and_spread_over_motions():
     motions = np.repeat([0, 1], [42, 112])
-    split = splits(motions, PARAMETERS)
+    split = touch_dataset.splits(motions, PARAMETERS)
     assert np.bincount(split).tolist() == [154 - 24, 12, 12]
-    for number in (VALIDATION, TEST):
+    for number in (touch_dataset.VALIDATION, touch_dataset.TEST):
         assert 2 <= (motions[split == number] == 0).sum() <= 5
-    assert sorted(splits(np.zeros(3), PARAMETERS)) == [TRAIN, VALIDATION, TEST]
-    np.testing.assert_array_equal(split, splits(motions, PARAMETERS))
+    assert sorted(touch_dataset.splits(np.zeros(3), PARAMETERS)) == [
+        touch_dataset.TRAIN,
+        touch_dataset.VALIDATION,
+        touch_dataset.TEST,
+    ]
+    np.testing.assert_array_equal(split, touch_dataset.splits(motions, PARAMETERS))
 
 
 @pytest.mark.parametrize(
@@ -167,4 +159,4 @@ def test_splits_have_their_shares_and_spread_over_motions():
 )
 def test_readers_that_cannot_be_used_are_named(changes, message):
     with pytest.raises(InputError, match=message):
-        prepare([pressed_twice(**changes)], biotac(), PARAMETERS)
+        touch_dataset.prepare([pressed_twice(**changes)], biotac(), PARAMETERS)

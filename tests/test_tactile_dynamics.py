@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import minimize
 from tactile_toy import doubled
 
@@ -84,23 +82,6 @@ def test_chain_feeds_predictions_back():
     states = chained(dynamics, latent, actions, time_step)
     for before, after, action in zip([latent, *states[:-1]], states, actions, strict=True):
         torch.testing.assert_close(after, before + dynamics.rate(before, action) * time_step)
-
-
-@given(seed=st.integers(0, 1000), penalty=st.floats(1e-3, 10.0))
-def test_appendix_a_is_what_a_numerical_solver_finds(seed, penalty):
-    dynamics, latent, target = affine(seed), draw(MODELS, 3, SAMPLES, seed=seed), draw(MODELS, 3, SAMPLES)
-    found = optimal_action(dynamics, latent, target, torch.tensor([DT], dtype=torch.float64), penalty)
-
-    def cost(action):
-        after = latent[1, :, 2].numpy() + DT * (
-            dynamics.state[1, :, :, 2].numpy() @ latent[1, :, 2].numpy()
-            + dynamics.action[1, :, :, 2].numpy() @ action
-            + dynamics.constant[1, :, 2].numpy()
-        )
-        return 0.5 * np.sum((target[1, :, 2].numpy() - after) ** 2) + 0.5 * penalty * np.sum(action**2)
-
-    solved = minimize(cost, np.zeros(6), method="BFGS", options={"gtol": 1e-10})
-    np.testing.assert_allclose(found[1, :, 2].numpy(), solved.x, atol=2e-5)
 
 
 def test_jacobian_model_is_equation_18_of_the_text():

@@ -124,38 +124,20 @@ def test_what_cannot_be_estimated_is_named(change, message):
         contact_points(change(-np.ones((2, 19))), biotac())
 
 
-def spread(name: str, count: int = 900, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Surface coordinates (count, 2) and points of a skin, without the tip of the BioTac, the pad's rim."""
+def spread(name: str, count: int) -> np.ndarray:
+    """Points of a skin, without the tip of the BioTac, the pad's rim."""
     skin = SKINS[name]
     low, high = np.array(skin.core_low[:2]), np.array(skin.core_high[:2])
     if name != "flat_pad":
         low[1], high[1] = skin.across
     if name == "sphere":
         low[0], high[0] = skin.along
-    coordinates = np.random.default_rng(seed).uniform(low, high, (count, 2))
-    return coordinates, skin.surface(*coordinates.T)
-
-
-@pytest.mark.parametrize("name", sorted(SKINS))
-def test_graph_distances_approach_the_closed_form(name):
-    """Plane and unrolled cylinder: straight lines; sphere: great circles. Graphs go round a little."""
-    coordinates, points = spread(name)
-    found = graph_distances(points, 18, 0.0)
-    if name == "sphere":
-        radius = SKINS[name].radius
-        true = radius * np.arccos(np.clip(points @ points.T / radius**2, -1, 1))
-    else:
-        true = np.linalg.norm(coordinates[:, None] - coordinates, axis=2)
-    far = true > 2e-3
-    ratio = found[far] / true[far]
-    assert np.median(ratio) < 1.04
-    assert np.quantile(ratio, 0.99) < 1.12
-    assert ratio.min() > 0.98  # chords cut through, paths do not
+    return skin.surface(*np.random.default_rng(0).uniform(low, high, (count, 2)).T)
 
 
 @pytest.mark.parametrize("name", sorted(SKINS))
 def test_graph_distances_are_those_of_the_library(name):
-    _, points = spread(name, 300)
+    points = spread(name, 300)
     length, near = cKDTree(points).query(points, k=19)
     edges = np.full((300, 300), np.inf)
     np.put_along_axis(edges, near[:, 1:], length[:, 1:], axis=1)
@@ -163,15 +145,12 @@ def test_graph_distances_are_those_of_the_library(name):
     np.testing.assert_allclose(graph_distances(points, 18, 0.0), expected, rtol=1e-6)
 
 
-def test_distances_are_a_metric():
-    _, points = spread("biotac", 300)
-    points[1] = points[0]  # the same place twice
-    found = graph_distances(points, 18, 0.0).astype(float)
-    np.testing.assert_array_equal(found, found.T)
+def test_the_same_place_may_be_touched_twice():
+    points = spread("biotac", 300)
+    points[1] = points[0]
+    found = graph_distances(points, 18, 0.0)
     assert found[0, 1] < 1e-8
-    assert (np.diag(found) == 0).all()
-    for through in range(0, 300, 30):
-        assert (found <= found[:, [through]] + found[[through]] + 1e-8).all()
+    np.testing.assert_allclose(found[1], found[0], atol=1e-8)
 
 
 def test_patches_are_bridged_by_their_shortest_edge():
@@ -184,7 +163,7 @@ def test_patches_are_bridged_by_their_shortest_edge():
 
 
 def test_bins_are_random_disjoint_and_measured_alone(tmp_path):
-    _, points = spread("biotac", 450)
+    points = spread("biotac", 450)
     parameters = committed(GeodesicParameters, "geodesics", bin_size=200, bridge_mm=10.0)
     found = geodesics(points, parameters)
     assert found.rows.shape == (2, 200)
@@ -203,7 +182,7 @@ def test_bins_are_random_disjoint_and_measured_alone(tmp_path):
 
 
 def test_what_has_no_geodesics_is_named(tmp_path):
-    _, points = spread("biotac", 50)
+    points = spread("biotac", 50)
     with pytest.raises(InputError, match="no 18 neighbours"):
         geodesics(points[:18], committed(GeodesicParameters, "geodesics"))
     points[3, 1] = np.nan

@@ -6,21 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from committed import committed, committed_entry
+from committed import committed
 from tactile_toy import toy_dataset, toy_geodesics
 
 from structlearn.core import metrics
 from structlearn.core.artefacts import write_tensors
 from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import seeded
+from structlearn.tactile import latent_training
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_comparison import (
     ChainData,
     decoded_errors,
     direction_errors,
-    latent_errors,
     learn,
-    seen_in,
 )
 from structlearn.tactile.latent_models import LatentModels, read_models, write_models
 from structlearn.tactile.latent_parameters import (
@@ -31,17 +30,6 @@ from structlearn.tactile.latent_parameters import (
     LatentParameters,
     LatentTrainingParameters,
     NetworkParameters,
-)
-from structlearn.tactile.latent_training import (
-    CHAIN_STEPS,
-    autoencoder_losses,
-    best_start,
-    direction_loss,
-    draw_pairs,
-    dynamics_loss,
-    learn_spaces,
-    own_units,
-    training_data,
 )
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST, TRAIN, chains, touch_units
@@ -69,10 +57,10 @@ def touch():
 @pytest.fixture(scope="module")
 def lesson(touch):
     dataset, geodesics = touch
-    taught = chains(dataset, CHAIN_STEPS, split=TRAIN)
+    taught = chains(dataset, latent_training.CHAIN_STEPS, split=TRAIN)
     units = touch_units(dataset, taught, 0.01)
-    pairs = draw_pairs(dataset, geodesics, TRAIN, 5000, np.random.default_rng(0))
-    return training_data(dataset, pairs, taught, units)
+    pairs = latent_training.draw_pairs(dataset, geodesics, TRAIN, 5000, np.random.default_rng(0))
+    return latent_training.training_data(dataset, pairs, taught, units)
 
 
 @pytest.fixture(scope="module")
@@ -83,21 +71,6 @@ def comparison(touch):
 def models(seeds=(0, 1), seed=0):
     parameters = committed(NetworkParameters, "train_latent.networks")
     return LatentModels.initial(seeds, 19, parameters, seeded(seed))
-
-
-def test_units_make_training_samples_alike(touch):
-    dataset, _ = touch
-    taught = chains(dataset, CHAIN_STEPS, split=TRAIN)
-    units = touch_units(dataset, taught, 0.01)
-    signals = units.signals(dataset.signals[dataset.split == TRAIN])
-    np.testing.assert_allclose(signals.std(axis=0), 1.0, atol=1e-4)
-    actions = taught.actions / units.action_scale
-    assert np.square(actions[..., :3]).mean() == pytest.approx(1.0, rel=1e-4)
-    assert np.square(actions[..., 3:]).mean() == pytest.approx(1.0, rel=1e-4)
-    changed = dataclasses.replace(
-        dataset, signals=np.where((dataset.split == TEST)[:, None], 1e6, dataset.signals)
-    )
-    np.testing.assert_array_equal(touch_units(changed, taught, 0.01).signal_scale, units.signal_scale)
 
 
 @pytest.mark.parametrize(
@@ -117,7 +90,7 @@ def test_contacts_that_are_too_short_for_chains_are_refused(touch, part, message
 
 def test_pairs_share_bin_and_split(touch):
     dataset, geodesics = touch
-    pairs = draw_pairs(dataset, geodesics, TEST, 402, np.random.default_rng(0))
+    pairs = latent_training.draw_pairs(dataset, geodesics, TEST, 402, np.random.default_rng(0))
     assert len(pairs.first) == 402
     assert (dataset.split[[pairs.first, pairs.second]] == TEST).all()
     for first, second, distance in zip(pairs.first, pairs.second, pairs.distance, strict=True):
@@ -137,14 +110,14 @@ def test_what_cannot_be_learned_or_controlled_is_named(touch, comparison):
     rows = np.flatnonzero(dataset.split == TRAIN)[:10][None]
     lacking = Geodesics(rows, geodesics.distance[:1, :10, :10])
     with pytest.raises(InputError, match="a bin has fewer than two samples of split 2"):
-        draw_pairs(dataset, lacking, TEST, 10, np.random.default_rng(0))
+        latent_training.draw_pairs(dataset, lacking, TEST, 10, np.random.default_rng(0))
 
 
 def test_the_dynamics_do_not_change_the_encoders(lesson):
     stack = models()
     drawn = torch.zeros(2, 8, dtype=torch.long)
     means = stack.autoencoders.encoder.means[0].clone()
-    loss = dynamics_loss(stack, lesson, drawn, QUICK)
+    loss = latent_training.dynamics_loss(stack, lesson, drawn, QUICK)
     spaces, dynamics = stack.autoencoders.parameters(), stack.dynamics_parameters()
     found = torch.autograd.grad(loss, [*spaces, *dynamics], allow_unused=True)
     assert all(gradient is None for gradient in found[: len(spaces)])
@@ -159,7 +132,9 @@ def test_without_structure_map_and_pressure_are_free(lesson):
 
     def gradient(**changes):
         weights = QUICK.weights.model_copy(update=changes)
-        loss = autoencoder_losses(stack, lesson, drawn, QUICK.model_copy(update={"weights": weights})).sum()
+        loss = latent_training.autoencoder_losses(
+            stack, lesson, drawn, QUICK.model_copy(update={"weights": weights})
+        ).sum()
         return torch.autograd.grad(loss, encoder)[0]
 
     with_it, without_it = gradient() - gradient(distances=0.0, pressure=0.0)
@@ -172,9 +147,9 @@ def test_direction_loss_is_that_of_the_text():
     found, action = rng.normal(size=(2, 2, 6, 7))
     scaled = found / np.linalg.norm(found, axis=1, keepdims=True)
     wanted = np.square(scaled * np.linalg.norm(action, axis=1, keepdims=True) - action).sum(axis=1)
-    loss = direction_loss(torch.tensor(found), torch.tensor(action))
+    loss = latent_training.direction_loss(torch.tensor(found), torch.tensor(action))
     assert loss.item() == pytest.approx(wanted.mean(axis=1).sum())
-    assert direction_loss(torch.tensor(3.0 * action), torch.tensor(action)).item() < 1e-9
+    assert latent_training.direction_loss(torch.tensor(3.0 * action), torch.tensor(action)).item() < 1e-9
 
 
 def test_structure_gives_a_map_of_the_skin(comparison):
@@ -213,12 +188,12 @@ def test_the_better_start_is_trained(lesson):
     """Per model, by its own loss; where the first draw is spoiled, the second is taken whole."""
     training = QUICK.model_copy(update={"steps": 5})
     alone, good = models((0, 1), seed=1), models((0, 1), seed=1)
-    best_start([alone], lesson, training, 5)
+    latent_training.best_start([alone], lesson, training, 5)
     spoiled = models((0, 1), seed=2)
     kept = {name: values.clone() for name, values in spoiled.to_arrays().items()}
     with torch.no_grad():
         spoiled.autoencoders.decoder.weights[-1][1] *= 1e3  # of the second seed's structured model
-    found = best_start([spoiled, good], lesson, training, 5)
+    found = latent_training.best_start([spoiled, good], lesson, training, 5)
     assert found is spoiled
     for name, values in found.to_arrays().items():
         if name.startswith(("encoder.", "decoder.")):
@@ -331,13 +306,6 @@ def test_directions_count_by_the_size_of_the_true_action(comparison, lesson):
     assert found.equals(expected)
 
 
-TRAINING = committed(LatentTrainingParameters, "train_latent.training", steps=400, batch_size=32)
-FEW = committed_entry(
-    "biotac",
-    spaces={"seeds": 2, "training": TRAINING.model_dump(), "pair_pool": 2000, "evaluation_pairs": 500},
-).spaces
-
-
 @pytest.fixture(scope="module")
 def touches():
     samples = toy_dataset(contacts=10, samples=150)
@@ -345,30 +313,12 @@ def touches():
     return samples, toy_geodesics(samples, bins=2, size=300)
 
 
-@pytest.fixture(scope="module")
-def learned(touches):
-    units = own_units(*touches)
-    return units, learn_spaces(*touches, units, FEW)
-
-
 def test_a_set_has_the_units_of_its_training_samples(touches):
     samples, geodesics = touches
-    units = own_units(samples, geodesics)
+    units = latent_training.own_units(samples, geodesics)
     rows = samples.split == TRAIN
     seen = units.signals(samples.signals[rows].astype(float))
     np.testing.assert_allclose(seen.mean(axis=0), 0.0, atol=1e-4)
     np.testing.assert_allclose(seen.std(axis=0), 1.0, atol=1e-4)
     distances = geodesics.distance.astype(float) / units.length
     assert np.mean(distances**2) == pytest.approx(1.0)
-
-
-def test_counts_of_another_scale_look_the_same(touches, learned):
-    samples, geodesics = touches
-    units, models = learned
-    weaker = (0.2 * samples.signals).astype(np.float32)
-    other = replace(samples, signals=weaker, pressure=0.2 * samples.pressure)
-    seen = {"own": seen_in(units, samples, geodesics, TRAIN, 500)}
-    seen["other"] = seen_in(own_units(other, geodesics), other, geodesics, TRAIN, 500)
-    errors = latent_errors(models, seen).set_index(["split", "structure", "seed"])
-    names = ["reconstruction", "distances", "pressure"]
-    np.testing.assert_allclose(errors.loc["own", names], errors.loc["other", names], rtol=1e-3)
