@@ -15,13 +15,7 @@ def test_an_edit_of_any_compiled_source_gives_another_folder(tmp_path):
     write(tmp_path, "rooms/callee.py", "import numba\nx = 2\n")
     assert compilation.sources_digest(tmp_path) != before
     write(tmp_path, "rooms/callee.py", "import numba\nx = 1\n")
-    assert compilation.sources_digest(tmp_path) == before
-
-
-def test_other_sources_do_not_count(tmp_path):
-    write(tmp_path, "caller.py", "import numba\n")
-    before = compilation.sources_digest(tmp_path)
-    write(tmp_path, "page.py", "text = 'anything'\n")
+    write(tmp_path, "page.py", "text = 'it compiles nothing'\n")
     assert compilation.sources_digest(tmp_path) == before
 
 

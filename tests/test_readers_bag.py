@@ -119,6 +119,7 @@ def test_the_library_decodes_every_number_and_stamp_that_was_written(tmp_path_fa
     for stream, read in zip(recording.streams, back, strict=True):
         mine = [row for row in rows if row.channel.topic == stream.topic]
         assert [row.message.log_time for row in mine] == stream.stamps.tolist()
+        assert [row.message.publish_time for row in mine] == stream.stamps.tolist()
         found = [list(NUMBERS[stream.kind](row.decoded_message)) for row in mine]
         np.testing.assert_array_equal(found, stream.values)
         np.testing.assert_array_equal(read.stamps, stream.stamps)

@@ -123,14 +123,11 @@ def test_messages_of_several_layouts_have_no_columns(first, second):
     assert columns(text, [message.ljust(size, b"\0") for message in raw]) is None
 
 
-@pytest.mark.parametrize("encapsulation", [b"\0\0\0\0", b"\0\3\0\0", b"\0\7\0\0"])
-def test_other_encodings_have_no_columns(encapsulation):
-    assert columns("float64 x\n", [encapsulation + bytes(8)]) is None
-
-
 @pytest.mark.parametrize(
     "text", ["", "wstring name\n", "Unknown x\n", "float64 x[3]\n", "float64 x\nfloat64 y\n", "int32[] a\n"]
 )
-def test_definitions_that_are_rare_or_do_not_fit_have_no_columns(text):
+def test_definitions_and_encodings_that_are_rare_or_do_not_fit_have_no_columns(text):
     assert columns(text, [b"\0\1\0\0" + b"\xff" * 8]) is None
     assert columns(text, [b"\0\1"]) is None
+    for encapsulation in (b"\0\0\0\0", b"\0\3\0\0", b"\0\7\0\0"):
+        assert columns("float64 x\n", [encapsulation + bytes(8)]) is None
