@@ -163,17 +163,14 @@ def test_imports_run_downwards():
                 assert same or floor(parts[1]) < floor(room), f"{path} imports {name}"
 
 
-def test_no_testbed_imports_another():
+def test_no_testbed_imports_another_and_computing_knows_nothing_of_pages_and_recordings():
     for path, names in modules().items():
+        assert not {"pickle", "torch.save"} & names, path
         if path.parts[0] == "testbeds" and len(path.parts) > 2:
             others = {name.split(".")[2] for name in names if name.startswith("structlearn.testbeds.")}
             assert others <= {path.parts[1]}, f"{path} imports another testbed"
-
-
-def test_computing_knows_nothing_of_pages_and_recordings():
-    for path, names in modules().items():
         if {"world", "protocol"} & set(path.parts):
-            shown = {"page", "recordings"}
+            shown = {"page", "recordings", "views"}
             assert not any(shown & set(name.split(".")[3:4]) for name in names if "testbeds" in name), path
 
 
@@ -183,11 +180,6 @@ def test_big_libraries_stay_in_their_rooms():
             if any(name.split(".")[0] == library for name in names):
                 room = {*path.parts, path.stem.rpartition("_")[2]}  # of tasks, by the end of the name
                 assert set(rooms) & room, f"{path} imports {library}"
-
-
-def test_nothing_is_pickled():
-    for path, names in modules().items():
-        assert not {"pickle", "torch.save"} & names, path
 
 
 def test_a_module_name_means_one_thing():
@@ -255,19 +247,15 @@ def test_what_is_quoted_of_recorded_data_is_what_its_report_says():
         assert (ROOT / QUOTED / name).read_bytes() == (ROOT / "reports/recorded" / source).read_bytes()
 
 
-@pytest.mark.parametrize("kind", STARTS)
-def test_a_stage_starts_without_what_it_does_not_need(kind):
+def test_stages_start_without_what_they_do_not_need():
     """Whoever needs a slow library in one function alone imports it there."""
-    allowed, scripts = STARTS[kind]
-    for script in scripts.split():
-        path = ROOT / "stages" / script
-        names = {name for file in loaded_at_start(path) for name in at_start(file)}
-        loaded = {library for library in SLOW for name in names if f"{name}.".startswith(f"{library}.")}
-        assert loaded <= set(allowed), f"{script} loads {loaded - set(allowed)}"
-
-
-def test_the_start_of_every_stage_is_looked_at():
-    looked_at = [f"stages/{script}" for _, scripts in STARTS.values() for script in scripts.split()]
+    looked_at = []
+    for allowed, listed in STARTS.values():
+        for script in listed.split():
+            looked_at.append(f"stages/{script}")
+            names = {name for file in loaded_at_start(ROOT / looked_at[-1]) for name in at_start(file)}
+            loaded = {library for library in SLOW for name in names if f"{name}.".startswith(f"{library}.")}
+            assert loaded <= set(allowed), f"{script} loads {loaded - set(allowed)}"
     assert sorted(looked_at) == sorted([*STAGES, "stages/list_code.py"])
 
 

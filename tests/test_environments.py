@@ -6,6 +6,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -114,24 +115,25 @@ def checkout(root, open_folder) -> Path:
         path.chmod(0o755 if path.is_dir() else 0o644)
 
 
-def test_a_path_with_spaces_and_other_letters(tmp_path, checkout, expected):
-    folder = make_project(tmp_path / "Daten vom 3. März & mehr")
-    run(folder, "stage.py", variables={"PYTHONPATH": str(checkout)})
+PLAIN = {"LC_ALL": "C", "LANG": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("Daten vom 3. März & mehr", {"variables": {"PYTHONPATH": "checkout"}}),
+        ("files that only their owner may read", {"umask": 0o077}),
+        ("a language without letters beyond ASCII", {"variables": PLAIN}),
+    ],
+)
+def test_other_places_and_settings(tmp_path, checkout, expected, name, options):
+    folder = make_project(tmp_path / name)
+    if "PYTHONPATH" in options.get("variables", {}):
+        options = {"variables": {"PYTHONPATH": str(checkout)}}
+    run(folder, "stage.py", **options)
     assert results(folder) == expected
-
-
-def test_files_that_only_their_owner_may_read(tmp_path, expected):
-    folder = make_project(tmp_path / "project")
-    run(folder, "stage.py", umask=0o077)
-    assert results(folder) == expected
-    assert all(path.stat().st_mode & 0o077 == 0 for path in (folder / "data").rglob("*"))
-
-
-def test_a_language_without_letters_beyond_ascii(tmp_path, expected):
-    folder = make_project(tmp_path / "project")
-    plain = {"LC_ALL": "C", "LANG": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    run(folder, "stage.py", variables=plain)
-    assert results(folder) == expected
+    if "umask" in options:
+        assert all(path.stat().st_mode & 0o077 == 0 for path in (folder / "data").rglob("*"))
 
 
 def test_an_ordinary_user_and_sources_that_may_not_be_written(open_folder, checkout, expected):
@@ -160,13 +162,10 @@ def _for_all(folder: Path) -> str:
     )
     other = {"user": ORDINARY, "group": ORDINARY, "extra_groups": []}
     for interpreter in (sys.executable, f"/usr/bin/{own}", f"/usr/local/bin/{own}"):
-        try:
-            command = [interpreter, "-c", libraries]
-            done = subprocess.run(command, cwd=folder, capture_output=True, check=False, **other)
-        except OSError:
-            continue
-        if done.returncode == 0:
-            return interpreter
+        command = [interpreter, "-c", libraries]
+        with suppress(OSError):
+            if not subprocess.run(command, cwd=folder, capture_output=True, check=False, **other).returncode:
+                return interpreter
     pytest.skip("no Python here that another user can run")
 
 

@@ -40,11 +40,20 @@ def read(tmp_path, text):
     return read_parameters(path, "segment", SegmentParameters)
 
 
-def test_values_are_read_and_frozen(tmp_path):
+def test_values_are_read_at_a_dotted_key_and_frozen(tmp_path):
     found = read(tmp_path, "other: {unknown: 1}\nsegment:\n  extension_s: 0.5\n  filter: {cutoff_hz: 2}\n")
     assert found == SegmentParameters(extension_s=0.5, filter=FilterParameters(cutoff_hz=2.0))
     with pytest.raises(ValidationError, match="frozen"):
         found.extension_s = 1.0
+    path = tmp_path / "params.yaml"
+    assert read_parameters(path, "segment.filter", FilterParameters).cutoff_hz == 2.0
+    for key in ("segment.filters", "other.filter", "segment.extension_s.filter"):
+        with pytest.raises(InputError, match=f"key '{key}' is missing"):
+            read_parameters(path, key, FilterParameters)
+    changed = f"segment: {{extension_s: 0.25}} # {'- ' * 20_000}\n"  # however long its lines
+    assert read(tmp_path, changed).extension_s == 0.25
+    with pytest.raises(InputError, match=r"nowhere\.yaml: no such parameter file"):
+        read_parameters(tmp_path / "nowhere.yaml", "segment", SegmentParameters)
 
 
 VALUE, YAML = "segment.extension_s: ", "not a YAML file: "
@@ -58,7 +67,6 @@ DEEP = "nested too deeply"
         ("segment: {extension_s: 1, filter: {order: 2}}", ".*segment.filter.order: unknown parameter$"),
         ("segment: {extension_s: -1}", VALUE + r"Input should be greater than 0 \(got -1\)$"),
         ("segment: {extension_s: .nan}", VALUE + r"Input should be a finite number \(got nan\)$"),
-        ("segment: {extension_s: -.inf}", VALUE + r"Input should be a finite number \(got -inf\)$"),
         ("segment: {extension_s: long}", VALUE + r".*valid number.* \(got 'long'\)"),
         ("segment: {extension_s: yes}", VALUE + r".*true or false.* \(got True\)"),
         (BOMB, VALUE + r".*valid number.* \(got \[{6}.{,600}$"),
@@ -70,16 +78,13 @@ DEEP = "nested too deeply"
         *((text, "key 'segment' is missing$") for text in ("other: {}", "", "- a list")),
         ("segment: {extension_s: 2026-13-45}", YAML + "month must be in 1..12"),
         (f"segment: {{extension_s: 1, count: {'9' * 6000}}}", YAML + "Exceeds the limit"),
-        (f"segment: {{extension_s: 1, count: 0x{'f' * 5000}}}", YAML + "Exceeds the limit"),
         ("segment: {extension_s: !!bool x}", YAML),
-        ("segment: {extension_s: !!timestamp x}", YAML),
         ("segment: !!python/object/apply:os.getcwd []", YAML),
         ("segment: " + "[" * 200_000 + "]" * 200_000, YAML + DEEP),
         ("segment: {a: " + "[\n" * 200_000 + "]" * 200_000, YAML + DEEP),
         ("- " * 200_000, YAML + DEEP),
         ("a:\r" + "- " * 200_000, YAML + DEEP),
         ("segment: {extension_s: 1\nother: [", YAML + ".*line 2"),
-        ("segment: {extension_s: 1}\n  bad: indent", YAML),
         (b"PAR1\x80\x81\xff", YAML),
         ("segment: {}\nsegment: {}\n", r"key 'segment' stands twice \(line 2\)$"),
         ("segment: {filter: {cutoff_hz: 1, cutoff_hz: 2}}", r"key 'cutoff_hz' stands twice \(line 1\)$"),
@@ -91,25 +96,6 @@ def test_a_fault_is_named_with_its_file_and_dotted_key(tmp_path, text, expected)
     with pytest.raises(InputError) as error:
         read_parameters(path, "segment", SegmentParameters)
     assert re.match(f"{re.escape(str(path))}: {expected}", str(error.value), re.DOTALL)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere\.yaml: no such parameter file"):
-        read_parameters(tmp_path / "nowhere.yaml", "segment", SegmentParameters)
-
-
-def test_a_changed_file_is_read_anew_however_long_its_lines(tmp_path):
-    assert read(tmp_path, "segment: {extension_s: 1}\n").extension_s == 1.0
-    assert read(tmp_path, f"segment: {{extension_s: 0.25}} # {'- ' * 20_000}\n").extension_s == 0.25
-
-
-def test_a_dotted_key_is_one_further_down(tmp_path):
-    path = tmp_path / "params.yaml"
-    path.write_text("segment: {extension_s: 1, filter: {cutoff_hz: 2}}\nother: 3\n")
-    assert read_parameters(path, "segment.filter", FilterParameters).cutoff_hz == 2.0
-    for key in ("segment.filters", "other.filter", "segment.extension_s.filter"):
-        with pytest.raises(InputError, match=f"key '{key}' is missing"):
-            read_parameters(path, key, FilterParameters)
 
 
 FILES = ("params.yaml", "stages/tasks/params.yaml")
@@ -271,12 +257,6 @@ def test_trying_a_parameter_as_the_documentation_says_leaves_the_file_as_it_is(r
 
 
 def test_nobody_is_told_to_let_dvc_write_the_parameters_anew(root):
-    told = [
-        root / "README.md",
-        root / "params.yaml",
-        *(root / "docs").glob("*.md"),
-        *(root / "src").rglob("*.jinja"),
-    ]
-    for path in told:
-        text = path.read_text()
-        assert not re.search(r"dvc exp run(?! --temp)", text), path
+    found = [*(root / "docs").glob("*.md"), *(root / "src").rglob("*.jinja")]
+    for path in (root / "README.md", root / "params.yaml", *found):
+        assert not re.search(r"dvc exp run(?! --temp)", path.read_text()), path

@@ -179,12 +179,12 @@ def dense(stamps, values):
             for size in (0.2, 100.0, 1e308)
         ),
         (turned, "row 60 .*: orientation jumps at 314 rad/s"),
-        (dense, r"poses come at 11111 Hz, more than 10000 Hz"),
+        (dense, r"poses come at 1.11e\+04 Hz, more than 10000 Hz"),
     ],
 )
 def test_stamps_far_off_and_poses_that_jump_are_named_at_once(change, words):
     with pytest.raises(InputError, match=f"line: /tool: {words}"):
-        synchronise(line_stream(change), rate_hz=300.0)
+        synchronise(line_stream(change))
 
 
 def bursts(stamps, values):
