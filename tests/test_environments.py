@@ -167,26 +167,3 @@ def _for_all(folder: Path) -> str:
             if not subprocess.run(command, cwd=folder, capture_output=True, check=False, **other).returncode:
                 return interpreter
     pytest.skip("no Python here that another user can run")
-
-
-@pytest.mark.parametrize("version", ["3.11", "3.12", "3.13"])
-def test_sources_are_those_of_every_python_that_is_promised(root, version):
-    """What is installed besides reads them; whether its libraries are there is another matter."""
-    interpreter = _installed(version)
-    if interpreter is None:
-        pytest.skip(f"no Python {version} here")
-    read_all = (
-        "import pathlib\n"
-        "for path in pathlib.Path('.').rglob('*.py'):\n"
-        "    compile(path.read_bytes(), str(path), 'exec')\n"
-    )
-    run(root / "src", "-I", "-W", "error", "-c", read_all, interpreter=interpreter)
-
-
-def _installed(version: str) -> str | None:
-    """Of the path, or of pyenv, whose own commands only run the chosen version."""
-    found = [shutil.which(f"python{version}"), *Path.home().glob(f".pyenv/versions/{version}.*/bin/python")]
-    for interpreter in map(str, filter(None, found)):
-        if subprocess.run([interpreter, "-c", ""], capture_output=True, check=False).returncode == 0:
-            return interpreter
-    return None

@@ -120,7 +120,7 @@ def test_only_what_ends_its_process_is_lost(deadly):
     found = parallel_map(partial(square, deadly=deadly), range(12), "squares", lost=missing)
     assert found == expected(12, deadly)
     with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items number 1 has no result"):
-        parallel_map(partial(square, deadly=deadly), deadly, "squares")
+        parallel_map(partial(square, deadly=deadly), [max(deadly)], "squares")
     assert parallel_map(square, range(3), "squares") == expected(3)  # the next work has new processes
 
 

@@ -14,7 +14,7 @@ import yaml
 from pydantic import Field, ValidationError
 
 from structlearn.core.errors import InputError
-from structlearn.core.params import Parameters, read_parameters
+from structlearn.core.params import Parameters, Population, read_parameters
 from structlearn.tasks.motion.excite import ExciteParameters
 
 
@@ -260,3 +260,19 @@ def test_nobody_is_told_to_let_dvc_write_the_parameters_anew(root):
     found = [*(root / "docs").glob("*.md"), *(root / "src").rglob("*.jinja")]
     for path in (root / "README.md", root / "params.yaml", *found):
         assert not re.search(r"dvc exp run(?! --temp)", path.read_text()), path
+
+
+@pytest.mark.parametrize(
+    ("seeds", "words"),
+    [
+        ({"tuning": [1, 2], "test": [2, 3]}, r"seeds \[2\] are in `tuning` and in `test`"),
+        ({"tuning": [1], "test": [2, 2]}, "stands twice"),
+        ({"tuning": [], "test": [2]}, "at least 1 item"),
+    ],
+)
+def test_tuning_and_test_seeds_are_apart(seeds, words, models):
+    assert Population(tuning=[1, 2], test=[11, 12]).shown == 1
+    with pytest.raises(ValidationError, match=words):
+        Population(**seeds)
+    keys = {key for key, its in models.items() if any(issubclass(one, Population) for one in its)}
+    assert keys == {"scraping_people", "obstacle_people", "dynamics_robots", "servo_people"}
