@@ -44,44 +44,19 @@ SLOW = (
 """Libraries that take up to one and a half seconds to load, and which few stages need."""
 
 STARTS = {
-    "tables": (
-        (),
-        "report.py list_code.py dynamics/import_logs.py scraping/import_nominal.py "
-        "scraping/import_corrections.py servoing/import_touch.py scraping/segment.py "
-        "scraping/sweep.py scraping/fit_primitives.py "
-        "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
-        "obstacles/dataset.py obstacles/evaluate.py "
-        "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
-        "tasks/calibrate.py tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
-        "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py",
-    ),
-    "robot": (
-        ("pinocchio",),
-        "scraping/record_nominal.py scraping/expected_traces.py scraping/record_corrections.py "
-        "scraping/evaluate_feedback.py scraping/refine.py scraping/evaluate_refinement.py "
-        "scraping/compare_search.py scraping/time_controller.py dynamics/record_motion.py tasks/check.py",
-    ),
-    "engines": (("pinocchio", "pybullet"), "engines.py"),
-    "training": (
-        ("torch",),
-        "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
-        "servoing/servo.py servoing/other_skins.py",
-    ),
-    "dynamics": (("torch", "pinocchio"), "dynamics/train.py dynamics/online.py dynamics/track.py"),
-    "recordings": (
-        ("rerun",),
-        "scraping/view.py obstacles/view.py servoing/view.py tasks/view.py",
-    ),
-    "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
-    "pages": (("matplotlib",), "tasks/report.py tasks/recorded_report.py tasks/calibration_report.py"),
-    "pages with stills": (
-        ("matplotlib", "pybullet"),
-        "obstacles/report.py servoing/report.py scraping/loop.py",
-    ),
-    "pages with a robot": (("matplotlib", "pybullet", "pinocchio"), "scraping/report.py"),
-    "pages of dynamics": (("matplotlib", "pybullet", "pinocchio", "torch"), "dynamics/report.py"),
-}
-"""By kind of stage: slow libraries that its start may load, and the scripts."""
+    "pinocchio": "scraping/record_nominal scraping/expected_traces scraping/record_corrections "
+    "scraping/evaluate_feedback scraping/refine scraping/evaluate_refinement scraping/compare_search "
+    "scraping/time_controller dynamics/record_motion tasks/check engines dynamics/train "
+    "dynamics/online dynamics/track dynamics/view scraping/report dynamics/report",
+    "pybullet": "engines obstacles/report servoing/report scraping/loop scraping/report dynamics/report",
+    "torch": "scraping/train_feedback scraping/compare_models obstacles/train servoing/train_latent "
+    "servoing/servo servoing/other_skins dynamics/train dynamics/online dynamics/track dynamics/view "
+    "dynamics/report",
+    "rerun": "scraping/view obstacles/view servoing/view tasks/view dynamics/view",
+    "matplotlib": "tasks/report tasks/recorded_report tasks/calibration_report obstacles/report "
+    "servoing/report scraping/loop scraping/report dynamics/report",
+}  # fmt: skip
+"""By slow library: the scripts that may load it when they start."""
 
 COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "findings.csv": "findings.csv"}
 """What `make recorded` puts aside of the report on recorded data."""
@@ -249,14 +224,12 @@ def test_what_is_quoted_of_recorded_data_is_what_its_report_says():
 
 def test_stages_start_without_what_they_do_not_need():
     """Whoever needs a slow library in one function alone imports it there."""
-    looked_at = []
-    for allowed, listed in STARTS.values():
-        for script in listed.split():
-            looked_at.append(f"stages/{script}")
-            names = {name for file in loaded_at_start(ROOT / looked_at[-1]) for name in at_start(file)}
-            loaded = {library for library in SLOW for name in names if f"{name}.".startswith(f"{library}.")}
-            assert loaded <= set(allowed), f"{script} loads {loaded - set(allowed)}"
-    assert sorted(looked_at) == sorted([*STAGES, "stages/list_code.py"])
+    for script in (*STAGES, "stages/list_code.py"):
+        names = {name for file in loaded_at_start(ROOT / script) for name in at_start(file)}
+        loaded = {library for library in SLOW for name in names if f"{name}.".startswith(f"{library}.")}
+        place = script.removeprefix("stages/").removesuffix(".py")
+        allowed = {library for library, its in STARTS.items() if place in its.split()}
+        assert loaded <= allowed, f"{script} loads {loaded - allowed}"
 
 
 def test_no_stage_hands_a_function_of_its_own_to_other_processes():

@@ -38,22 +38,6 @@ def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text().split()) <= 1000
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("the phase (eq. IV.4, IV.5)", [("eq", "IV.4"), ("eq", "IV.5")]),
-        ("table IV.5 and figure IV.16", [("table", "IV.5"), ("figure", "IV.16")]),
-        ("figures IV.19 and IV.20", [("figure", "IV.19"), ("figure", "IV.20")]),
-        ("by section IV.9.1.3 (IV.12)", [("section", "IV.9.1.3"), ("eq", "IV.12")]),
-        ("in IV.5", [("section", "IV.5")]),
-        ("(eq. IV.27-IV.29)", [("eq", "IV.27"), ("eq", "IV.28"), ("eq", "IV.29")]),
-        ("version IX.1 of IV", []),
-    ],
-)
-def test_what_a_text_cites(hooks, text, expected):
-    assert list(hooks.cited(text)) == expected
-
-
 def test_the_index_finds_what_is_numbered(hooks):
     found = {(one.kind, one.number) for one in hooks.citations()}
     wanted = {

@@ -88,11 +88,8 @@ def test_processes_give_what_a_loop_gives(count):
 def test_processes_stay_for_the_next_work(count):
     first, second = (parallel_map(process_of, range(20), "processes") for _ in range(2))
     assert len(set(first + second)) <= count
-
-
-def test_work_that_is_shared_within_a_process_is_not_shared_again(count):
     for process, inner in parallel_map(processes_within, range(2), "processes"):
-        assert set(inner) == {process}
+        assert set(inner) == {process}  # what is shared within a process is not shared again
 
 
 def test_torch_works_after_this_process_has_used_its_threads(count):
