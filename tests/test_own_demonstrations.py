@@ -53,9 +53,11 @@ CORRECTED = {
 }
 
 
-def write_reach(path: Path, duration: float, rest: float) -> None:
-    time = np.arange(0.0, duration + 2 * rest, 1 / 250)
-    way = minimum_jerk((time - rest) / duration)
+def write_reach(path: Path, duration: float, rest: float, repeats: int = 0) -> None:
+    """A reach, or a session of several, there and back again."""
+    moves = range(max(2 * repeats, 1))
+    time = np.arange(0.0, len(moves) * (duration + rest) + rest, 1 / 250)
+    way = sum((-1) ** k * minimum_jerk((time - rest) / duration - k * (1 + rest / duration)) for k in moves)
     position = way[:, None] * [0.3, 0.2, 0.0] + (way * (1 - way))[:, None] * [0.0, 0.0, 0.2]
     identity = np.tile([1.0, 0.0, 0.0, 0.0], (len(time), 1))
     stamps = (10**9 + np.round(1e9 * time).astype(np.int64)).tolist()
@@ -96,6 +98,18 @@ def test_a_task_goes_through_to_its_page(root, folder):
     assert (skill.workspace.high - skill.workspace.low > [0.39, 0.29, 0.1]).all()  # with 5 cm around
     bags = read_provenance("data/tasks/reach/skill/skill.safetensors")["bags"]["demonstrations"]
     assert list(bags) == [f"bags/take_{number}.mcap" for number in (1, 2, 3)]
+
+
+def test_repeats_in_a_recording_become_demonstrations_of_their_own(root, folder):
+    for number, repeats in enumerate((3, 1, 2), start=1):
+        write_reach(Path(f"bags/take_{number}.mcap"), 1.0 + 0.1 * number, 0.6, repeats)
+    own_tasks(folder, QUICK, reach=REACH | {"repeats": "auto", "segment": {"primitives": ["reach", "back"]}})
+    run_stages(root, "reach", *STAGES, "report")
+    values = values_by_key(read_findings(Path("reports/tasks/reach/findings.csv")))
+    assert (values["cuts_demonstrations"], values["cuts_doubtful"]) == (6, 0)
+    page = Path("reports/tasks/reach/index.html").read_text()
+    assert "6 repeats of the task were found in 3 recordings" in page
+    assert "take_1-03" in page
 
 
 def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
@@ -145,6 +159,8 @@ def test_parts_that_an_entry_does_not_name_are_null(root, folder):
         (REACH | {"segmant": {}}, "movement.task.segmant: unknown parameter"),
         (REACH | {"topics": {}}, "movement.task.topics.pose"),
         (REACH | {"clock": {"rate_hz": -1}}, "movement.task.clock.rate_hz"),
+        (REACH | {"repeats": 0}, "movement.task.repeats"),
+        (REACH | {"given": "reach", "repeats": 3}, "repeats are looked for only where recordings are cut"),
         (REACH | {"feedback": CORRECTED | {"primitives": ["raech"]}}, "no primitive 'raech' among reach"),
         (REACH | {"feedback": CORRECTED}, "movement.task: feedback.sensors: tactile is felt by no topic"),
     ],

@@ -298,7 +298,7 @@ def test_columns_of_logs_of_arms(tmp_path):
     assert [one.name for one in kuka_lwr4.read_motion(tmp_path / "kuka", None, left_out)] == [
         "measurements_10"
     ]
-    assert "positions is not a file in the archive" in left_out.popitem()[1]
+    assert "has no array positions" in left_out.popitem()[1]
 
 
 def test_readings_of_a_skin_take_the_state_of_the_nearest_time(tmp_path):

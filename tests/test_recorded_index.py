@@ -36,6 +36,7 @@ def project(root, tmp_path_factory) -> Path:
         own_tasks(folder, QUICK)
         Path("stages/tasks/public.yaml").write_text(yaml.safe_dump(SETS, sort_keys=False))
         quoted = {"says": "Of {{ cuts_demonstrations }} all.", "figure": ["space-1.svg"]}
+        quoted["opening"] = {"fit-1.svg": "A fit."}
         Path("stages/tasks/recorded.yaml").write_text(yaml.safe_dump({"moves": quoted}))
         Path("stages/tasks/claims").mkdir()
         for name, claims in {
@@ -68,7 +69,7 @@ def test_the_index_says_what_the_pages_of_the_sets_say(inside):
     page = Path("reports/recorded/index.html").read_text()
     for link in re.findall(r'(?:src|href)="(\.\./tasks/[^"#]*)"', page):
         assert (Path("reports/recorded") / link).exists()
-    assert 'src="../tasks/moves/figures/' in page
+    assert page.index("figures/fit-1.svg") < page.index('id="verdicts"') < page.index("figures/space-1.svg")
     assert "Of 3 all." in page
     assert page.count("Not recorded here.") == 1
     assert "Of 1 statements that were also tested in simulation, 1 have the same verdict" in page

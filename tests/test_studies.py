@@ -110,6 +110,7 @@ def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monk
     commit = source_commit(["src"], tmp_path)
     assert len(commit) >= 7
     (tmp_path / "notes.txt").write_text("no source")
+    (tmp_path / "src/dvc.lock").write_text("what the stages wrote")
     assert source_commit(["src"], tmp_path) == commit
     (tmp_path / "src/two.py").write_text("x = 2")
     assert source_commit(["src"], tmp_path) == f"{commit}+changes"

@@ -2,6 +2,7 @@ import json
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 from structlearn.core.parallel import BACKEND
 from structlearn.core.stage import RUN_BY_DVC, TIMES, StageTime, main, read_times, record
@@ -40,6 +41,13 @@ def test_a_stage_of_dvc_leaves_its_time_with_that_of_its_workers(tmp_path):
     assert found[0] == "stage.py 2 1.5"
     assert found[1].cpu_s >= 2.0
     assert found[1].wall_s >= 1.0
+
+
+def test_stages_that_end_at_once_lose_no_time(tmp_path):
+    commands = [f"stages/{number}.py" for number in range(20)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda command: record(command, StageTime(1.0, 1.0), tmp_path / TIMES), commands))
+    assert set(read_times(tmp_path / TIMES)) == set(commands)
 
 
 def test_a_stage_run_by_hand_or_that_fails_leaves_none(tmp_path):

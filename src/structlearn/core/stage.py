@@ -6,6 +6,7 @@ machine to machine: they are in no artefact, no stage depends on them, and git d
 """
 
 import atexit
+import fcntl
 import json
 import os
 import re
@@ -123,12 +124,24 @@ def timed(main: Callable[[], None]) -> None:
 
 def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
     """Enter the time of a stage, rounded to 0.1 s; one that cannot be written is told and fails nothing."""
-    times = {**read_times(path), command: StageTime(*(round(value, 1) for value in taken))}
     try:
-        with publish(path) as target:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with _one_at_a_time(path.parent), publish(path) as target:
+            times = {**read_times(path), command: StageTime(*(round(value, 1) for value in taken))}
             target.write_text(json.dumps({name: times[name] for name in sorted(times)}, indent=1) + "\n")
     except (OSError, InputError) as error:
         print(f"{path}: the time of {command} is not written: {error}", file=sys.stderr)
+
+
+@contextmanager
+def _one_at_a_time(folder: Path) -> Iterator[None]:
+    """Wait for other stages that end now: each adds its time to what the others wrote."""
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(lock)
 
 
 def read_times(path: Path = TIMES) -> dict[str, StageTime]:

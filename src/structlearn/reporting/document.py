@@ -227,7 +227,7 @@ def date_of(paths: Iterable[Path]) -> str:
 
 
 def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(".")) -> str:
-    """`b9b799a`, or `b9b799a+changes` where folders are not as committed.
+    """`b9b799a`, or `b9b799a+changes` where folders are not as committed; DVC's locks do not count.
 
     `UNKNOWN_COMMIT` where the project was unpacked from an archive, or git is missing.
     """
@@ -245,7 +245,8 @@ def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(
     commit = git("rev-parse", "--short", "HEAD")
     if not commit or git("rev-parse", "--show-prefix") != "":  # of another project around this one
         return UNKNOWN_COMMIT
-    return f"{commit}+changes" if git("status", "--porcelain", "--", *folders) else commit
+    changed = git("status", "--porcelain", "--", *folders, ":(exclude)*.lock")
+    return f"{commit}+changes" if changed else commit
 
 
 def anchor(heading: str) -> str:

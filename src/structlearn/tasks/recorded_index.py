@@ -49,12 +49,13 @@ def publish_index() -> None:
 
 
 def said_of(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
-    """`title`, `says`: a sentence, `figure`: files, `absent`: that nothing is recorded, and `left_out`."""
+    """`title`, `says`: a sentence, `figure`: files, `opening`: captions by file, `absent`, and `left_out`."""
     says = environment(PACKAGE).from_string("" if files.absent else quoted.get("says", ""))
     return {
         "title": value_at(files.parameters, "entry.title") or files.name,
         "says": says.render(values_by_key(read_findings(files.report / "findings.csv"))),
         "figure": () if files.absent else quoted.get("figure", ()),
+        "opening": {} if files.absent else quoted.get("opening", {}),
         "absent": bool(files.absent),
         "left_out": files.left_out().to_dict("records"),
     }

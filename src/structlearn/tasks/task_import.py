@@ -31,6 +31,7 @@ from structlearn.readers.joint_log import JointLog, read_joint_logs, write_log_t
 from structlearn.readers.runs import write_runs, write_streams
 from structlearn.readers.source import ClockParameters, SourceParameters, setting_folders
 from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
+from structlearn.segmentation.repeats import split
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
 from structlearn.tasks.obstacles.coupling_samples import RecordedSamples
@@ -110,7 +111,7 @@ def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
 
 
 def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
-    """`demonstrations`, `executions`, `corrections/SETTING`, `corrected` (runs) and `came_in`."""
+    """`demonstrations`, `executions`, `corrections/SETTING`, `corrected` (runs), `came_in`, `repeats`."""
     recordings = {"demonstrations": read_source(task, task.source, left_out)}
     if task.feedback is not None:
         recordings["executions"] = read_source(task, task.feedback.executions, left_out)
@@ -125,7 +126,12 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
         except MissingInputError as missing:  # of a public set, whose other movements go on
             print(missing)
     for name, its in recordings.items():
-        write_runs(_on_clock(task, its, task.clock, left_out), folder / f"{name}.parquet")
+        runs = _on_clock(task, its, task.clock, left_out)
+        if name == "demonstrations" and task.repeats != 1 and task.segment is not None:
+            count = None if task.repeats == "auto" else task.repeats
+            runs, repeats = split(runs, task.segment, count)
+            write_table(repeats, folder / "repeats.parquet")
+        write_runs(runs, folder / f"{name}.parquet")
     write_table(came_in(recordings), folder / "came_in.parquet")
 
 

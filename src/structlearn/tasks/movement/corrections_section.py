@@ -85,7 +85,8 @@ def feedback_section(files: TaskFiles) -> Section | None:
 def response_table(scores: pd.DataFrame) -> Table:
     """Scores with displacements in mm and degrees."""
     factors, units = zip(*scores["axis"].map(in_view), strict=True)
-    frame = scores.assign(**{name: scores[name] * factors for name in ("asked", "got", "off")}, unit=units)
+    frame = scores.assign(unit=units)
+    frame[["asked", "got", "off"]] = frame[["asked", "got", "off"]].mul(list(factors), axis=0)
     headings = {"left_out": "left out", "nmse": "NMSE", "learned": "of what is learned from"}
     headings |= {"off": "rms difference", "unit": ""}
     return Table(frame, dict.fromkeys(("nmse", "asked", "got", "off"), ".2f"), headings)

@@ -47,6 +47,10 @@ def came_in_section(files: TaskFiles) -> Section:
         signals=("signals", "first"),
     )
     every = table.rename(columns={"recording": "file", "pose_hz": "poses_hz"})
+    tables = {"sets": shown(sets.reset_index()), "recordings": shown(every)}
+    repeats = files.table("recorded/repeats") if (files.recorded / "repeats.parquet").exists() else None
+    if repeats is not None:
+        tables["repeats"] = shown(repeats.rename(columns={"recording": "file"}), start_s=".2f", end_s=".2f")
     return Section(
         "came_in",
         "What came in",
@@ -54,8 +58,10 @@ def came_in_section(files: TaskFiles) -> Section:
         facts={
             "clock_hz": clock.rate_hz if clock else None,
             "stamps": sorted({note for note in table["stamps"] if note}),
+            "repeats": 0 if repeats is None else len(repeats),
+            "repeated": 0 if repeats is None else repeats["recording"].nunique(),
         },
-        tables={"sets": shown(sets.reset_index()), "recordings": shown(every)},
+        tables=tables,
     )
 
 
