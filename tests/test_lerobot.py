@@ -64,13 +64,8 @@ def test_poses_joints_and_wrenches_come_back(written, runs):
 
 def test_a_pose_is_computed_from_the_joints_of_a_state(written):
     urdf = str(urdf_path(URDF))
-    given, computed = (
-        read_movement(written[0], entry(pose), {})[0].streams[0].values
-        for pose in (
-            "observation.pose",
-            JointPose(urdf=urdf, tip=TIP, topic="observation.state"),
-        )
-    )
+    sources = "observation.pose", JointPose(urdf=urdf, tip=TIP, topic="observation.state")
+    given, computed = (read_movement(written[0], entry(one), {})[0].streams[0].values for one in sources)
     assert np.abs(computed[:, :3] - given[:, :3]).max() < 3e-3  # the recorded pose has noise of its own
 
 

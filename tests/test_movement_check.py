@@ -157,11 +157,8 @@ def test_an_arm_whose_shapes_are_lost_is_checked_but_for_collisions(tmp_path):
     assert found.notes[0].startswith("self-collision was not tested: ")
     assert "lost" in found.notes[0]
     assert found.verdict == "doubtful"
-    assert set(found.margins.loc[found.margins["verdict"] != "yes", "quantity"]) <= {
-        "self-collision",
-        *check_results.SLOWED,
-        "joint range",
-    }
+    doubtful = set(found.margins.loc[found.margins["verdict"] != "yes", "quantity"])
+    assert doubtful <= {"self-collision", *check_results.SLOWED, "joint range"}
 
 
 def test_what_was_found_is_read_as_it_was_written(check, tmp_path):
@@ -206,22 +203,17 @@ def test_the_command_says_whether_something_fails(check, tmp_path, monkeypatch, 
 
 
 def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
-    section = check_section.check_section(
-        files_of(check, tmp_path, monkeypatch, PANDA.model_dump(mode="json"))
-    )
+    files = files_of(check, tmp_path, monkeypatch, PANDA.model_dump(mode="json"))
+    section = check_section.check_section(files)
     assert all(name.startswith("check_") for name in section.find)
     table = section.tables["check"].frame
     assert list(table.columns) == ["quantity", "verdict", "nominal", "starts", "goals", "corrections"]
     assert len(table) == 9
     assert len(section.tables["check_runs"].frame) == check.metrics()["check_runs"]
-    page = Document(
-        section.template,
-        "structlearn.tasks.movement",
-        facts={"check": section.facts},
-        tables=section.tables,
-        sources={"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")},
-    )
+    sources = {"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")}
+    its = {"facts": {"check": section.facts}, "tables": section.tables, "sources": sources}
+    page = Document(section.template, "structlearn.tasks.movement", **its)
     panel = [Panel("figures/check_margins.svg", 700, 300)]
-    text = render(page, {name: panel for name in section.pictures})
+    text = render(page, dict.fromkeys(section.pictures, panel))
     assert "panda_grasptarget" in text
     assert "panda_joint7 0.80" in text

@@ -1,7 +1,5 @@
 """Public logs of arms: their pages with made-up tables, and the protocol on the recorded arms, reduced."""
 
-import runpy
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -112,23 +110,6 @@ def test_other_logs_take_the_place_of_those_that_are_missing():
     logs = logs_of(**names, still=3.0, longer=9.0)
     logs[DRIVES.rest] = logs["still"]
     assert logs_that_are_there(logs, PARAMETERS) == PARAMETERS
-
-
-def test_a_public_set_of_which_too_little_is_there_says_so(root, tmp_path, monkeypatch):
-    """Of one log nothing is tested: the page says why, and the pipeline goes on."""
-    one, public = "ur-20_02_12-50sec_12harm.csv", tmp_path / "public/ur10e"
-    public.mkdir(parents=True)
-    for name in (one, "ur10e.urdf"):
-        (public / name).symlink_to(recorded_data("ur10e") / name)
-    (tmp_path / "stages").symlink_to(root / "stages")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("RECORDED_DATA", str(public.parent))
-    monkeypatch.setattr(sys, "argv", ["stage", "ur10e"])
-    for stage in ("import_task", "motion", "report", "view"):
-        runpy.run_path(f"stages/tasks/{stage}.py", run_name="__main__")
-    text = (tmp_path / "reports/tasks/ur10e/index.html").read_text()
-    assert "of 1 logs 1 are motions of all joints without a load" in text
-    assert "not tested" in text
 
 
 def identified(name: str, logs: list, folder, **changes) -> SimpleNamespace:

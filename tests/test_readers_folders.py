@@ -33,16 +33,13 @@ def test_numbers_as_names_are_padded_and_come_in_their_order(tmp_path):
     assert [d.name for d in read_demonstrations(tmp_path)] == ["01", "02", "10", "prim1"]
 
 
-def test_one_file_is_a_set_of_one(tmp_path):
-    bag(tmp_path / "reach.mcap")
-    (demonstration,) = read_demonstrations(str(tmp_path / "reach.mcap"), TOOL, rate_hz=200)
-    assert demonstration.name == "reach"
-    assert demonstration.dt == pytest.approx(0.005)
-
-
-def test_a_ros_2_bag_and_a_folder_of_them(tmp_path):
+def test_a_file_a_ros_2_bag_and_a_folder_of_them(tmp_path):
     for name in ("take_2", "take_10"):
         ros2_bag(tmp_path / name)
+    bag(tmp_path / "reach.mcap")
+    (demonstration,) = read_demonstrations(str(tmp_path / "reach.mcap"), TOOL, rate_hz=200)
+    assert (demonstration.name, demonstration.dt) == ("reach", pytest.approx(0.005))
+    (tmp_path / "reach.mcap").unlink()
     (demonstration,) = read_demonstrations(tmp_path / "take_2", TOOL)
     assert demonstration.name == "take_2_0"
     assert [d.name for d in read_demonstrations(tmp_path, TOOL)] == ["take_2_0", "take_10_0"]

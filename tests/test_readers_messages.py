@@ -211,7 +211,6 @@ UNKNOWN = "topic '/words' has messages of type std_msgs/msg/String; "
         (counts(0, 0, 0), "finger': messages have no values"),
         (words(pose="/words"), UNKNOWN + "pose .*geometry_msgs/PoseStamped.*nav_msgs/Odometry"),
         (words(tactile=("/words",)), UNKNOWN + "tactile .*std_msgs/Float32MultiArray"),
-        (words(tool_to_board="/words"), UNKNOWN + "tool_to_board .*geometry_msgs/TransformStamped"),
     ],
 )
 def test_messages_that_cannot_be_read_are_named_with_topic_and_row(tmp_path, content, complaint):

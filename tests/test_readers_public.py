@@ -425,54 +425,40 @@ def test_recorded_reaches(dataset, count):
         np.testing.assert_allclose(integral, shift, atol=0.01)  # the twist is the pose's
 
 
-def test_recorded_unscrewing_turns_once_and_scraping_is_whole():
+def test_recorded_unscrewing_turns_once_and_slides_are_of_20_cm():
     recordings = clmc.read_unscrewing(recorded_data("clmc"))
     assert [recording.name for recording in recordings] == ["01", "02", "03"]
     for recording in recordings:
-        demonstration = synchronise(recording, rate_hz=300)
-        assert len(demonstration.time) == len(recording.streams[0].stamps)
-        assert demonstration.tactile.shape[1] == 19
-        steps = quaternion.difference(demonstration.orientation[1:], demonstration.orientation[:-1])
-        assert abs(np.rad2deg(steps[:, 2].sum())) == pytest.approx(360, abs=40)
-        spin = demonstration.angular_velocity[:, 2].sum() / 300
-        assert spin == pytest.approx(steps[:, 2].sum(), abs=0.1)
+        one = synchronise(recording, rate_hz=300)
+        assert one.tactile.shape == (len(recording.streams[0].stamps), 19)
+        steps = quaternion.difference(one.orientation[1:], one.orientation[:-1])[:, 2].sum()
+        assert abs(np.rad2deg(steps)) == pytest.approx(360, abs=40)
+        assert one.angular_velocity[:, 2].sum() / 300 == pytest.approx(steps, abs=0.1)
     scraping = [synchronise(one) for one in clmc.read_scraping_execution(recorded_data("clmc"))]
     assert [one.tactile.shape for one in scraping] == [(777, 38), (1122, 38), (1087, 38)]
-
-
-def test_recorded_slides_come_onto_one_clock():
     recordings = slide.read_slides(recorded_data("slide"))
     assert len(recordings) == 24
     for recording in recordings[::4]:
-        demonstration = synchronise(recording, rate_hz=100)
-        assert 4.0 < demonstration.time[-1] < 8.2
-        assert 0.15 < np.ptp(demonstration.position[:, 0]) < 0.25  # a slide of 20 cm along x
-        assert demonstration.tactile.shape[1] == 19
-        speed = np.gradient(demonstration.joint_positions, 0.01, axis=0)
-        assert np.median(np.abs(speed - demonstration.joint_velocities)) < 0.02
+        one = synchronise(recording, rate_hz=100)
+        assert 4.0 < one.time[-1] < 8.2
+        assert 0.15 < np.ptp(one.position[:, 0]) < 0.25  # along x
+        assert one.tactile.shape[1] == 19
+        speed = np.gradient(one.joint_positions, 0.01, axis=0)
+        assert np.median(np.abs(speed - one.joint_velocities)) < 0.02
 
 
-def test_recorded_motions_of_arms_are_read_in_full():
+def test_recorded_logs_of_arms_and_runs_of_a_skin_are_read_in_full():
     (log,) = panda.read_motion(recorded_data("panda"))
-    assert log.positions.shape == (20544, 7)
-    assert log.time[-1] == pytest.approx(21.0, abs=0.01)
+    assert (log.positions.shape, log.time[-1]) == ((20544, 7), pytest.approx(21.0, abs=0.01))
     np.testing.assert_allclose(log.torques.var(axis=0), [5.7, 321, 95, 35, 0.96, 1.11, 0.076], rtol=0.02)
     logs = {log.name: log for log in ur10e.read_motion(recorded_data("ur10e"))}
-    assert {name: len(log.stamps) for name, log in logs.items()} == {
-        "20_01_17-p1": 918,
-        "20_01_31-load": 2881,
-        "20_01_31-unload": 2623,
-        "20_02_12-50sec_12harm": 5457,
-        "20_02_19_14harm50sec": 5375,
-        "20_02_19_14harm50secLoad": 5307,
-    }
+    lengths = {"20_01_17-p1": 918, "20_01_31-load": 2881, "20_01_31-unload": 2623}
+    lengths |= {"20_02_12-50sec_12harm": 5457, "20_02_19_14harm50sec": 5375, "20_02_19_14harm50secLoad": 5307}
+    assert {name: len(log.stamps) for name, log in logs.items()} == lengths
     assert np.abs(logs["20_02_19_14harm50sec"].velocities).max() < 2.0
     logs = kuka_lwr4.read_motion(recorded_data("kuka_lwr4"))
     assert [log.name for log in logs] == ["measurements_1", "measurements_2"]
     assert {log.positions.shape for log in logs} == {(5027, 7)}
-
-
-def test_recorded_runs_of_a_skin_are_read_in_full():
     for run in presses(recorded_data("eflesh")):
         assert len(np.unique(run.place[:, :2].round(4), axis=0)) == 961
         assert np.linalg.norm(run.counts, axis=1).min() > 100

@@ -191,6 +191,13 @@ def test_the_text_sees_the_nearest_box():
 def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstration():
     reaches, _ = made_up_reaches()
     baseline = scene_models.straight_baseline(reaches, PARAMETERS.straight_share)
+    bent = [
+        reach for reach in reaches if reach.name.endswith("_0")
+    ]  # none is straight, the first straightest
+    alone, both = (
+        scene_models.straight_baseline(some, PARAMETERS.straight_share) for some in (bent[:1], bent)
+    )
+    assert np.array_equal(alone.unroll(0.01, duration=1.0).position, both.unroll(0.01, duration=1.0).position)
     goals, samples = np.array([reach.goal for reach in reaches]), PARAMETERS.reaches.samples
     alone = unroll_through(baseline, goals, None, samples)
     one = baseline.unroll(1.0 / (samples - 1), start=np.zeros(3), goal=goals[0], duration=1.0)
@@ -205,14 +212,6 @@ def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstrat
     left = np.linalg.norm(pushed.position[:, -1] - alone.position[:, -1], axis=1)
     assert left.max() < 0.02 + 1e-9
     assert np.abs(pushed.position - alone.position).max() > 0.05
-
-
-def test_where_no_reach_is_straight_the_straightest_is_the_baseline():
-    reaches, _ = made_up_reaches()
-    bent = [reach for reach in reaches if reach.name.endswith("_0")]
-    alone = scene_models.straight_baseline(bent[:1], PARAMETERS.straight_share)  # its bow is the smallest
-    both = scene_models.straight_baseline(bent, PARAMETERS.straight_share)
-    assert np.array_equal(alone.unroll(0.01, duration=1.0).position, both.unroll(0.01, duration=1.0).position)
 
 
 def test_states_elsewhere_lead_back():
@@ -273,23 +272,22 @@ def made_up_ways():
     """
     touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11, "text_ensemble": 8}
     touching |= {TEXT: 0, SCENE: 0, "planned": 0}
-    path = dict.fromkeys(WAYS, 40.0) | {SCENE: 15.0}
-    rows = [
-        {
-            "way": way,
-            "reach": f"p{person}_{number}",
-            "person": f"p{person}",
-            "fold": person % 4,
-            "blocked": number < 12,
-            "hit": number < touching[way] - (person % 3 == 0 and touching[way] > 1) + (person == 1),
-            "hit_wall": False,
-            "clearance_mm": 30.0,
-            "left_mm": 3.0,
-            "path_mm": path[way] + 0.1 * person * (way == SCENE),
-            "same_gaps": (person, number) != (1, 0) or way != SCENE or number > 5,
-        }
-        for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))
-    ]
+    keys = [(way, person, number) for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))]
+    rows = pd.DataFrame(keys, columns=["way", "fold", "number"])
+    people, number, scene = rows["fold"], rows["number"], rows["way"] == SCENE
+    most = rows["way"].map(touching)
+    rows = rows.assign(
+        reach=[f"p{person}_{one}" for _, person, one in keys],
+        person=[f"p{person}" for _, person, _ in keys],
+        fold=people % 4,
+        blocked=number < 12,
+        hit=number < most - ((people % 3 == 0) & (most > 1)) + (people == 1),
+        hit_wall=False,
+        clearance_mm=30.0,
+        left_mm=3.0,
+        path_mm=np.where(scene, 15.0 + 0.1 * people, 40.0),
+        same_gaps=(people != 1) | (number != 0) | ~scene,
+    ).drop(columns="number")
     errors = [(way, axis, 4.0, 8.0, fold) for way in MODELS for axis in "xyz" for fold in range(4)]
     time = np.linspace(0.0, 1.5, 20)
     paths = [
@@ -305,7 +303,7 @@ def made_up_ways():
     extent = ["x_m", "y_m", "z_m", "width_m", "depth_m", "height_m"]
     return SceneWays(
         {
-            "reaches": pd.DataFrame(rows),
+            "reaches": rows,
             "errors": pd.DataFrame(errors, columns=["way", "axis", "squared", "variance", "fold"]),
             "people": pd.DataFrame(
                 [("p0", "p1", "p0_1", 28.0, True)],
