@@ -2,7 +2,6 @@
 
 import json
 import re
-import runpy
 import shutil
 import subprocess
 import sys
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from committed import merged, own_tasks
+from committed import merged, own_tasks, run_stages
 from conftest import minimum_jerk
 from readers_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import environment
@@ -32,16 +31,6 @@ from structlearn.tasks.task_files import NAME_RULE, TaskFiles
 STAGES = ("import_task", "segment", "primitives", "feedback", "skill", "check")
 QUICK = {"fit": {"kernel_count": 10}, "feedback": {"training": {"steps": 60, "evaluate_every": 30}}}
 REACH = {"source": "bags", "topics": {"pose": "/arm/pose"}, "segment": {"primitives": ["reach"]}}
-
-
-def run_stages(root: Path, task: str, *stages: str) -> None:
-    """Some stages of a task in the working directory."""
-    arguments, sys.argv = sys.argv, ["stage", task]
-    try:
-        for stage in stages:
-            runpy.run_path(str(root / f"stages/tasks/{stage}.py"), run_name="__main__")
-    finally:
-        sys.argv = arguments
 
 
 CORRECTED = {

@@ -53,7 +53,6 @@ def test_the_error_of_interpolation_stays_below_its_bound(frequency_hz, seed):
         assert 0.05 * bound < error <= bound
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10**6), rate_hz=st.floats(20, 2000), late_ms=st.integers(0, 60))
 def test_the_clock_covers_what_all_streams_share(seed, rate_hz, late_ms):
     rng = np.random.default_rng(seed)
@@ -75,7 +74,6 @@ def test_the_clock_covers_what_all_streams_share(seed, rate_hz, late_ms):
     np.testing.assert_allclose(demonstration.angular_velocity, absolute * [3, 4, 5], atol=1e-7)
 
 
-@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_a_steady_turn_is_met_exactly_whatever_the_signs(seed):
     rng = np.random.default_rng(seed)

@@ -100,16 +100,30 @@ def test_twist_and_wrench(tmp_path, role, message_type, first, second):
     np.testing.assert_array_equal(stream.values, [[1, 2, s, 4, 5, 6] for s in STAMPS])
 
 
-@pytest.mark.parametrize("number", ["Float32", "Float64", "Int16", "Int32", "UInt16"])
-def test_every_tactile_type_is_stamped_by_its_log_time(tmp_path, number):
-    counts = [[row, 2 * row, 4095] for row in range(5)]
-    messages = [
-        ("/finger", f"std_msgs/msg/{number}MultiArray", {"data": data}, s + LATE)
-        for s, data in zip(STAMPS, counts, strict=True)
-    ]
-    (stream,) = read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
-    np.testing.assert_array_equal(stream.values, counts)
-    np.testing.assert_array_equal(stream.stamps, np.array(STAMPS) + LATE)
+COUNTS = [[row, 2 * row, 4095] for row in range(5)]
+ALONE = [
+    {"header": header(s), "quaternion": ros_quaternion(row[3:])} for s, row in zip(STAMPS, ROWS, strict=True)
+]
+
+
+@pytest.mark.parametrize(
+    ("message_type", "messages", "role", "values", "late"),
+    [
+        *(
+            (f"std_msgs/msg/{one}MultiArray", [{"data": data} for data in COUNTS], "tactile", COUNTS, LATE)
+            for one in ("Float32", "Float64", "Int16", "Int32", "UInt16")
+        ),
+        ("geometry_msgs/msg/QuaternionStamped", ALONE, "tool_to_board", ROWS[:, 3:], 0),
+    ],
+)
+def test_touch_is_stamped_by_its_log_time_and_a_quaternion_by_its_header(
+    tmp_path, message_type, messages, role, values, late
+):
+    rows = [("/x", message_type, one, s + LATE) for s, one in zip(STAMPS, messages, strict=True)]
+    (stream,) = read(tmp_path / "bag.mcap", rows, **{role: "/x"})
+    assert stream.kind == role
+    np.testing.assert_array_equal(stream.values, values)
+    np.testing.assert_array_equal(stream.stamps, np.array(STAMPS) + late)
 
 
 def test_the_log_time_stands_in_only_where_no_header_is_set_and_frames_make_no_difference(tmp_path):
@@ -124,18 +138,6 @@ def test_the_log_time_stands_in_only_where_no_header_is_set_and_frames_make_no_d
     pose = read_pose(tmp_path / "bag.mcap", messages)
     np.testing.assert_array_equal(pose.stamps, STAMPS)
     np.testing.assert_array_equal(pose.values, ROWS)
-
-
-def test_the_tool_to_the_board_may_be_a_quaternion_alone(tmp_path):
-    kind = "geometry_msgs/msg/QuaternionStamped"
-    rows = zip(STAMPS, ROWS[::-1], strict=True)
-    messages = [
-        ("/mocap", kind, {"header": header(s), "quaternion": ros_quaternion(row[3:])}, s + LATE)
-        for s, row in rows
-    ]
-    (stream,) = read(tmp_path / "bag.mcap", messages, tool_to_board="/mocap")
-    np.testing.assert_array_equal(stream.values, ROWS[::-1, 3:])
-    np.testing.assert_array_equal(stream.stamps, STAMPS)
 
 
 def test_roles_of_topics_have_an_order_and_each_topic_one_role():
