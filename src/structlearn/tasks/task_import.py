@@ -26,10 +26,12 @@ from structlearn.avoidance.avoidance_dataset import to_table
 from structlearn.core.artefacts import publish, write_csv, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import Recording, read_recordings, synchronise
+from structlearn.readers.bag_files import recording_files
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import JointLog, read_joint_logs, write_log_table
 from structlearn.readers.runs import write_runs, write_streams
 from structlearn.readers.source import ClockParameters, SourceParameters, setting_folders
+from structlearn.readers.text_log import read_each
 from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
 from structlearn.segmentation.repeats import split
 from structlearn.tasks.motion.motion_parameters import MotionParameters
@@ -180,14 +182,14 @@ def _on_clock(
     left_out: LeftOut,
     refuse_jumps: bool = True,
 ) -> list[Demonstration]:
-    """Of a public set what fails its checks is left out; of a lab's recordings it is an error."""
+    """What fails its checks is left out or an error, see `_goes_on`."""
     on = clock.model_dump() if clock else {}  # without: the rate of the poses
     runs = []
     for one in recordings:
         try:
             runs.append(synchronise(one, **on, refuse_jumps=refuse_jumps))
         except InputError as error:
-            if not is_public(task.source):
+            if not _goes_on(task):
                 raise InputError(f"{task.source}: {error}") from error
             left_out[one.name] = str(error)
     if not runs:
@@ -218,7 +220,15 @@ def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
 
 def read_movement(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
     """Recordings with the signals of the entry's topics."""
-    return read_recordings(folder, entry.topics, entry.stamps)
+    paths = [file.path for file in recording_files(folder)]
+    skipped = left_out if _goes_on(entry) else None
+    return read_each(lambda path: read_recordings(path, entry.topics, entry.stamps)[0], paths, skipped)
+
+
+def _goes_on(task: SourceParameters) -> bool:
+    """Whether recordings that fail are left out: of a public set, or as the entry of a movement says."""
+    cutting = task.segment if isinstance(task, MovementEntry) else None
+    return is_public(task.source) or (cutting is not None and cutting.skip_failures)
 
 
 def read_motion(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[JointLog]:
