@@ -77,6 +77,7 @@ def test_subtasks_are_the_cuts_to_one_frame_and_actions_the_next_state(written, 
     for number, run in enumerate(runs):
         its = frames[frames["episode_index"] == number]
         cuts = [table.loc[run.name] for table in segmentation.results.values()]
+        assert its["subtask_index"].unique().tolist() == list(range(len(names)))
         first = its.groupby("subtask_index")["timestamp"].min().to_numpy()
         expected = np.array([cut["start_s"] for cut in cuts]) - cuts[0]["start_s"]
         assert np.abs(first - expected).max() <= 0.01 + 1e-6

@@ -14,6 +14,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.tasks.movement.movement_parameters import PhaseCorrectionParameters
 from structlearn.tasks.movement.phase_corrections import (
     SAMPLES,
+    adapted_path,
     complete,
     completeness,
     corrected_runs,
@@ -159,3 +160,12 @@ def test_incomplete_reaches_are_those_whose_ends_are_off_the_nominal_ones(nomina
     assert [one.name for one in complete(demonstrations, ends)] == ["1", "2"]  # 0.05 m along three axes
     np.testing.assert_allclose(ends["start_off_mm"][:3], [0, 50 * 3**0.5, 60 * 3**0.5], atol=0.01)
     assert ends["start_off_mm"][3] < 0.01 < 100 < ends["goal_off_mm"][3]
+
+
+def test_coupling_ends_at_the_goal_of_the_run(nominal):
+    higher_and_farther = arc("1", 0.2)
+    position = START + 1.2 * (higher_and_farther.position - START)
+    (reach,) = corrected_runs([replace(higher_and_farther, position=position)], nominal, 20.0)
+    path = adapted_path(nominal.local, reach.path, phase_networks([reach.target]))
+    assert np.abs(path.position[-1] - reach.path.position[-1]).max() < 1e-3
+    assert path.position[:, 2].max() == pytest.approx(reach.path.position[:, 2].max(), abs=2e-3)
