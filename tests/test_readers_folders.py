@@ -9,7 +9,8 @@ from readers_bags import make_recording, pose_messages, pose_rows, write_bag
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.readers import read_demonstrations, read_recordings, write_recordings
-from structlearn.readers.source import Setting, setting_folders, setting_label
+from structlearn.readers.source import Setting, setting_label
+from structlearn.tasks.task_import import setting_folders
 
 STAMPS = [10**9 + row * 10**7 for row in range(5)]
 TOOL = topic_map(pose="/tool")

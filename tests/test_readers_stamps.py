@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from readers_bags import joint_messages, pose_messages, pose_rows, write_bag
 
 from structlearn.core.errors import InputError
-from structlearn.readers import StampPolicy, read_demonstrations, read_recording, survey
+from structlearn.readers import StampPolicy, read_demonstrations, read_recording
 from structlearn.readers.bag import read_bag
 from structlearn.readers.clock import AS_WRITTEN, in_order, longest_increase
+from structlearn.tasks.inspection import clocks as survey
 
 DROP, SORT, LOG = (
     StampPolicy(clock=clock, disorder=disorder)
