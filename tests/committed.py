@@ -1,11 +1,14 @@
 """Parameters for tests: those that stand in `params.yaml`, with what a test changes."""
 
+import runpy
+import sys
 from collections.abc import Mapping
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import pytest
 import yaml
 
 from structlearn.core.params import Parameters, merged
@@ -56,6 +59,14 @@ def own_tasks(
     }
     for name, values in files.items():
         (path / name).write_text(yaml.safe_dump(values), encoding="utf-8")
+
+
+def run_stages(root: Path, task: str, *stages: str) -> None:
+    """Some stages of a task in the working directory."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["stage", task])
+        for stage in stages:
+            runpy.run_path(str(root / f"stages/tasks/{stage}.py"), run_name="__main__")
 
 
 def committed(model: type[ParametersType], key: str, **changes: Any) -> ParametersType:

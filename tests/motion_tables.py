@@ -1,4 +1,4 @@
-"""Tables of arms' logs as the protocol writes them, made up: a good outcome, or a bad one."""
+"""Tables of arms' logs as the protocol writes them, made up: a good outcome."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -20,13 +20,8 @@ MODELS = {
     **{(kind, "coulomb"): 0.004 for kind in STRUCTURES},
     **{(kind, "offset"): 0.0001 for kind in STRUCTURES},
 }
-"""A good outcome: NMSE of every joint."""
+"""NMSE of every joint."""
 
-BAD = {
-    (URDF, "none"): 0.05,
-    **{(kind, friction): 0.01 for kind, (friction, *_) in NETWORKS.items()},
-    **{(kind, friction): 0.2 for kind in ("spd", "tri", "cov") for friction in ("coulomb", "offset")},
-}
 JOINTS = {"panda": 7, "ur10e": 6, "kuka_lwr4": 7}
 
 
@@ -35,13 +30,13 @@ def rows(keys: Mapping[str, object], **columns) -> pd.DataFrame:
 
 
 @lru_cache
-def made_up(name: str, good: bool = True) -> MotionResults:
-    """What the stage would write of a public set, with narrow intervals on the side that is asked for."""
+def made_up(name: str) -> MotionResults:
+    """What the stage would write of a public set, with narrow intervals."""
     entry, joints = committed_entry(name), np.arange(1, JOINTS[name] + 1)
     parts = ("train", entry.test or "test") + (("20_01_31-unload",) if name == "ur10e" else ())
-    tables = _errors(parts, MODELS | ({} if good else BAD), joints)
+    tables = _errors(parts, joints)
     links = rows({"model": "cov"}, link=list("abcdefg"[: len(joints)]))
-    links = links.assign(positive_mass=True, positive_definite=good, triangle=True)
+    links = links.assign(positive_mass=True, positive_definite=True, triangle=True)
     parameters = ("mass_kg", "centre_x_m", "ixx_kg_m2", "viscous", "coulomb")
     bodies = [rows({"parameter": one, "value": 1.5, "urdf": 1.0}, link=links["link"]) for one in parameters]
     traced = {"_".join(key).removesuffix("_none"): np.sin(np.arange(10.0 * len(joints))) for key in MODELS}
@@ -68,24 +63,24 @@ def made_up(name: str, good: bool = True) -> MotionResults:
         "fitness": rows({"question": "condition number", "joint": 0, "verdict": "yes"}, value=[50.0]),
         "determined": rows({"parameter": "m[a]", "determined": "doubtful"}, percent=[50.0]),
         "excitation": rows({"parameters": 40}, condition=[50.0]),
-        "written": rows({}, joint=joints, difference_n_m=1e-13 if good else 1e-3),
+        "written": rows({}, joint=joints, difference_n_m=1e-13),
     }
     if entry.networks is not None:
         its = {"hidden": "8", "rate": 0.01, "epochs": 3, "chosen": True}
         tables["choice"] = rows(its, kind=list(NETWORKS), nmse=0.3)
     if entry.drives is not None:
-        tables |= _drives(entry, joints, good) | _load(entry, good)
+        tables |= _drives(entry, joints) | _load(entry)
     return MotionResults(tables, entry)
 
 
-def _errors(parts, levels, joints) -> dict[str, pd.DataFrame]:
+def _errors(parts, joints) -> dict[str, pd.DataFrame]:
     errors, blocks, norms = [], [], []
     count = len(joints)
     for part in parts:
         torque = 5.0 * np.where(np.arange(20) % 2, 1.0, -1.0).repeat(count)
         its = {"samples": 100.0, "torque": 100.0 * torque, "torque_squared": 100.0 * (torque**2 + 25.0)}
         lengths = {"samples": np.full(20, 100.0)}
-        for key, level in levels.items():
+        for key, level in MODELS.items():
             keys = {"model": key[0], "friction": key[1], "part": part}
             for seed in range(3 if key[0] in NETWORKS else 1):
                 errors.append(rows(keys | {"seed": seed}, joint=joints, nmse=level * (1.0 + 0.001 * seed)))
@@ -99,14 +94,14 @@ def _errors(parts, levels, joints) -> dict[str, pd.DataFrame]:
     return {name: pd.concat(its, ignore_index=True) for name, its in named.items()}
 
 
-def _drives(entry, joints, good) -> dict[str, pd.DataFrame]:
+def _drives(entry, joints) -> dict[str, pd.DataFrame]:
     spread = 1.0 + 0.01 * np.linspace(-1.0, 1.0, DRAWS)
     drives, drawn = [], []
     values = {
         (protocol.AT_REST, entry.drives.rest): 11.0,
-        (protocol.IN_MOTION, entry.train): 11.0 if good else 14.0,
+        (protocol.IN_MOTION, entry.train): 11.0,
         (protocol.IN_MOTION, entry.test): 11.0,
-        (protocol.DELAY, entry.train): 0.01 if good else -0.01,
+        (protocol.DELAY, entry.train): 0.01,
         (protocol.DELAY, entry.test): 0.01,
     }
     for (quantity, log), value in values.items():
@@ -125,9 +120,9 @@ def _drives(entry, joints, good) -> dict[str, pd.DataFrame]:
     }
 
 
-def _load(entry, good) -> dict[str, pd.DataFrame]:
+def _load(entry) -> dict[str, pd.DataFrame]:
     spread, true = 1.0 + 0.01 * np.linspace(-1.0, 1.0, DRAWS), entry.load.known_kg
-    masses = {protocol.FOUND: true if good else 1.2 * true, protocol.QUOTED: 1.1 * true if good else true}
+    masses = {protocol.FOUND: true, protocol.QUOTED: 1.1 * true}
     loads, drawn, carried = [], [], []
     pairs = [pair[1] for pair in entry.load.pairs]
     for gains, mass in masses.items():
@@ -138,7 +133,7 @@ def _load(entry, good) -> dict[str, pd.DataFrame]:
     for log, seconds in zip(pairs, (50, 22), strict=True):
         for number, stage in enumerate((protocol.LEARNED, protocol.EMPTY, protocol.CARRYING)):
             since = np.arange(1.0, seconds + 1.0)
-            mass = 0.0 if stage != protocol.CARRYING else true * (1.02 if good else 1.5)
+            mass = 0.0 if stage != protocol.CARRYING else 1.02 * true
             its = {
                 "time_s": since + number * seconds,
                 "since_s": since,

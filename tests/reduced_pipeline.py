@@ -72,6 +72,8 @@ REDUCED = {
     "inspect_servoing": {"demonstrations": ["rotation_1_1", "translation_1_1"], "trials": 1},
 }
 
+TRAINING = {"steps": 5, "batch_size": 16}
+SPACES = {"seeds": 1, "training": TRAINING, "pair_pool": 1000, "evaluation_pairs": 100}
 REDUCED_TASKS = {
     "movement": {"reaches": {"rests": {"noise_mm": [0.5, 2.0], "seeds": 2}, "corrections": {"splits": 5}}},
     "motion": {
@@ -90,22 +92,12 @@ REDUCED_TASKS = {
             "folds": 2,
             "transfer": {"simulated_repeats": 1},
             "geodesics": {"bin_size": 300, "bins": 1, "bridge_mm": 8.0},
-            "spaces": {
-                "seeds": 1,
-                "training": {"steps": 5, "batch_size": 16},
-                "pair_pool": 1000,
-                "evaluation_pairs": 100,
-            },
+            "spaces": SPACES,
         },
         "eflesh": {
             "folds": 2,
             "rival_samples": 100,
-            "spaces": {
-                "seeds": 1,
-                "training": {"steps": 5, "batch_size": 16},
-                "pair_pool": 1000,
-                "evaluation_pairs": 1000,
-            },
+            "spaces": SPACES | {"evaluation_pairs": 1000},
             "servo": {"walks": 200, "trials": 4, "steps": 4},
         },
     },

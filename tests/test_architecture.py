@@ -44,44 +44,19 @@ SLOW = (
 """Libraries that take up to one and a half seconds to load, and which few stages need."""
 
 STARTS = {
-    "tables": (
-        (),
-        "report.py list_code.py dynamics/import_logs.py scraping/import_nominal.py "
-        "scraping/import_corrections.py servoing/import_touch.py scraping/segment.py "
-        "scraping/sweep.py scraping/fit_primitives.py "
-        "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
-        "obstacles/dataset.py obstacles/evaluate.py "
-        "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
-        "tasks/calibrate.py tasks/import_task.py tasks/segment.py tasks/primitives.py tasks/feedback.py "
-        "tasks/skill.py tasks/motion.py tasks/touch.py tasks/obstacles.py studies/cell.py",
-    ),
-    "robot": (
-        ("pinocchio",),
-        "scraping/record_nominal.py scraping/expected_traces.py scraping/record_corrections.py "
-        "scraping/evaluate_feedback.py scraping/refine.py scraping/evaluate_refinement.py "
-        "scraping/compare_search.py scraping/time_controller.py dynamics/record_motion.py tasks/check.py",
-    ),
-    "engines": (("pinocchio", "pybullet"), "engines.py"),
-    "training": (
-        ("torch",),
-        "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
-        "servoing/servo.py servoing/other_skins.py",
-    ),
-    "dynamics": (("torch", "pinocchio"), "dynamics/train.py dynamics/online.py dynamics/track.py"),
-    "recordings": (
-        ("rerun",),
-        "scraping/view.py obstacles/view.py servoing/view.py tasks/view.py",
-    ),
-    "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
-    "pages": (("matplotlib",), "tasks/report.py tasks/recorded_report.py tasks/calibration_report.py"),
-    "pages with stills": (
-        ("matplotlib", "pybullet"),
-        "obstacles/report.py servoing/report.py scraping/loop.py",
-    ),
-    "pages with a robot": (("matplotlib", "pybullet", "pinocchio"), "scraping/report.py"),
-    "pages of dynamics": (("matplotlib", "pybullet", "pinocchio", "torch"), "dynamics/report.py"),
-}
-"""By kind of stage: slow libraries that its start may load, and the scripts."""
+    "pinocchio": "scraping/record_nominal scraping/expected_traces scraping/record_corrections "
+    "scraping/evaluate_feedback scraping/refine scraping/evaluate_refinement scraping/compare_search "
+    "scraping/time_controller dynamics/record_motion tasks/check engines dynamics/train "
+    "dynamics/online dynamics/track dynamics/view scraping/report dynamics/report",
+    "pybullet": "engines obstacles/report servoing/report scraping/loop scraping/report dynamics/report",
+    "torch": "scraping/train_feedback scraping/compare_models obstacles/train servoing/train_latent "
+    "servoing/servo servoing/other_skins dynamics/train dynamics/online dynamics/track dynamics/view "
+    "dynamics/report",
+    "rerun": "scraping/view obstacles/view servoing/view tasks/view dynamics/view",
+    "matplotlib": "tasks/report tasks/recorded_report tasks/calibration_report obstacles/report "
+    "servoing/report scraping/loop scraping/report dynamics/report",
+}  # fmt: skip
+"""By slow library: the scripts that may load it when they start."""
 
 COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "findings.csv": "findings.csv"}
 """What `make recorded` puts aside of the report on recorded data."""
@@ -163,17 +138,14 @@ def test_imports_run_downwards():
                 assert same or floor(parts[1]) < floor(room), f"{path} imports {name}"
 
 
-def test_no_testbed_imports_another():
+def test_no_testbed_imports_another_and_computing_knows_nothing_of_pages_and_recordings():
     for path, names in modules().items():
+        assert not {"pickle", "torch.save"} & names, path
         if path.parts[0] == "testbeds" and len(path.parts) > 2:
             others = {name.split(".")[2] for name in names if name.startswith("structlearn.testbeds.")}
             assert others <= {path.parts[1]}, f"{path} imports another testbed"
-
-
-def test_computing_knows_nothing_of_pages_and_recordings():
-    for path, names in modules().items():
         if {"world", "protocol"} & set(path.parts):
-            shown = {"page", "recordings"}
+            shown = {"page", "recordings", "views"}
             assert not any(shown & set(name.split(".")[3:4]) for name in names if "testbeds" in name), path
 
 
@@ -183,11 +155,6 @@ def test_big_libraries_stay_in_their_rooms():
             if any(name.split(".")[0] == library for name in names):
                 room = {*path.parts, path.stem.rpartition("_")[2]}  # of tasks, by the end of the name
                 assert set(rooms) & room, f"{path} imports {library}"
-
-
-def test_nothing_is_pickled():
-    for path, names in modules().items():
-        assert not {"pickle", "torch.save"} & names, path
 
 
 def test_a_module_name_means_one_thing():
@@ -256,20 +223,14 @@ def test_what_is_quoted_of_recorded_data_is_what_its_report_says():
         assert (ROOT / QUOTED / name).read_bytes() == (ROOT / "reports/recorded" / source).read_bytes()
 
 
-@pytest.mark.parametrize("kind", STARTS)
-def test_a_stage_starts_without_what_it_does_not_need(kind):
+def test_stages_start_without_what_they_do_not_need():
     """Whoever needs a slow library in one function alone imports it there."""
-    allowed, scripts = STARTS[kind]
-    for script in scripts.split():
-        path = ROOT / "stages" / script
-        names = {name for file in loaded_at_start(path) for name in at_start(file)}
+    for script in (*STAGES, "stages/list_code.py"):
+        names = {name for file in loaded_at_start(ROOT / script) for name in at_start(file)}
         loaded = {library for library in SLOW for name in names if f"{name}.".startswith(f"{library}.")}
-        assert loaded <= set(allowed), f"{script} loads {loaded - set(allowed)}"
-
-
-def test_the_start_of_every_stage_is_looked_at():
-    looked_at = [f"stages/{script}" for _, scripts in STARTS.values() for script in scripts.split()]
-    assert sorted(looked_at) == sorted([*STAGES, "stages/list_code.py"])
+        place = script.removeprefix("stages/").removesuffix(".py")
+        allowed = {library for library, its in STARTS.items() if place in its.split()}
+        assert loaded <= allowed, f"{script} loads {loaded - allowed}"
 
 
 def test_no_stage_hands_a_function_of_its_own_to_other_processes():
@@ -288,13 +249,19 @@ def test_no_stage_hands_a_function_of_its_own_to_other_processes():
         assert not own & handed, f"{script.name} hands over {own & handed}"
 
 
-@pytest.mark.parametrize("face", sorted(PACKAGE.glob("*/__init__.pyi")), ids=lambda face: face.parent.name)
-def test_what_users_import_is_there_and_loads_nothing_before_it_is_used(face):
-    name = f"structlearn.{face.parent.name}"
-    words = (
-        f"import sys, {name} as face\n"
-        f"loaded = [one for one in sys.modules if one.startswith('{name}.')]\n"
-        "assert not loaded and face.__all__, loaded\n"
-        "for one in face.__all__: getattr(face, one)\n"
-    )
-    subprocess.run([sys.executable, "-c", words], check=True)
+FACES = """
+import importlib, sys
+faces = [importlib.import_module(name) for name in sys.argv[1:]]
+for face in faces:
+    loaded = [one for one in sys.modules if one.startswith(f"{face.__name__}.")]
+    assert not loaded and face.__all__, loaded
+for face in faces:
+    for one in face.__all__:
+        getattr(face, one)
+"""
+
+
+def test_what_users_import_is_there_and_loads_nothing_before_it_is_used():
+    names = [f"structlearn.{face.parent.name}" for face in sorted(PACKAGE.glob("*/__init__.pyi"))]
+    assert len(names) > 5
+    subprocess.run([sys.executable, "-c", FACES, *names], check=True)

@@ -1,5 +1,6 @@
 """Bad input to a stage: one clear line on standard error, exit code 1, nothing half-written."""
 
+import re
 import runpy
 import sys
 from pathlib import Path
@@ -37,12 +38,6 @@ def write_parameters(parameters: dict, folder: Path) -> None:
     (folder / "params.yaml").write_text(yaml.dump(parameters, Dumper=yaml.CSafeDumper))
 
 
-def change_parameters(project: Path, key: str, **values) -> None:
-    parameters = yaml.load((project / "params.yaml").read_text(), yaml.CSafeLoader)
-    parameters[key].update(values)
-    write_parameters(parameters, project)
-
-
 def contents() -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
 
@@ -76,58 +71,27 @@ def faulty(change=lambda stamps, rows: None, kept=1.0) -> None:
     BAG.write_bytes(BAG.read_bytes()[: int(kept * BAG.stat().st_size)])
 
 
-BAGS = {
-    "truncated": (lambda: faulty(kept=0.5), [str(BAG)]),
-    "nan": (lambda: faulty(lambda stamps, rows: rows[7].fill(np.nan)), [str(BAG), "row 7"]),
-    "clock back": (lambda: faulty(lambda stamps, rows: stamps.put(20, stamps[18])), [str(BAG), "row 20"]),
-}
-
-
-@pytest.mark.parametrize(("write", "words"), BAGS.values(), ids=BAGS)
-def test_bags_that_cannot_be_recorded(root, project, capsys, write, words):
-    write()
-    message = complaint(root, "tasks/import_task.py", capsys)
-    for word in words:
-        assert word in message
-
-
-def test_readers_that_cannot_be_cut(root, project, capsys):
-    write_bag(BAG, pose_messages(clock(), np.tile(pose_rows(1), (400, 1)), TOPIC))
-    runpy.run_path(str(root / "stages/tasks/import_task.py"), run_name="__main__")
-    message = complaint(root, "tasks/segment.py", capsys)
-    assert "one: primitive 'down': its speed never exceeds" in message
-
-
-def test_parameters(root, project, capsys):
-    change_parameters(project, "segment", extention_s=0.2)
-    message = complaint(root, "scraping/segment.py", capsys)
-    assert "segment.extention_s: unknown parameter" in message
-
-
-def test_missing_artefact_of_an_earlier_stage(root, project, capsys):
-    touchless("data/runs/scraping/nominal.parquet")
-    message = complaint(root, "scraping/fit_primitives.py", capsys)
-    assert "data/segments/scraping/cuts.parquet: no such file" in message
-
-
 def touchless(path: Path | str) -> None:
     write_runs([synchronise(one) for one in simulated(count=1)], path)
 
 
-def test_corrections_that_cannot_be_learned_from(root, project, capsys):
+def skill_alone() -> None:
+    """Of which nothing was corrected yet."""
     skill = scraping_skill()
     write_primitives(skill.primitives, "data/primitives/scraping/primitives.safetensors")
     for name, traces in skill.expected.items():
         write_vector_primitive(traces, f"data/feedback/scraping/expected/{name}.safetensors", "counts")
-    message = complaint(root, "scraping/coupling_dataset.py", capsys)
-    assert "data/runs/scraping/corrections: no such folder; run the stage that writes it" in message
+
+
+def without_touch() -> None:
+    """Corrections that cannot be learned from."""
+    skill_alone()
     touchless("data/runs/scraping/corrections/5.parquet")
-    message = complaint(root, "scraping/coupling_dataset.py", capsys)
-    assert "error: 01: has no tactile stream, which feedback is learned from" in message
 
 
-def test_a_truncated_dataset_leaves_the_former_results(root, project, capsys):
-    folder = project / "data/feedback/scraping"
+def cut_off_dataset() -> None:
+    """Beside results of an earlier run."""
+    folder = Path("data/feedback/scraping")
     samples = to_table(toy_dataset(settings=(2.5, 5.0, 7.5, 10.0), channels=CHANNELS))
     for name in NAMES[1:]:
         write_table(samples, folder / f"dataset/{name}.parquet")
@@ -135,5 +99,37 @@ def test_a_truncated_dataset_leaves_the_former_results(root, project, capsys):
     file.write_bytes(file.read_bytes()[:1000])
     (folder / "comparison").mkdir()
     (folder / "comparison/scores.parquet").write_text("of an earlier run")
-    message = complaint(root, "scraping/compare_models.py", capsys)
-    assert "dataset/turn.parquet: not a readable Parquet file" in message
+
+
+IMPORT, COUPLING = "tasks/import_task.py", "scraping/coupling_dataset.py"
+MISSPELT, NOMINAL = parameter_tree({"segment": {"extention_s": 0.2}}), "data/runs/scraping/nominal.parquet"
+CASES = {
+    "truncated": (lambda: faulty(kept=0.5), IMPORT, str(BAG)),
+    "nan": (lambda: faulty(lambda stamps, rows: rows[7].fill(np.nan)), IMPORT, f"{BAG}.*row 7"),
+    "clock back": (lambda: faulty(lambda stamps, rows: stamps.put(20, stamps[18])), IMPORT, f"{BAG}.*row 20"),
+    "parameter": (
+        lambda: write_parameters(MISSPELT, Path()), "scraping/segment.py",
+        "segment.extention_s: unknown parameter",
+    ),
+    "artefact": (
+        lambda: touchless(NOMINAL), "scraping/fit_primitives.py", "scraping/cuts.parquet: no such file"
+    ),
+    "corrections": (skill_alone, COUPLING, "corrections: no such folder; run the stage that writes it"),
+    "touch": (without_touch, COUPLING, "error: 01: has no tactile stream, which feedback is learned from"),
+    "dataset": (cut_off_dataset, "scraping/compare_models.py", "turn.parquet: not a readable Parquet file"),
+}  # fmt: skip
+"""What is bad, the stage, and the message."""
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bad_input_is_one_line_and_leaves_the_former_results(root, project, capsys, name):
+    prepare, stage, words = CASES[name]
+    prepare()
+    assert re.search(words, complaint(root, stage, capsys))
+
+
+def test_demonstrations_that_cannot_be_cut(root, project, capsys):
+    write_bag(BAG, pose_messages(clock(), np.tile(pose_rows(1), (400, 1)), TOPIC))
+    runpy.run_path(str(root / "stages/tasks/import_task.py"), run_name="__main__")
+    message = complaint(root, "tasks/segment.py", capsys)
+    assert "one: primitive 'down': its speed never exceeds" in message

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -153,11 +154,8 @@ def _for_all(folder: Path) -> str:
     )
     other = {"user": ORDINARY, "group": ORDINARY, "extra_groups": []}
     for interpreter in (sys.executable, f"/usr/bin/{own}", f"/usr/local/bin/{own}"):
-        try:
-            command = [interpreter, "-c", libraries]
-            done = subprocess.run(command, cwd=folder, capture_output=True, check=False, **other)
-        except OSError:
-            continue
-        if done.returncode == 0:
-            return interpreter
+        command = [interpreter, "-c", libraries]
+        with suppress(OSError):
+            if not subprocess.run(command, cwd=folder, capture_output=True, check=False, **other).returncode:
+                return interpreter
     pytest.skip("no Python here that another user can run")

@@ -1,11 +1,13 @@
 """LeRobotDatasets: what is written, what comes back, and what their own reader makes of it."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet
 import pytest
+from committed import NO_TOPICS
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
@@ -23,7 +25,9 @@ from structlearn.tasks.task_entry import read_task
 def runs(tmp_path_factory):
     folder, task = tmp_path_factory.mktemp("bags"), read_task("pick")
     write_takes(takes(3, 3, 3), folder)
-    return [synchronise(one, 100.0) for one in read_recordings(folder, task.topics, task.stamps)]
+    found = [synchronise(one, 100.0) for one in read_recordings(folder, task.topics, task.stamps)]
+    assert found[0].wrench[:, 2].min() == pytest.approx(-9.81 * 0.6, abs=0.8)  # the part's weight
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +40,7 @@ def written(runs, tmp_path_factory):
 
 def entry(pose, **topics):
     task = read_task("pick")
-    none = {
-        "twist": None,
-        "joint_states": (),
-        "joints": None,
-        "wrench": None,
-        "tactile": (),
-        "tool_to_board": None,
-    }
+    none = {name: () if empty == [] else empty for name, empty in NO_TOPICS.items()}
     return task.model_copy(update={"topics": task.topics.model_copy(update=none | {"pose": pose} | topics)})
 
 
@@ -67,13 +64,8 @@ def test_poses_joints_and_wrenches_come_back(written, runs):
 
 def test_a_pose_is_computed_from_the_joints_of_a_state(written):
     urdf = str(urdf_path(URDF))
-    given, computed = (
-        read_movement(written[0], entry(pose), {})[0].streams[0].values
-        for pose in (
-            "observation.pose",
-            JointPose(urdf=urdf, tip=TIP, topic="observation.state"),
-        )
-    )
+    sources = "observation.pose", JointPose(urdf=urdf, tip=TIP, topic="observation.state")
+    given, computed = (read_movement(written[0], entry(one), {})[0].streams[0].values for one in sources)
     assert np.abs(computed[:, :3] - given[:, :3]).max() < 3e-3  # the recorded pose has noise of its own
 
 
@@ -85,6 +77,7 @@ def test_subtasks_are_the_cuts_to_one_frame_and_actions_the_next_state(written, 
     for number, run in enumerate(runs):
         its = frames[frames["episode_index"] == number]
         cuts = [table.loc[run.name] for table in segmentation.results.values()]
+        assert its["subtask_index"].unique().tolist() == list(range(len(names)))
         first = its.groupby("subtask_index")["timestamp"].min().to_numpy()
         expected = np.array([cut["start_s"] for cut in cuts]) - cuts[0]["start_s"]
         assert np.abs(first - expected).max() <= 0.01 + 1e-6
@@ -124,10 +117,7 @@ def test_their_reader_reads_it(written):
     ("break_it", "message"),
     [
         (lambda folder: (folder / "meta/info.json").unlink(), "so this is no LeRobotDataset"),
-        (
-            lambda folder: (folder / "meta/info.json").write_text("{"),
-            "not the description of a LeRobotDataset",
-        ),
+        (lambda folder: (folder / "meta/info.json").write_text("{"), "not the description of a LeRobotDat"),
         (lambda folder: _changed(folder, codebase_version="v2.1"), "is of version v2.1"),
         (lambda folder: _changed(folder, features={}), "has no feature observation.pose"),
         (lambda folder: _changed(folder, fps=0), "must be positive"),
@@ -136,8 +126,6 @@ def test_their_reader_reads_it(written):
     ],
 )
 def test_a_damaged_dataset_is_named(written, tmp_path, break_it, message):
-    import shutil
-
     folder = tmp_path / "copy"
     shutil.copytree(written[0], folder)
     break_it(folder)

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 from committed import own_tasks
-from own_skills import HERE, PANDA, pick_skill
+from own_skills import PANDA, pick_skill
 from rigid_body_arms import planar_arm
 
 from structlearn.core import quaternion
@@ -20,7 +20,7 @@ from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.movement import check_results, check_section, skill_check
-from structlearn.tasks.movement.movement_parameters import Placement, RobotParameters
+from structlearn.tasks.movement.movement_parameters import Placement
 from structlearn.tasks.movement.skill_check import Unroll, unrolls
 from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import TaskFiles
@@ -191,6 +191,8 @@ def test_what_does_not_fit_the_arm_is_told_by_key():
             skill_check.check_skill(skill, PANDA.model_copy(update={key: values}))
     with pytest.raises(InputError, match="there is no link 'hand'; there are panda_link0, "):
         skill_check.check_skill(skill, PANDA.model_copy(update={"tip": "hand"}))
+    with pytest.raises(ValueError, match="has norm 1"):
+        Placement(position_m=(0.0, 0.0, 0.0), orientation=(1.0, 0.5, 0.0, 0.0))
     away = Placement(position_m=(3.0, 0.0, 0.0), orientation=(1.0, 0.0, 0.0, 0.0))
     with pytest.raises(InputError, match="is the base where the demonstrations have their origin"):
         skill_check.check_skill(skill, PANDA.model_copy(update={"base": away, "rest_configuration": None}))
@@ -205,21 +207,8 @@ def test_an_arm_whose_shapes_are_lost_is_checked_but_for_collisions(tmp_path):
     assert found.notes[0].startswith("self-collision was not tested: ")
     assert "lost" in found.notes[0]
     assert found.verdict == "doubtful"
-    assert set(found.margins.loc[found.margins["verdict"] != "yes", "quantity"]) <= {
-        "self-collision",
-        *check_results.SLOWED,
-        "joint range",
-    }
-
-
-def test_parameters_are_checked():
-    entry = PANDA.model_dump()
-    with pytest.raises(ValueError, match="has norm 1"):
-        RobotParameters.model_validate(entry | {"base": HERE | {"orientation": (1.0, 0.5, 0.0, 0.0)}})
-    with pytest.raises(ValueError, match="greater than 0"):
-        RobotParameters.model_validate(entry | {"max_jerk": 0.0})
-    with pytest.raises(ValueError, match="Extra inputs"):
-        RobotParameters.model_validate(entry | {"gripper": "none"})
+    doubtful = set(found.margins.loc[found.margins["verdict"] != "yes", "quantity"])
+    assert doubtful <= {"self-collision", *check_results.SLOWED, "joint range"}
 
 
 def test_what_was_found_is_read_as_it_was_written(check, tmp_path):
@@ -237,11 +226,6 @@ def with_verdicts(check, verdict):
     return replace(check, margins=check.margins.assign(verdict=verdict))
 
 
-def test_overall_is_the_worst(check):
-    for verdict, told in (("yes", "yes"), ("not tested", "doubtful"), ("doubtful", "doubtful"), ("no", "no")):
-        assert with_verdicts(check, verdict).verdict == told
-
-
 def files_of(check, folder, monkeypatch, robot):
     """A task whose check was written below a folder."""
     monkeypatch.chdir(folder)
@@ -257,6 +241,8 @@ def files_of(check, folder, monkeypatch, robot):
 
 def test_the_command_says_whether_something_fails(check, tmp_path, monkeypatch, capsys):
     entry = PANDA.model_dump(mode="json")
+    for verdict, told in (("yes", "yes"), ("not tested", "doubtful"), ("doubtful", "doubtful"), ("no", "no")):
+        assert with_verdicts(check, verdict).verdict == told  # the worst of all
     assert check_results.main(files_of(with_verdicts(check, "doubtful"), tmp_path, monkeypatch, entry))
     assert not check_results.main(files_of(with_verdicts(check, "no"), tmp_path, monkeypatch, entry))
     told = capsys.readouterr().out
@@ -267,22 +253,17 @@ def test_the_command_says_whether_something_fails(check, tmp_path, monkeypatch, 
 
 
 def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
-    section = check_section.check_section(
-        files_of(check, tmp_path, monkeypatch, PANDA.model_dump(mode="json"))
-    )
+    files = files_of(check, tmp_path, monkeypatch, PANDA.model_dump(mode="json"))
+    section = check_section.check_section(files)
     assert all(name.startswith("check_") for name in section.find)
     table = section.tables["check"].frame
     assert list(table.columns) == ["quantity", "verdict", "nominal", "starts", "goals", "corrections"]
     assert len(table) == 9
     assert len(section.tables["check_runs"].frame) == check.metrics()["check_runs"]
-    page = Document(
-        section.template,
-        "structlearn.tasks.movement",
-        facts={"check": section.facts},
-        tables=section.tables,
-        sources={"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")},
-    )
+    sources = {"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")}
+    its = {"facts": {"check": section.facts}, "tables": section.tables, "sources": sources}
+    page = Document(section.template, "structlearn.tasks.movement", **its)
     panel = [Panel("figures/check_margins.svg", 700, 300)]
-    text = render(page, {name: panel for name in section.pictures})
+    text = render(page, dict.fromkeys(section.pictures, panel))
     assert "panda_grasptarget" in text
     assert "panda_joint7 0.80" in text

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from structlearn.core.errors import MissingInputError
-from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.primitives import kernels
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
@@ -131,23 +130,6 @@ def test_known_coupling_over_phase_is_found_again():
     assert not terms[0].any()
 
 
-def test_no_other_weights_fit_the_targets_better():
-    rng = np.random.default_rng(4)
-    targets = [rng.normal(size=(samples, 3)) for samples in (200, 350)]
-    (_, network), *_ = phase_networks(targets)
-
-    def loss(biases):
-        features = [kernels.unit_features(len(target)) for target in targets]
-        return sum(
-            np.sum((part @ biases - target[:, 0]) ** 2)
-            for part, target in zip(features, targets, strict=True)
-        )
-
-    best = loss(network.phase_biases)
-    for _ in range(50):
-        assert loss(network.phase_biases + 0.05 * rng.normal(size=25)) > best
-
-
 def test_nominal_and_coupling_weights_are_those_of_a_primitive_of_the_corrected_runs(nominal):
     """Both are linear in the same features, so the sum is what would be learned from scratch."""
     corrected = higher([0.18, 0.2, 0.22], nominal)
@@ -155,22 +137,6 @@ def test_nominal_and_coupling_weights_are_those_of_a_primitive_of_the_corrected_
     afresh = fit_vector([reach.path for reach in corrected])
     summed = nominal.local.weights + np.column_stack([network.phase_biases for _, network in networks])
     np.testing.assert_allclose(summed[1:], afresh.weights[1:], atol=1e-3 * np.abs(afresh.weights).max())
-
-
-def test_phase_only_networks_go_through_a_file(tmp_path, nominal):
-    networks = phase_networks([reach.target for reach in higher([0.2, 0.21], nominal)])
-    write_networks(networks, tmp_path / "networks.safetensors")
-    again = read_networks(tmp_path / "networks.safetensors")
-    assert list(again) == ["x", "y", "z"]
-    np.testing.assert_array_equal(phase_coupling(list(again.items()), 300), phase_coupling(networks, 300))
-
-
-def test_coupling_ends_at_the_same_goal(nominal):
-    reach = higher([0.2], nominal)[0]
-    networks = phase_networks([reach.target])
-    path = adapted_path(nominal.local, reach.path, networks)
-    assert np.abs(path.position[-1] - reach.path.position[-1]).max() < 1e-3
-    assert path.position[:, 2].max() == pytest.approx(reach.path.position[:, 2].max(), abs=2e-3)
 
 
 def test_typical_paths_go_from_the_mean_start_to_the_mean_goal_in_the_mean_time(nominal):
@@ -194,3 +160,12 @@ def test_incomplete_reaches_are_those_whose_ends_are_off_the_nominal_ones(nomina
     assert [one.name for one in complete(demonstrations, ends)] == ["1", "2"]  # 0.05 m along three axes
     np.testing.assert_allclose(ends["start_off_mm"][:3], [0, 50 * 3**0.5, 60 * 3**0.5], atol=0.01)
     assert ends["start_off_mm"][3] < 0.01 < 100 < ends["goal_off_mm"][3]
+
+
+def test_coupling_ends_at_the_goal_of_the_run(nominal):
+    higher_and_farther = arc("1", 0.2)
+    position = START + 1.2 * (higher_and_farther.position - START)
+    (reach,) = corrected_runs([replace(higher_and_farther, position=position)], nominal, 20.0)
+    path = adapted_path(nominal.local, reach.path, phase_networks([reach.target]))
+    assert np.abs(path.position[-1] - reach.path.position[-1]).max() < 1e-3
+    assert path.position[:, 2].max() == pytest.approx(reach.path.position[:, 2].max(), abs=2e-3)

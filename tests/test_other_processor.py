@@ -50,17 +50,6 @@ def test_only_another_verdict_counts_as_one(row, outcome):
     assert "<code>VARIABLE=value</code>" in page
 
 
-def test_cases_of_one_statement_are_kept_apart():
-    there = HERE.assign(verdict=["yes", "yes", "no", "no"], here=["1.0", "2.0", "3", "5"])
-    table = compared({"toy": HERE}, {"toy": there})
-    assert table.set_index(["statement", "case"])["outcome"].to_dict() == {
-        ("a", ""): SAME,
-        ("b", ""): SAME,
-        ("c", "x"): SAME,
-        ("c", "y"): FLIPPED,
-    }
-
-
 def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
     (tmp_path / "claims.yaml").write_text(
         "- {statement: ran, source: IV, evidence: ran, test: above}\n"
@@ -78,17 +67,14 @@ def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
     assert set(compared({"toy": table}, {"toy": other})["outcome"]) == {MARGIN}
 
 
-def test_changed_words_are_named_one_by_one():
+def test_rows_are_held_against_their_likes_and_changed_words_are_named_one_by_one():
+    """Cases of one statement are kept apart; the same words may stand for two sets, or the text and ours."""
     there = HERE.assign(verdict=["yes", "undecided", "yes", "yes"], here=["1.1", "2.1", "3.1", "4"])
     assert changes(compared({"toy": HERE}, {"toy": there[:3]})) == [
         "toy: b: yes -> undecided (2.0 -> 2.1)",
         "toy: c: x: no -> yes (3 -> 3.1)",
         "toy: c: y: yes -> no such row (4 -> no such row)",
     ]
-
-
-def test_rows_with_the_same_words_are_held_against_their_likes():
-    """Of two sets, or of the text and of ours."""
     twice = pd.concat([HERE.assign(set="a", by="text"), HERE.assign(set="b", by="text")])
     twice = pd.concat([twice, HERE.assign(set="b", by="ours", verdict="no")])
     table = compared({"toy": twice}, {"toy": twice})

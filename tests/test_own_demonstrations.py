@@ -2,7 +2,6 @@
 
 import json
 import re
-import runpy
 import shutil
 import subprocess
 import sys
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from committed import merged, own_tasks
+from committed import merged, own_tasks, run_stages
 from conftest import minimum_jerk
 from readers_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import environment
@@ -33,16 +32,6 @@ from structlearn.tasks.task_files import NAME_RULE, TaskFiles
 STAGES = ("import_task", "segment", "primitives", "feedback", "skill", "check")
 QUICK = {"fit": {"kernel_count": 10}, "feedback": {"training": {"steps": 60, "evaluate_every": 30}}}
 REACH = {"source": "bags", "topics": {"pose": "/arm/pose"}, "segment": {"primitives": ["reach"]}}
-
-
-def run_stages(root: Path, task: str, *stages: str) -> None:
-    """Some stages of a task in the working directory."""
-    arguments, sys.argv = sys.argv, ["stage", task]
-    try:
-        for stage in stages:
-            runpy.run_path(str(root / f"stages/tasks/{stage}.py"), run_name="__main__")
-    finally:
-        sys.argv = arguments
 
 
 CORRECTED = {
@@ -91,12 +80,9 @@ def test_a_task_goes_through_to_its_page(root, folder):
     page = (report / "index.html").read_text()
     assert 'class="badge"' not in page  # nothing on it is simulated
     assert words_in_view(page) <= 1500
-    linked = {link.split("#")[0] for link in re.findall(r'(?:src|href)="([^"]*)"', page)}
-    assert {
-        one
-        for one in linked
-        if one and not one.startswith(("../..", "https://doi.org")) and not (report / one).exists()
-    } == set()
+    linked = {link.split("#")[0] for link in re.findall(r'(?:src|href)="([^"]*)"', page)} - {""}
+    beside = [one for one in linked if not one.startswith(("../..", "https://doi.org"))]
+    assert all((report / one).exists() for one in beside)
     skill = read_skill("data/tasks/reach/skill/skill.safetensors")
     assert [primitive.name for primitive in skill.primitives] == ["reach"]
     assert (skill.workspace.high - skill.workspace.low > [0.39, 0.29, 0.1]).all()  # with 5 cm around
@@ -157,7 +143,7 @@ def test_a_source_that_changes_while_it_is_read_is_refused(folder):
         write_task(task, before, Path("parameters.yaml"))
 
 
-def test_parts_that_an_entry_does_not_name_are_null(folder):
+def test_parts_that_an_entry_does_not_name_are_null(root, folder):
     task = read_task("reach")
     assert task.kind == "movement"
     assert all(getattr(task, part, None) is None for part in PARTS if part not in REACH)
@@ -165,6 +151,11 @@ def test_parts_that_an_entry_does_not_name_are_null(folder):
     own_tasks(folder, kind="motion", lab={"source": "logs", "urdf": "arm.urdf"})
     task = read_task("lab")
     assert (task.kind, task.rate_hz, task.load) == ("motion", 200.0, None)
+    pour = yaml.safe_load(readme(root, "yaml"))  # as every entry of the documentation is one
+    own_tasks(folder, pour=merged(pour["pour"], yaml.safe_load(readme(root, "yaml", 1))))
+    assert read_task("pour").feedback.settings == ("5", "tilt_left")
+    Path("stages/tasks/own.yaml").write_text(readme(root, "yaml", 2))
+    assert [read_task(name).kind for name in ("arm", "skin", "table")] == ["motion", "touch", "obstacles"]
 
 
 @pytest.mark.parametrize(
@@ -207,9 +198,7 @@ def test_a_name_that_is_none_is_one_line(folder, name):
     Path("stages/tasks/own.yaml").write_text(yaml.safe_dump({"movement": {name: REACH}}))
     with pytest.raises(InputError, match=r"^stages/tasks/own\.yaml: movement: .*: a task's name has 1 to 60"):
         read_task("pick")
-
-
-def test_a_name_stands_once(folder):
+    Path("stages/tasks/own.yaml").write_text(yaml.safe_dump({"movement": {"reach": REACH}}))
     Path("stages/tasks/public.yaml").write_text(yaml.safe_dump({"motion": {"reach": {}}}))
     with pytest.raises(InputError, match=r"movement\.reach: the name is taken: .*public\.yaml, motion"):
         read_task("reach")
@@ -272,23 +261,19 @@ def test_make_hands_names_on_as_they_are(root, goal, tmp_path):
 
 
 def test_a_view_without_recordings_or_without_a_screen_is_one_line(root, tmp_path):
-    def view(*words):
-        command = ["make", "--silent", "--file", root / "Makefile", "view", *words, "INSTALLED=", "BIN=."]
-        hidden = ("DISPLAY", "MAKE", "MFLAGS")  # the tests themselves may be run by make
-        variables = {
-            key: value for key, value in environment().items() if not any(word in key for word in hidden)
-        }
+    hidden = ("DISPLAY", "MAKE", "MFLAGS")  # the tests themselves may be run by make
+    variables = {key: value for key, value in environment().items() if not any(one in key for one in hidden)}
+    command = ["make", "--silent", "--file", root / "Makefile", "view", "TASK=pick", "INSTALLED=", "BIN=."]
+    told = []
+    for _ in range(2):
         done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
         assert done.returncode != 0
-        return [line for line in done.stderr.splitlines() if not line.startswith("make: ***")]
-
-    assert view("TASK=pick") == [
-        "error: reports/tasks/pick/rerun: no recordings; make them first: make own TASK=pick"
-    ]
-    (tmp_path / "reports/tasks/pick/rerun").mkdir(parents=True)
-    (tmp_path / "reports/tasks/pick/rerun/primitives.rrd").touch()
-    (line,) = view("TASK=pick")
-    assert line.endswith("make view WEB=1 TASK=pick")
+        told += [line for line in done.stderr.splitlines() if not line.startswith("make: ***")]
+        (tmp_path / "reports/tasks/pick/rerun").mkdir(parents=True, exist_ok=True)
+        (tmp_path / "reports/tasks/pick/rerun/primitives.rrd").touch()
+    without, unseen = told
+    assert without == "error: reports/tasks/pick/rerun: no recordings; make them first: make own TASK=pick"
+    assert unseen.endswith("make view WEB=1 TASK=pick")
 
 
 def test_the_example_passes_its_own_check():
@@ -333,16 +318,6 @@ def test_executions_and_corrections_give_feedback(root, reduced_project, tmp_pat
     assert "Feedback from corrections" in page
     scores = Path("reports/tasks/scraping/tables/feedback_scores.csv").read_text()
     assert "10,False" in scores  # a setting that was not named only tests
-
-
-def test_every_entry_of_the_readme_is_one(root, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    pour = yaml.safe_load(readme(root, "yaml"))
-    feedback = yaml.safe_load(readme(root, "yaml", 1))
-    own_tasks(tmp_path, pour=merged(pour["pour"], feedback))
-    assert read_task("pour").feedback.settings == ("5", "tilt_left")
-    Path("stages/tasks/own.yaml").write_text(readme(root, "yaml", 2))
-    assert [read_task(name).kind for name in ("arm", "skin", "table")] == ["motion", "touch", "obstacles"]
 
 
 def test_the_three_commands_of_the_readme_run_as_they_stand(root, tmp_path):

@@ -3,13 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 import yaml
 from committed import ROOT, own_tasks
 from conftest import minimum_jerk
 from readers_bags import (
-    header,
     joint_messages,
     pose_messages,
     transform_messages,
@@ -115,30 +113,6 @@ def test_hesitations_and_twitches_are_no_further_runs_and_a_missing_one_is_named
     assert any("04 (2)" in doubt for doubt in found.proposal.doubts[PRIMITIVES])
 
 
-def test_a_short_run_that_all_have_is_asked_about(tmp_path):
-    time = np.arange(0.0, 5.0, 0.01)
-    x = 0.4 * minimum_jerk(time - 0.5) + 0.02 * minimum_jerk((time - 2.5) / 0.5)
-    table = pd.DataFrame({"time_s": time + 1.0, "x": x, "y": 0.0, "z": 0.0})
-    for name in ("one", "two"):
-        table.to_csv(tmp_path / f"{name}.csv", index=False)
-    proposal = find_out(str(tmp_path)).proposal
-    assert proposal.entry["segment"]["primitives"] == 2
-    assert any("move 2 is of " in doubt and "idle?" in doubt for doubt in proposal.doubts[PRIMITIVES])
-
-
-def test_joint_states_alone_ask_for_the_robot(example, tmp_path):
-    source = rewritten(example, tmp_path / "joints", ["/joint_states"])
-    for joints, robot in ((source, None), (tmp_path / "other.mcap", PANDA)):
-        if robot:
-            write_bag(joints, joint_messages(STAMPS, ["a1", "a2"], moving_rows()[:, :2]))
-        found = find_out(str(joints), robot)
-        assert found.proposal is None
-        hand = answer(found, "Is there a pose of the hand?")
-        assert hand.verdict == "no"
-        assert f"joints in /joint_states ({'a1' if robot else 'panda_joint1'}, " in hand.advice
-        assert "URDF=" in hand.advice
-
-
 def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):
     source = rewritten(example, tmp_path / "joints", ["/joint_states"])
     found = find_out(str(source), PANDA)
@@ -206,16 +180,6 @@ def test_fingers_and_other_frames_are_not_held_against_the_hand(tmp_path):
     assert "source" not in found.proposal.doubts
 
 
-def test_of_several_poses_the_one_that_moves_most_is_taken(tmp_path):
-    rows = pose_messages(STAMPS, moving_rows(far=0.02), "/a_part")
-    rows += pose_messages(STAMPS, moving_rows(far=0.0), "/camera")
-    rows += pose_messages(STAMPS, moving_rows(far=0.4), "/tool")
-    write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
-    found = find_out(str(tmp_path))
-    assert [one.source for one in found.sources] == ["/tool", "/a_part", "/camera"]
-    assert "also there: /a_part" in found.proposal.doubts["topics.pose"][0]
-
-
 def test_topics_neither_steer_the_terminal_nor_write_an_entry_of_their_own(tmp_path, capsys):
     evil = '/a\x1b]0;title\x07\x1b[2J\u202e\n  "x; touch PWNED": {source: bags}\n  '
     rows = pose_messages(STAMPS, moving_rows(far=0.02), evil) + pose_messages(
@@ -237,18 +201,121 @@ def test_topics_neither_steer_the_terminal_nor_write_an_entry_of_their_own(tmp_p
     assert str(error.value).isprintable()
 
 
-def test_a_turn_between_two_moves_is_a_doubt(tmp_path):
+def there_and_back():
+    """Two moves with a turn of 5 degrees between them, half way, in half a second."""
     rows = np.vstack([moving_rows(), moving_rows()])
     rows[400:, 0] = rows[399, 0] - rows[400:, 0]
-    angle = np.radians(5.0) * np.clip(np.linspace(-10.0, 10.0, 800), 0.0, 1.0)  # half way, in half a second
+    angle = np.radians(5.0) * np.clip(np.linspace(-10.0, 10.0, 800), 0.0, 1.0)
     rows[:, 3], rows[:, 4] = np.cos(angle / 2), np.sin(angle / 2)
-    stamps = (10**9 + 10 * MS * np.arange(800)).tolist()
-    write_bag(tmp_path / "1.mcap", pose_messages(stamps, rows))
+    return pose_messages((10**9 + 10 * MS * np.arange(800)).tolist(), rows)
+
+
+def two_moves():
+    """The second is short."""
+    time = np.arange(0.0, 5.0, 0.01)
+    rows = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (500, 1))
+    rows[:, 0] = 0.4 * minimum_jerk(time - 0.5) + 0.02 * minimum_jerk((time - 2.5) / 0.5)
+    return pose_messages((10**9 + 10 * MS * np.arange(500)).tolist(), rows)
+
+
+def stamped(*places, value=None):
+    """Poses whose stamps change places, or one of which is another, by a sound clock of the recorder."""
+    stamps = np.array(STAMPS)
+    stamps[[*places]] = stamps[[*places][::-1]] if value is None else value
+    rows = pose_messages(stamps.tolist(), moving_rows())
+    return [(*row[:3], log) for row, log in zip(rows, STAMPS, strict=True)]
+
+
+def two_publishers():
+    """Of joint states, each with a clock of its own."""
+    late = joint_messages([stamp - 15 * MS for stamp in STAMPS[::3]], ["finger"], np.zeros((134, 1)))
+    rows = pose_messages(STAMPS, moving_rows()) + joint_messages(STAMPS, ["a", "b"], moving_rows()[:, :2])
+    return rows + [(*row[:3], row[3] + 15 * MS) for row in late]
+
+
+def poses(**far):
+    """By topic, how far each moves."""
+    return [
+        one for topic, its in far.items() for one in pose_messages(STAMPS, moving_rows(far=its), f"/{topic}")
+    ]
+
+
+DEGREES = joint_messages(STAMPS, ["elbow"], np.linspace(0.0, 30.0, 400)[:, None])
+BARE = [
+    ("/hand", "geometry_msgs/msg/Pose", row[2]["pose"], row[3])
+    for row in pose_messages(STAMPS, moving_rows())
+]
+ORDER, STILL = "Do stamps increase?", "Does the hand move in all?"
+SEEN = {
+    "turn": (there_and_back(), None, {PRIMITIVES: "turns by 5 degrees between moves 1 and 2"}, 2),
+    "short": (two_moves(), None, {PRIMITIVES: "idle?"}, 2),
+    "repeat": (stamped(100, value=STAMPS[99]), (ORDER, "doubtful"), {"stamps": "of 400 stamps"}, 1),
+    "swap": (stamped(100, 101), (ORDER, "doubtful"), {"stamps": "of 400 stamps"}, 1),
+    "publishers": (two_publishers(), (ORDER, "yes"), {}, 1),
+    "several": (poses(a_part=0.02, camera=0.0, tool=0.4), None, {"topics.pose": "also there: /a_part"}, 1),
+    "still": (poses(tool=0.0), (STILL, "no"), {PRIMITIVES: "no motion"}, None),
+    "degrees": (poses(tool=0.3) + DEGREES, ("Are joints' positions in rad?", "doubtful"), {}, 1),
+    "bare": (BARE, ("Do messages say when they were taken?", "doubtful"), {}, 1),
+}
+"""Messages of a bag, a question with its answer, doubts by key of the entry, and how many moves."""
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_what_is_seen_of_a_bag_is_answered_and_doubted(tmp_path, capsys, name):
+    messages, asked, doubted, moves = SEEN[name]
+    write_bag(tmp_path / "1.mcap", sorted(messages, key=lambda row: row[3]))
     found = find_out(str(tmp_path))
-    assert found.motion.turns_deg == pytest.approx([5.0], abs=0.1)
-    assert any(
-        "turns by 5 degrees between moves 1 and 2" in doubt for doubt in found.proposal.doubts[PRIMITIVES]
-    )
+    assert (found.motion and found.motion.number) == moves
+    if asked:
+        assert answer(found, asked[0]).verdict == asked[1]
+    for key, words in doubted.items():
+        assert any(words in doubt for doubt in found.proposal.doubts[key])
+    policy = {"repeat": "drop", "swap": "sort"}.get(name)
+    stamps = {"clock": "header", "disorder": policy} if policy else None
+    assert found.proposal.entry.get("stamps") == stamps
+    assert found.sources[0].source in ("/tool", "/hand")
+    inspect(str(tmp_path), None, None)
+    text = capsys.readouterr().out
+    assert ("it does not move" in text) == (name == "still")
+    if name == "bare":
+        (line,) = {line for line in text.splitlines() if "geometry_msgs/Pose" in line}
+        assert line.split() == ["/hand", "geometry_msgs/Pose", "400", "100", "Hz", "0.01", "s", "log"]
+
+
+OLD = 1_600_000_000 * 10**9
+NONE = {
+    "no pose": ([("/note", "std_msgs/msg/String", {"data": "hello"}, 10**9)], "No entry can be proposed"),
+    # a uniform clock over a stamp of another age would have more ticks than the memory
+    "age": (
+        pose_messages([10**9, *(OLD + stamp for stamp in STAMPS[1:])], moving_rows()),
+        "no path of /tool: /tool has stamps that lie 1.6e+09 s apart",
+    ),
+    "joints": (
+        joint_messages(STAMPS, ["a1", "a2"], moving_rows()[:, :2]),
+        "joints in /joint_states (a1, a2)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NONE)
+def test_a_bag_without_a_path_of_a_hand_has_no_entry(tmp_path, capsys, name):
+    messages, words = NONE[name]
+    write_bag(tmp_path / "1.mcap", messages)
+    inspect(str(tmp_path), PANDA if name == "joints" else None, tmp_path / "entry.yaml")
+    text = capsys.readouterr().out
+    assert words in text
+    assert "No entry can be proposed" in text
+    assert ("URDF=" in text) == (name == "joints")
+    assert not (tmp_path / "entry.yaml").exists()
+
+
+def test_a_file_without_the_pose_of_the_others_is_named(tmp_path):
+    for name in "123":
+        topic = "/other" if name == "2" else "/tool"
+        write_bag(tmp_path / f"{name}.mcap", pose_messages(STAMPS, moving_rows(), topic))
+    found = find_out(str(tmp_path))
+    assert answer(found, "Does every file have the hand's pose?").number == "/tool: 2 of 3"
+    assert found.proposal.doubts["topics.pose"][0].startswith("not in 2,")
 
 
 def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
@@ -265,96 +332,6 @@ def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
     assert "400 ms" in step.number
     assert found.proposal.entry["stamps"] == {"clock": "log", "disorder": "error"}
     assert "out of step" in found.proposal.doubts["stamps"][0]
-
-
-@pytest.mark.parametrize(("fault", "policy"), [("repeat", "drop"), ("swap", "sort")])
-def test_disorder_of_stamps_is_counted_and_a_policy_is_proposed(tmp_path, fault, policy):
-    logs = 10**9 + 10 * MS * np.arange(400)
-    stamps = logs.copy()
-    if fault == "swap":
-        stamps[[100, 101]] = stamps[[101, 100]]
-    else:
-        stamps[100] = stamps[99]
-    rows = pose_messages(stamps.tolist(), moving_rows())
-    rows = [(*row[:3], int(log)) for row, log in zip(rows, logs, strict=True)]
-    write_bag(tmp_path / "1.mcap", rows)
-    found = find_out(str(tmp_path))
-    assert answer(found, "Do stamps increase?").verdict == "doubtful"
-    assert found.proposal.entry["stamps"] == {"clock": "header", "disorder": policy}
-    assert "of 400 stamps" in found.proposal.doubts["stamps"][0]
-    assert found.motion.number == 1
-
-
-def joint_message(stamp, names, position, effort=(), velocity=()):
-    fields = {"position": list(position), "velocity": list(velocity), "effort": list(effort)}
-    content = {"header": header(stamp), "name": list(names)} | fields
-    return ("/joint_states", "sensor_msgs/msg/JointState", content, stamp)
-
-
-def test_two_publishers_of_joint_states_are_no_disorder(tmp_path):
-    stamps = 10**9 + 10 * MS * np.arange(400)
-    rows = pose_messages(stamps.tolist(), moving_rows())
-    rows += [joint_message(stamp, ("a", "b"), (0.0, 1.0)) for stamp in stamps.tolist()]
-    late = [joint_message(stamp - 15 * MS, ("finger",), (0.0,)) for stamp in stamps[::3].tolist()]
-    rows += [(*row[:3], row[3] + 15 * MS) for row in late]
-    write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
-    found = find_out(str(tmp_path))
-    joints = found.seen.files[0].topics["/joint_states"].joints
-    assert {one.names for one in joints} == {("a", "b"), ("finger",)}
-    assert answer(found, "Do stamps increase?").verdict == "yes"
-    assert "stamps" not in found.proposal.entry
-
-
-def test_messages_without_headers_are_stamped_by_the_log(tmp_path, capsys):
-    for number in range(2):
-        rows = [
-            ("/hand", "geometry_msgs/msg/Pose", row[2]["pose"], row[3])
-            for row in pose_messages((10**9 + 20 * MS * np.arange(400)).tolist(), moving_rows(seed=number))
-        ]
-        write_bag(tmp_path / f"{number}.mcap", rows)
-    inspect(str(tmp_path), None, None)
-    (line,) = {line for line in capsys.readouterr().out.splitlines() if "geometry_msgs/Pose" in line}
-    assert line.split() == ["/hand", "geometry_msgs/Pose", "400", "50", "Hz", "0.02", "s", "log"]
-    found = find_out(str(tmp_path))
-    assert answer(found, "Do messages say when they were taken?").verdict == "doubtful"
-    assert found.motion.number == 1
-
-
-def test_a_file_without_the_pose_of_the_others_is_named(tmp_path):
-    for name in "123":
-        topic = "/other" if name == "2" else "/tool"
-        write_bag(tmp_path / f"{name}.mcap", pose_messages(STAMPS, moving_rows(), topic))
-    found = find_out(str(tmp_path))
-    assert answer(found, "Does every file have the hand's pose?").number == "/tool: 2 of 3"
-    assert found.proposal.doubts["topics.pose"][0].startswith("not in 2,")
-
-
-def test_a_hand_that_does_not_move_has_no_runs(tmp_path, capsys):
-    write_bag(tmp_path / "1.mcap", pose_messages(STAMPS, moving_rows(far=0.0)))
-    found = find_out(str(tmp_path))
-    assert found.motion is None
-    assert answer(found, "Does the hand move in all?").verdict == "no"
-    assert "no motion" in found.proposal.doubts[PRIMITIVES][0]
-    inspect(str(tmp_path), None, None)
-    assert "it does not move" in capsys.readouterr().out
-
-
-def test_joints_in_degrees_are_doubtful(tmp_path):
-    joints = np.linspace(0.0, 30.0, 400)[:, None]
-    messages = pose_messages(STAMPS, moving_rows()) + joint_messages(STAMPS, ["elbow"], joints)
-    write_bag(tmp_path / "1.mcap", messages)
-    found = answer(find_out(str(tmp_path)), "Are joints' positions in rad?")
-    assert (found.verdict, found.advice) == ("doubtful", "degrees? look at /joint_states in 1")
-
-
-def test_a_stamp_of_another_age_is_named(tmp_path, capsys):
-    """A uniform clock over it would have more ticks than the memory."""
-    stamps = (1_600_000_000 * 10**9 + 10 * MS * np.arange(400)).tolist()
-    write_bag(tmp_path / "1.mcap", pose_messages([10**9, *stamps[1:]], moving_rows()))
-    inspect(str(tmp_path), None, None)
-    text = capsys.readouterr().out
-    assert "no path of /tool: /tool has stamps that lie 1.6e+09 s apart" in text
-    assert "No entry can be proposed" in text
 
 
 def test_damaged_files_are_left_out_and_named(example, tmp_path, capsys):
@@ -374,20 +351,10 @@ def test_damaged_files_are_left_out_and_named(example, tmp_path, capsys):
         inspect(str(tmp_path / "nowhere"), None, None)
 
 
-def test_a_bag_without_a_pose_has_no_entry(tmp_path, capsys):
-    write_bag(tmp_path / "1.mcap", [("/note", "std_msgs/msg/String", {"data": "hello"}, 10**9)])
-    inspect(str(tmp_path), None, tmp_path / "entry.yaml")
-    assert "No entry can be proposed" in capsys.readouterr().out
-    assert not (tmp_path / "entry.yaml").exists()
-
-
-def test_a_name_for_the_task_is_one_for_folders(tmp_path):
+def test_a_name_for_the_task_is_one_for_folders_and_the_home_folder_is_not_written_out(tmp_path, monkeypatch):
     assert task_name("~/my bags (new)") == "my_bags_new"
     (tmp_path / "a-b.mcap").write_bytes(b"")
     assert task_name(str(tmp_path / "a-b.mcap")) == "a_b"
-
-
-def test_the_home_folder_is_not_written_out(monkeypatch):
     monkeypatch.setenv("HOME", "/home/somebody")
     assert from_home("/home/somebody/bags") == "~/bags"
     assert [from_home(path) for path in ("~/bags", "bags", "/data")] == ["~/bags", "bags", "/data"]

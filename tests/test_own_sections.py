@@ -1,7 +1,5 @@
 """Tasks of logs, touches and reaches past obstacles: from files to their pages."""
 
-import runpy
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +9,7 @@ import test_own_touch
 import test_task_motion
 import test_tasks_obstacles
 import yaml
-from committed import merged, own_tasks
+from committed import merged, own_tasks, run_stages
 
 from structlearn.readers import write_recordings
 from structlearn.readers.demonstration import Demonstration
@@ -49,13 +47,6 @@ TASKS = {
 """An entry of each kind, called like its kind."""
 
 
-def run(root: Path, name: str, *stages: str) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["stage", name])
-        for stage in stages:
-            runpy.run_path(str(root / f"stages/tasks/{stage}.py"), run_name="__main__")
-
-
 def as_recording(one: Demonstration) -> Recording:
     still = np.tile([1.0, 0.0, 0.0, 0.0], (len(one.time), 1))
     stamps = (10**9 + np.round(1e9 * one.time)).astype(np.int64)
@@ -85,7 +76,7 @@ def page(root, tmp_path_factory) -> Path:
             table.to_csv(f"touches/{log.name}.csv", index=False)
         write_recordings([as_recording(one) for one in test_tasks_obstacles.recordings()], "reaches")
         for kind in TASKS:
-            run(root, kind, "import_task", kind, "report")
+            run_stages(root, kind, "import_task", kind, "report")
     return folder
 
 
@@ -127,7 +118,7 @@ def test_bags_of_touch_will_do(root, tmp_path, monkeypatch):
     pose = np.hstack([log.place, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
     streams = (Stream("/pose", "pose", stamps, pose), Stream("/tactile/0", "tactile", stamps, log.counts))
     write_recordings([Recording("run", streams, provenance={"origin": "recorded"})], "touches")
-    run(root, "lab", "import_task", "touch")
+    run_stages(root, "lab", "import_task", "touch")
     recordings = pd.read_parquet("data/tasks/lab/touch/recordings.parquet")
     assert recordings["touching"].tolist() == [400]
 
@@ -138,13 +129,13 @@ def test_a_public_set_that_is_not_here_says_so_on_its_page_and_one_that_is_damag
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RECORDED_DATA", "sets")
     own_tasks(tmp_path, kind="motion", arm={"source": "$DATA/arm", "urdf": "$DATA/arm.urdf"})
-    run(root, "arm", "import_task", "motion", "report")
+    run_stages(root, "arm", "import_task", "motion", "report")
     assert (tmp_path / "data/tasks/arm/motion/absent.txt").exists()
     assert "Not recorded here" in (tmp_path / "reports/tasks/arm/index.html").read_text()
     Path("sets/arm").mkdir(parents=True)
     Path("sets/arm/log.mcap").write_text("no bag")
     Path("sets/arm.urdf").write_text(test_task_motion.ARM)
-    run(root, "arm", "import_task", "motion", "report")
+    run_stages(root, "arm", "import_task", "motion", "report")
     left_out = TaskFiles("arm").left_out()
     assert left_out["reason"].item().startswith("arm/log.mcap: ")
     assert "arm/log.mcap: " in (tmp_path / "reports/tasks/arm/index.html").read_text()

@@ -1,14 +1,12 @@
 """Public logs of arms: their pages with made-up tables, and the protocol on the recorded arms, reduced."""
 
-import runpy
-import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pybullet
 import pytest
 from committed import committed_entry
-from motion_tables import MODELS, made_up
+from motion_tables import made_up
 from readers_bags import recorded_data
 
 from structlearn.core.errors import MissingInputError
@@ -16,9 +14,8 @@ from structlearn.readers import kuka_lwr4, ur10e
 from structlearn.readers.joint_log import DriveLog
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import environment
-from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
+from structlearn.rigid_body.arm_identification import LEAST_SQUARES
 from structlearn.tasks.motion import motion_parameters as protocol
-from structlearn.tasks.motion import motion_results
 from structlearn.tasks.motion.drives_and_load import found_gains
 from structlearn.tasks.motion.joint_motion import CARRIES, arm_of, learn_motion, logs_that_are_there
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
@@ -37,11 +34,9 @@ def verdicts(root, name: str, results: MotionResults) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("name", ["panda", "ur10e", "kuka_lwr4"])
-def test_a_good_outcome_is_yes_and_a_bad_one_no(root, name):
-    good, bad = (verdicts(root, name, made_up(name, one)) for one in (True, False))
+def test_a_good_outcome_is_yes(root, name):
     expected = {"yes"} | ({"not tested"} if name == "ur10e" else set())  # 22 s carry the load too briefly
-    assert set(good.values()) - {"holds by construction"} <= expected
-    assert sum(verdict == "no" for verdict in bad.values()) >= len(bad) - 3
+    assert set(verdicts(root, name, made_up(name)).values()) - {"holds by construction"} <= expected
     tables = motion_tables(made_up(name))
     assert {"motion_joints", "motion_errors", "motion_whole", "motion_bodies"} <= set(tables)
     assert (tables["motion_errors"].frame["mean"] > 0.0).all()
@@ -74,12 +69,6 @@ def test_without_a_rest_or_a_load_the_remaining_findings_are_there(root):
     assert found["errors"] == "yes"
     assert motion_facts(results)["rest_log"] is None
     assert "motion_loads" not in motion_tables(results)
-
-
-def test_names_are_those_of_the_protocol():
-    assert {URDF, LEAST_SQUARES} < set(motion_results.MODELS)
-    known = {(model, friction) for model in motion_results.MODELS for friction in motion_results.FRICTIONS}
-    assert set(MODELS) <= known
 
 
 def test_a_joint_without_a_gain_at_rest_has_that_of_its_motion():
@@ -123,23 +112,6 @@ def test_other_logs_take_the_place_of_those_that_are_missing():
     assert logs_that_are_there(logs, PARAMETERS) == PARAMETERS
 
 
-def test_a_public_set_of_which_too_little_is_there_says_so(root, tmp_path, monkeypatch):
-    """Of one log nothing is tested: the page says why, and the pipeline goes on."""
-    one, public = "ur-20_02_12-50sec_12harm.csv", tmp_path / "public/ur10e"
-    public.mkdir(parents=True)
-    for name in (one, "ur10e.urdf"):
-        (public / name).symlink_to(recorded_data("ur10e") / name)
-    (tmp_path / "stages").symlink_to(root / "stages")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("RECORDED_DATA", str(public.parent))
-    monkeypatch.setattr(sys, "argv", ["stage", "ur10e"])
-    for stage in ("import_task", "motion", "report", "view"):
-        runpy.run_path(f"stages/tasks/{stage}.py", run_name="__main__")
-    text = (tmp_path / "reports/tasks/ur10e/index.html").read_text()
-    assert "of 1 logs 1 are motions of all joints without a load" in text
-    assert "not tested" in text
-
-
 def identified(name: str, logs: list, folder, **changes) -> SimpleNamespace:
     """Tables of a public set by name, with reduced settings."""
     chosen = committed_entry(name, urdf=str(recorded_data(name) / f"{name}.urdf"), draws=100, **changes)
@@ -158,23 +130,16 @@ def loaded(tmp_path_factory):
     return identified("ur10e", logs, tmp_path_factory.mktemp("ur10e"), **changes)
 
 
-def test_the_recorded_arm_is_known_as_well_as_least_squares_know_it(loaded):
+def test_the_recorded_arm_is_known_as_well_as_least_squares_know_it_with_its_load_and_drives(loaded):
     its = loaded.errors[loaded.errors["part"] == loaded.chosen.test]
     worst = its.groupby(["model", "friction"])["nmse"].max()
-    assert worst["cov", "coulomb"] <= 0.012
-    assert worst["cov", "coulomb"] <= 1.1 * worst[LEAST_SQUARES, "coulomb"]
+    assert worst["cov", "coulomb"] <= min(0.012, 1.1 * worst[LEAST_SQUARES, "coulomb"])
     assert worst["cov", "viscous"] > 0.1
-
-
-def test_the_recorded_load_is_found(loaded):
     masses, known = loaded.loads.set_index(["pair", "gains"])["mass_kg"], loaded.chosen.load.known_kg
     assert masses[protocol.ALL_PAIRS, protocol.FOUND] == pytest.approx(known, rel=0.02)
     assert masses[protocol.ALL_PAIRS, protocol.QUOTED] > 1.05 * known
     carried = loaded.carried.query("stage == @protocol.CARRYING and since_s > 20.0")
     assert (carried["mass_kg"] / known - 1.0).abs().mean() < 0.05
-
-
-def test_the_recorded_drives_are_found(loaded):
     gains = [11.976, 11.976, 9.839, 10.766, 10.779, 10.766]
     np.testing.assert_allclose(loaded.gains["found"], gains, atol=1e-3)
     late = loaded.drives.query("quantity == @protocol.DELAY").groupby("log")["value"].mean()

@@ -11,7 +11,7 @@ from readers_bags import joint_messages, write_bag
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.readers import read_demonstrations, read_recording
+from structlearn.readers import read_recording
 
 STEP = 10**7
 STAMPS = [10**9 + row * STEP for row in range(30)]
@@ -89,18 +89,6 @@ def test_a_real_arm_is_where_pinocchio_says(tmp_path):
     assert_same_poses(recording.streams[0].values, expected)
     assert [stream.kind for stream in recording.streams] == ["pose", "joint_positions", "joint_torques"]
     assert recording.joint_names == tuple(names[i] for i in order)
-
-
-def test_a_bag_with_joint_states_alone_gives_a_demonstration_with_its_joints_named(arm, tmp_path):
-    positions = np.linspace([0.0, 0.0], [0.5, 1.0], len(STAMPS))
-    write_bag(tmp_path / "bag.mcap", joint_messages(STAMPS, ["shoulder", "elbow"], positions))
-    (demonstration,) = read_demonstrations(
-        tmp_path / "bag.mcap", topics(arm, "tool", joint_states="/joint_states")
-    )
-    assert demonstration.joint_names == ("shoulder", "elbow")
-    np.testing.assert_allclose(demonstration.joint_positions, positions, atol=1e-9)
-    expected = two_link_pose(*positions.T)
-    np.testing.assert_allclose(demonstration.position, expected[:, :3], atol=1e-9)
 
 
 def test_joints_in_messages_of_their_own_meet_on_the_slower_clock(arm, tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from committed import topic_map
+from pydantic import ValidationError
 from readers_bags import header, pose_messages, pose_rows, ros_pose, ros_quaternion, vector, write_bag
 
 from structlearn.core.errors import InputError
@@ -57,18 +58,29 @@ def read_pose(path, messages):
 
 @pytest.mark.parametrize("message_type", POSES)
 def test_every_pose_type_gives_the_same_scalar_first_pose(tmp_path, message_type):
+    """Also of the tool to the board: how it is turned."""
     messages = [
-        ("/tool", message_type, POSES[message_type](header(s), row), s + LATE)
+        (topic, message_type, POSES[message_type](header(s), row), s + LATE)
+        for topic in ("/tool", "/mocap")
         for s, row in zip(STAMPS, ROWS, strict=True)
     ]
     write_bag(tmp_path / "bag.mcap", messages)
-    recording = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool"))
-    (pose,) = recording.streams
+    seen = {"tool_to_board": "/mocap"} if message_type in TURNS else {}
+    recording = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool", **seen))
+    pose, *mocap = recording.streams
     assert (pose.kind, pose.topic, recording.name) == ("pose", "/tool", "bag")
     np.testing.assert_array_equal(pose.values, ROWS)
     late = LATE if message_type.endswith("/Pose") else 0  # no header: the log time is the stamp
-    np.testing.assert_array_equal(pose.stamps, np.array(STAMPS) + late)
+    for stream in recording.streams:
+        np.testing.assert_array_equal(stream.stamps, np.array(STAMPS) + late)
+    for stream in mocap:
+        assert (stream.kind, message_type in TURNS) == ("tool_to_board", True)
+        np.testing.assert_array_equal(stream.values, ROWS[:, 3:])
     assert recording.provenance == {"origin": "recorded", "source": "bag.mcap"}
+
+
+TURNS = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped")
+"""That motion capture publishes, where only how the tool is turned counts."""
 
 
 @pytest.mark.parametrize(
@@ -88,57 +100,39 @@ def test_twist_and_wrench(tmp_path, role, message_type, first, second):
     np.testing.assert_array_equal(stream.values, [[1, 2, s, 4, 5, 6] for s in STAMPS])
 
 
-ORIENTATIONS = {
-    "geometry_msgs/msg/QuaternionStamped": lambda h, row: {
-        "header": h,
-        "quaternion": ros_quaternion(row[3:]),
-    },
-    "geometry_msgs/msg/PoseStamped": pose_stamped,
-    "geometry_msgs/msg/TransformStamped": transform_stamped,
-}
+COUNTS = [[row, 2 * row, 4095] for row in range(5)]
+ALONE = [
+    {"header": header(s), "quaternion": ros_quaternion(row[3:])} for s, row in zip(STAMPS, ROWS, strict=True)
+]
 
 
-@pytest.mark.parametrize("message_type", ORIENTATIONS)
-def test_the_tool_on_the_board_is_a_scalar_first_quaternion_from_every_type(tmp_path, message_type):
-    """Motion capture publishes a pose or a transform; only how the tool is turned counts."""
-    messages = [
-        ("/mocap", message_type, ORIENTATIONS[message_type](header(s), row), s + LATE)
-        for s, row in zip(STAMPS, ROWS[::-1], strict=True)
-    ]
-    (stream,) = read(tmp_path / "bag.mcap", messages, tool_to_board="/mocap")
-    assert stream.kind == "tool_to_board"
-    np.testing.assert_array_equal(stream.values, ROWS[::-1, 3:])
-    np.testing.assert_array_equal(stream.stamps, STAMPS)
+@pytest.mark.parametrize(
+    ("message_type", "messages", "role", "values", "late"),
+    [
+        *(
+            (f"std_msgs/msg/{one}MultiArray", [{"data": data} for data in COUNTS], "tactile", COUNTS, LATE)
+            for one in ("Float32", "Float64", "Int16", "Int32", "UInt16")
+        ),
+        ("geometry_msgs/msg/QuaternionStamped", ALONE, "tool_to_board", ROWS[:, 3:], 0),
+    ],
+)
+def test_touch_is_stamped_by_its_log_time_and_a_quaternion_by_its_header(
+    tmp_path, message_type, messages, role, values, late
+):
+    rows = [("/x", message_type, one, s + LATE) for s, one in zip(STAMPS, messages, strict=True)]
+    (stream,) = read(tmp_path / "bag.mcap", rows, **{role: "/x"})
+    assert stream.kind == role
+    np.testing.assert_array_equal(stream.values, values)
+    np.testing.assert_array_equal(stream.stamps, np.array(STAMPS) + late)
 
 
-@pytest.mark.parametrize("number", ["Float32", "Float64", "Int16", "Int32", "UInt16"])
-def test_every_tactile_type_is_stamped_by_its_log_time(tmp_path, number):
-    counts = [[row, 2 * row, 4095] for row in range(5)]
-    messages = [
-        ("/finger", f"std_msgs/msg/{number}MultiArray", {"data": data}, s + LATE)
-        for s, data in zip(STAMPS, counts, strict=True)
-    ]
-    (stream,) = read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
-    np.testing.assert_array_equal(stream.values, counts)
-    np.testing.assert_array_equal(stream.stamps, np.array(STAMPS) + LATE)
-
-
-def test_header_stamps_that_nobody_set_give_way_to_log_times(tmp_path):
-    messages = [
-        (topic, kind, message | {"header": header(0)}, logged)
-        for topic, kind, message, logged in pose_messages(STAMPS, ROWS)
-    ]
-    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", messages).stamps, STAMPS)
-
-
-def test_a_clock_that_starts_at_zero_is_kept(tmp_path):
-    simulated = [0, 10**7, 2 * 10**7]
-    messages = [(*m[:3], 10**18 + i) for i, m in enumerate(pose_messages(simulated, ROWS[:3]))]
-    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", messages).stamps, simulated)
-
-
-def test_frames_that_change_make_no_difference(tmp_path):
+def test_the_log_time_stands_in_only_where_no_header_is_set_and_frames_make_no_difference(tmp_path):
     messages = pose_messages(STAMPS, ROWS)
+    unset = [(*m[:2], m[2] | {"header": header(0)}, m[3]) for m in messages]
+    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", unset).stamps, STAMPS)
+    simulated = [0, 10**7, 2 * 10**7]
+    from_zero = [(*m[:3], 10**18 + i) for i, m in enumerate(pose_messages(simulated, ROWS[:3]))]
+    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", from_zero).stamps, simulated)
     for number, (_, _, message, _) in enumerate(messages):
         message["header"]["frame_id"] = "base" * (number % 3)
     pose = read_pose(tmp_path / "bag.mcap", messages)
@@ -146,35 +140,43 @@ def test_frames_that_change_make_no_difference(tmp_path):
     np.testing.assert_array_equal(pose.values, ROWS)
 
 
+def test_roles_of_topics_have_an_order_and_each_topic_one_role():
+    topics = topic_map(tactile=("/b", "/a"), pose="/tool", joint_states="/joints")
+    roles = [("/tool", "pose"), ("/joints", "joint_states"), ("/b", "tactile"), ("/a", "tactile")]
+    assert topics.roles() == roles
+    for wrong in ({"pose": "/a", "wrench": "/a"}, {"pose": "/a", "tactile": [""]}, {"pose": None}):
+        with pytest.raises(ValidationError):
+            topic_map(**wrong)
+
+
 def joint_message(stamp, **fields):
     return ("/joints", "sensor_msgs/msg/JointState", {"header": header(stamp), **fields}, stamp)
 
 
-def test_joint_states_give_a_stream_per_filled_field_in_the_first_order_of_names(tmp_path):
-    messages = [
-        joint_message(STAMPS[0], name=["a", "b"], position=[1, 2], effort=[3, 4]),
-        joint_message(STAMPS[1], name=["b", "a"], position=[20, 10], effort=[40, 30]),
-    ]
-    positions, torques = read(tmp_path / "bag.mcap", messages, joint_states="/joints")
-    assert (positions.kind, torques.kind) == ("joint_positions", "joint_torques")
-    np.testing.assert_array_equal(positions.values, [[1, 2], [10, 20]])
-    np.testing.assert_array_equal(torques.values, [[3, 4], [30, 40]])
+NO = [np.nan, np.nan]
 
 
-def test_joint_fields_that_the_driver_does_not_measure_are_left_out(tmp_path):
-    messages = [
-        joint_message(s, name=["a", "b"], position=[1, 2], velocity=[3, 4], effort=[np.nan, np.nan])
-        for s in STAMPS
-    ]
-    streams = read(tmp_path / "bag.mcap", messages, joint_states="/joints")
-    assert [stream.kind for stream in streams] == ["joint_positions", "joint_velocities"]
-
-
-def test_joint_states_without_names_keep_their_order(tmp_path):
-    (stream,) = read(
-        tmp_path / "bag.mcap", [joint_message(s, velocity=[5, 6]) for s in STAMPS], joint_states="/joints"
-    )
-    np.testing.assert_array_equal(stream.values, [[5, 6]] * 5)
+@pytest.mark.parametrize(
+    ("states", "streams"),
+    [
+        (  # a stream for each field that is filled, in the first order of names
+            [
+                {"name": ["a", "b"], "position": [1, 2], "effort": [3, 4]},
+                {"name": ["b", "a"], "position": [20, 10], "effort": [40, 30]},
+            ],
+            {"joint_positions": [[1, 2], [10, 20]], "joint_torques": [[3, 4], [30, 40]]},
+        ),
+        (  # what the driver does not measure is left out
+            [{"name": ["a", "b"], "position": [1, 2], "velocity": [3, 4], "effort": NO}] * 2,
+            {"joint_positions": [[1, 2]] * 2, "joint_velocities": [[3, 4]] * 2},
+        ),
+        ([{"velocity": [5, 6]}] * 2, {"joint_velocities": [[5, 6]] * 2}),  # without names
+    ],
+)
+def test_joint_states_give_a_stream_per_filled_field(tmp_path, states, streams):
+    messages = [joint_message(s, **state) for s, state in zip(STAMPS, states, strict=False)]
+    found = read(tmp_path / "bag.mcap", messages, joint_states="/joints")
+    assert {one.kind: one.values.tolist() for one in found} == streams
 
 
 FIRST = {"name": ["a", "b"], "position": [1, 2]}
@@ -211,7 +213,6 @@ UNKNOWN = "topic '/words' has messages of type std_msgs/msg/String; "
         (counts(0, 0, 0), "finger': messages have no values"),
         (words(pose="/words"), UNKNOWN + "pose .*geometry_msgs/PoseStamped.*nav_msgs/Odometry"),
         (words(tactile=("/words",)), UNKNOWN + "tactile .*std_msgs/Float32MultiArray"),
-        (words(tool_to_board="/words"), UNKNOWN + "tool_to_board .*geometry_msgs/TransformStamped"),
     ],
 )
 def test_messages_that_cannot_be_read_are_named_with_topic_and_row(tmp_path, content, complaint):

@@ -109,14 +109,7 @@ def test_a_users_markers_are_read(tmp_path):
     ]
     assert found.shapes[1].position.tolist() == [0.5, 0.0, 0.2]
     assert found.shapes[0].orientation.tolist() == [1.0, 0.0, 0.0, 0.0]
-
-
-def test_a_shape_without_extent_is_named(tmp_path):
     with pytest.raises(InputError, match=r"'/world': shape 'can' needs a finite pose and a positive size"):
         user_bag(tmp_path / "bag.mcap", [[marker("can", 0, 3, size=0.0)]])
-
-
-def test_names_are_unique(tmp_path):
-    twice = replace(make_recording(), shapes=(SHAPES[0], SHAPES[0]))
     with pytest.raises(InputError, match="demo: several shapes have the name box"):
-        write_recording(twice, tmp_path / "demo.mcap")
+        write_recording(replace(make_recording(), shapes=SHAPES[:1] * 2), tmp_path / "demo.mcap")

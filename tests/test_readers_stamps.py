@@ -1,4 +1,4 @@
-"""Stamps that repeat and run back, under each policy."""
+"""Stamps that repeat and run back, under each policy, and what is said of the clocks of raw messages."""
 
 from itertools import pairwise
 
@@ -11,7 +11,9 @@ from readers_bags import joint_messages, pose_messages, pose_rows, write_bag
 
 from structlearn.core.errors import InputError
 from structlearn.readers import StampPolicy, read_demonstrations, read_recording
+from structlearn.readers.bag import read_bag
 from structlearn.readers.clock import AS_WRITTEN, in_order, longest_increase
+from structlearn.tasks.inspection import clocks as survey
 
 DROP, SORT, LOG = (
     StampPolicy(clock=clock, disorder=disorder)
@@ -44,7 +46,6 @@ def test_sorting_keeps_the_first_of_each_stamp(stamps):
         assert note.endswith(f"{len(stamps) - len(set(stamps))} dropped of {len(stamps)}")
 
 
-@settings(max_examples=40, deadline=None)
 @given(stamps=STAMPS)
 def test_what_is_in_order_is_left_alone_and_nothing_else_passes(stamps):
     increases = all(a < b for a, b in pairwise(stamps))
@@ -105,3 +106,64 @@ def test_joints_of_each_publisher_have_an_order_of_their_own(tmp_path):
     recording = read_recording(tmp_path / "bag.mcap", both, DROP)
     assert recording.provenance["stamps"] == "/joint_states: 1 dropped of 5 of f"
     assert [len(stream.stamps) for stream in recording.streams] == [5, 5, 4]
+
+
+MS = 10**6
+
+
+def messages_of(path, messages, topic):
+    write_bag(path, messages)
+    return read_bag(path, [topic]).messages[topic]
+
+
+def test_rates_gaps_and_disorder_are_numbers():
+    steps = np.tile([8, 12], 100) * MS
+    steps[150] = 500 * MS
+    stamps = np.append(0, np.cumsum(steps))
+    found = survey.stamps_of(stamps)
+    assert (found.count, found.repeated, found.backward) == (201, 0, 0)
+    assert found.rate_hz == pytest.approx(1e3 / 12)  # by the median step
+    assert found.largest_gap_s == pytest.approx(0.5)
+    assert found.gap_at_s == pytest.approx(1e-9 * stamps[150])
+    stamps[[20, 21]] = stamps[[21, 20]]
+    stamps[40] = stamps[39]
+    found = survey.stamps_of(stamps)
+    assert (found.backward, found.repeated) == (1, 1)
+    assert np.isnan(survey.stamps_of(np.array([7])).rate_hz)
+
+
+@given(st.lists(st.integers(-(10**12), 10**12), min_size=1, max_size=50), st.integers(-(10**12), 10**12))
+def test_counts_do_not_depend_on_where_the_clock_starts(stamps, shift):
+    before = survey.stamps_of(np.array(stamps))
+    after = survey.stamps_of(np.array(stamps) + shift)
+    for name in ("count", "repeated", "backward", "rate_hz", "largest_gap_s"):
+        np.testing.assert_equal(getattr(before, name), getattr(after, name))
+
+
+def test_delays_of_the_log_behind_the_header(tmp_path):
+    taken = 10**9 + 10 * MS * np.arange(1000)
+    late = taken + 30 * MS + np.linspace(0, 100 * MS, 1000).astype(int)  # a clock that runs 1 % fast
+    rows = [
+        (topic, kind, content, int(log))
+        for (topic, kind, content, _), log in zip(
+            pose_messages(taken.tolist(), pose_rows(1000)), late, strict=True
+        )
+    ]
+    clocks = survey.topic_clocks("", messages_of(tmp_path / "bag.mcap", rows, "/tool"))
+    assert clocks.delay_s == pytest.approx(0.080, abs=1e-4)
+    assert clocks.own is clocks.header
+    assert clocks.header.rate_hz == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "content"),
+    [
+        ("geometry_msgs/msg/Pose", {"position": {"x": 0.0, "y": 0.0, "z": 0.0}}),
+        ("geometry_msgs/msg/PoseStamped", {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}}),
+    ],
+)
+def test_the_log_time_stands_in_where_no_header_is_set(tmp_path, kind, content):
+    rows = [("/tool", kind, content, 10**9 + 20 * MS * row) for row in range(50)]
+    clocks = survey.topic_clocks("", messages_of(tmp_path / "bag.mcap", rows, "/tool"))
+    assert clocks.header is None
+    assert clocks.own.rate_hz == pytest.approx(50.0)

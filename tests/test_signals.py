@@ -18,16 +18,13 @@ def inside(signal):
     return signal[300:-300]
 
 
-def test_a_sinusoid_far_below_the_cutoff_passes():
-    wave = sinusoid(0.2)
-    np.testing.assert_allclose(inside(low_pass(wave, DT, 10.0)), inside(wave), atol=1e-6)
-
-
 @pytest.mark.parametrize("cutoff_hz", [1.0, 5.0, 20.0])
 def test_the_cutoff_halves_the_amplitude_and_shifts_nothing(cutoff_hz):
     wave = sinusoid(cutoff_hz, phase=0.3)
     # -3 dB forwards and again backwards; no phase: the output is the input times a number
     np.testing.assert_allclose(inside(low_pass(wave, DT, cutoff_hz)), 0.5 * inside(wave), atol=2e-3)
+    slow = sinusoid(0.2)
+    np.testing.assert_allclose(inside(low_pass(slow, DT, 10.0)), inside(slow), atol=1e-6)
 
 
 def test_a_line_passes_unchanged_even_at_its_ends():

@@ -11,87 +11,49 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import Parameters
 
 
-class FitParameters(Parameters):
-    kernel_count: int
-
-
-def test_parameters_come_from_the_working_directory(tmp_path, monkeypatch):
-    (tmp_path / "params.yaml").write_text("fit: {kernel_count: 25}")
-    monkeypatch.chdir(tmp_path)
-    assert stage.stage_parameters("fit", FitParameters).kernel_count == 25
-
-
-def test_bad_input_is_one_line_on_standard_error_and_exit_code_one(capsys):
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (InputError("log.mcap: topic '/tool' is missing"), 1, "error: log.mcap: topic '/tool' is missing\n"),
+        (KeyboardInterrupt(), 130, "error: interrupted; run it again\n"),
+    ],
+)
+def test_bad_input_and_an_interruption_are_one_line_on_standard_error(capsys, error, code, said):
     def main():
-        raise InputError("log.mcap: topic '/tool' is missing")
+        raise error
 
     with pytest.raises(SystemExit) as exit_:
         stage.run(main)
-    assert exit_.value.code == 1
-    captured = capsys.readouterr()
-    assert captured.err == "error: log.mcap: topic '/tool' is missing\n"
-    assert captured.out == ""
-
-
-def test_an_interruption_is_one_line(capsys):
-    def main():
-        raise KeyboardInterrupt
-
-    with pytest.raises(SystemExit) as exit_:
+    assert exit_.value.code == code
+    assert capsys.readouterr() == ("", said)
+    error = ValueError("a bug")
+    with pytest.raises(ValueError, match="a bug"):  # with its traceback
         stage.run(main)
-    assert exit_.value.code == 130
-    assert capsys.readouterr().err == "error: interrupted; run it again\n"
-
-
-def test_errors_of_the_program_keep_their_traceback():
-    def main():
-        raise ValueError("a bug")
-
-    with pytest.raises(ValueError, match="a bug"):
-        stage.run(main)
-
-
-def test_success_is_silent(capsys):
     stage.run(lambda: None)
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_stage_script_without_its_parameters_says_so(tmp_path):
-    script = (
-        "from structlearn.core import stage\n"
-        "from structlearn.core.params import Parameters\n"
-        "stage.run(lambda: stage.stage_parameters('fit', Parameters))\n"
-    )
-    ended = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert (ended.returncode, ended.stdout) == (1, "")
-    assert ended.stderr == "error: params.yaml: no such parameter file\n"
+def test_parameters_come_from_the_working_directory(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"^params\.yaml: no such parameter file$"):
+        stage.stage_parameters("fit", Parameters)
+    (tmp_path / "params.yaml").write_text("fit: {}")
+    assert stage.stage_parameters("fit", Parameters) == Parameters()
 
 
 def test_a_stage_without_its_data_leaves_an_empty_folder_and_says_why(tmp_path, capsys):
-    data, target = tmp_path / "data", tmp_path / "made"
-    data.mkdir()
-    target.mkdir()
-    (target / "old.txt").write_text("of data that are gone")
+    """Damaged data are an error and leave what was there."""
+    (tmp_path / "old.txt").write_text("of data that are gone")
 
-    def read():
-        raise MissingInputError(f"{data}: holds no logs")
+    def read(error):
+        raise error
 
-    stage.or_empty(read, target)()
-    assert list(target.iterdir()) == []
-    (said,) = capsys.readouterr().out.splitlines()
-    assert said == f"{target}: left empty: {data}: holds no logs"
-
-
-def test_damaged_data_are_an_error_and_leave_what_was_there(tmp_path):
-    def damaged():
-        raise InputError("cut off")
-
-    (tmp_path / "old.txt").write_text("")
     with pytest.raises(InputError, match="cut off"):
-        stage.or_empty(damaged, tmp_path)()
+        stage.or_empty(lambda: read(InputError("cut off")), tmp_path)()
     assert len(list(tmp_path.iterdir())) == 1
+    stage.or_empty(lambda: read(MissingInputError("data: holds no logs")), tmp_path)()
+    assert list(tmp_path.iterdir()) == []
+    assert capsys.readouterr().out == f"{tmp_path}: left empty: data: holds no logs\n"
 
 
 HOLD = """

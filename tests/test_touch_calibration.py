@@ -90,15 +90,12 @@ def test_components_of_a_known_mixture():
     rng = np.random.default_rng(0)
     sources = rng.standard_normal((5000, 3)) * [10.0, 3.0, 0.1]
     basis = np.linalg.qr(rng.standard_normal((19, 19)))[0][:3]
+    np.testing.assert_array_equal(touch_calibration.variance_shares(np.ones((50, 19))), np.zeros(19))
     shares = touch_calibration.variance_shares(sources @ basis)
     np.testing.assert_allclose(shares[:2], np.array([100, 9]) / 109.01, rtol=0.1)
     assert touch_calibration.pca_dimensions(sources @ basis, 0.99) == 2
     assert touch_calibration.pca_dimensions(sources @ basis, 0.9) == 1
     assert touch_calibration.pca_dimensions(sources @ basis, 0.99999) == 3
-
-
-def test_nothing_has_no_dimensions():
-    np.testing.assert_array_equal(touch_calibration.variance_shares(np.ones((50, 19))), np.zeros(19))
 
 
 def test_held_values_are_thinned_and_primitives_joined():

@@ -4,8 +4,6 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
-import pytest
-
 from structlearn.core.parallel import BACKEND
 from structlearn.core.stage import RUN_BY_DVC, TIMES, StageTime, main, read_times, record
 
@@ -31,13 +29,8 @@ if __name__ == "__main__":
 def run_stage(folder, *words, **variables):
     (folder / "stage.py").write_text(STAGE)
     unset = {name: value for name, value in os.environ.items() if name not in (RUN_BY_DVC, BACKEND)}
-    return subprocess.run(
-        [sys.executable, "stage.py", *words],
-        cwd=folder,
-        env=unset | variables,
-        capture_output=True,
-        text=True,
-    )
+    command = [sys.executable, "stage.py", *words]
+    return subprocess.run(command, cwd=folder, env=unset | variables, capture_output=True, text=True)
 
 
 def test_a_stage_of_dvc_leaves_its_time_with_that_of_its_workers(tmp_path):
@@ -63,40 +56,28 @@ def test_a_stage_run_by_hand_or_that_fails_leaves_none(tmp_path):
     assert not (tmp_path / "reports").exists()
 
 
-def test_times_are_kept_by_command_the_last_one_counts(tmp_path):
+def test_times_are_kept_by_command_the_last_one_counts(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
     path = tmp_path / TIMES
-    record("stages/b.py", StageTime(3.0, 4.0), path)
-    record("stages/a.py", StageTime(1.26, 0.04), path)
-    record("stages/b.py", StageTime(5.0, 6.0), path)
+    for content in (b"", b'{"a": ', b"\xff\xfe", b"[1]", b'{"a": 1}', b'{"a": [null, 1]}'):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)  # a damaged file is started anew
+        assert read_times(path) == {}
+    record("stages/b.py", StageTime(3.0, 4.0))
+    record("stages/a.py", StageTime(1.26, 0.04))
+    record("stages/b.py", StageTime(5.0, 6.0))
     assert read_times(path) == {"stages/a.py": StageTime(1.3, 0.0), "stages/b.py": StageTime(5.0, 6.0)}
     assert list(json.loads(path.read_text())) == ["stages/a.py", "stages/b.py"]
     assert list(path.parent.iterdir()) == [path]
-
-
-@pytest.mark.parametrize("content", [b"", b'{"a": ', b"\xff\xfe", b"[1]", b'{"a": 1}', b'{"a": [null, 1]}'])
-def test_a_damaged_file_is_started_anew(tmp_path, content):
-    path = tmp_path / "stages.json"
-    path.write_bytes(content)
-    assert read_times(path) == {}
-    record("stages/a.py", StageTime(1.0, 2.0), path)
-    assert read_times(path) == {"stages/a.py": StageTime(1.0, 2.0)}
-
-
-def test_a_time_that_cannot_be_written_is_told_and_fails_nothing(tmp_path, capsys):
-    (tmp_path / "reports").write_text("a file where the folder should be")
-    record("stages/a.py", StageTime(1.0, 2.0), tmp_path / TIMES)
-    assert "the time of stages/a.py is not written" in capsys.readouterr().err
-
-
-def test_times_are_listed_with_their_sum(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    main()
-    record("stages/a.py", StageTime(1.5, 2.0))
-    record("stages/b.py", StageTime(3.0, 4.0))
     main()
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert lines[2:4] == [["3.0", "4.0", "stages/b.py"], ["1.5", "2.0", "stages/a.py"]]
-    assert lines[4][:4] == ["4.5", "6.0", "2", "stages"]
+    assert [*lines[-3:-1], lines[-1][:4]] == [
+        ["5.0", "6.0", "stages/b.py"],
+        ["1.3", "0.0", "stages/a.py"],
+        ["6.3", "6.0", "2", "stages"],
+    ]
+    record("stages/a.py", StageTime(1.0, 2.0), path / "below a file")
+    assert "the time of stages/a.py is not written" in capsys.readouterr().err
 
 
 def test_a_stage_starts_without_pandas():
