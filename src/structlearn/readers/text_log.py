@@ -1,4 +1,4 @@
-"""Number tables in public text logs, read with every fault named by file and line (from 1)."""
+"""Numbers in public logs: tables of text, with every fault named by file and line (from 1), and archives."""
 
 import csv
 import hashlib
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -97,6 +98,25 @@ def read_stamped_table(
     ]
     values = np.ascontiguousarray(_numbers(path, lines, columns, separator)[:, 1:])
     return np.array(stamps, dtype=np.int64), values
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """All arrays of an .npz archive, in double precision.
+
+    Raises InputError: it is missing or damaged, or an array holds no numbers.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return {name: np.asarray(arrays[name], dtype=np.float64) for name in arrays.files}
+    except (OSError, EOFError, ValueError, BadZipFile) as error:
+        raise InputError(f"{path}: cannot be read as arrays: {error}") from error
+
+
+def stamps_of(path: Path, seconds: np.ndarray) -> np.ndarray:
+    """(T,) int64 ns of times in s; an InputError where they are none."""
+    if seconds.ndim != 1 or not np.isfinite(seconds).all() or np.abs(seconds).max(initial=0.0) > 9e9:
+        raise InputError(f"{path}: times are no times in s")
+    return np.round(1e9 * seconds).astype(np.int64)
 
 
 def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, str]]]:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +129,17 @@ def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motio
         columns = friction_columns(motion.qd, models.friction)
         torques = torques + np.einsum("njt,mjt->mnj", columns, models.friction_coefficients())
     return torques
+
+
+def torque_parts(models: DynamicsModels, tree: KinematicTree, motion: Motion) -> dict[str, np.ndarray]:
+    """Inertial, Coriolis (and centrifugal) and gravitational torques (M, N, n) in N m, without friction."""
+    rest = np.zeros_like(motion.qd)
+    frictionless = replace(models, friction=())
+    gravity, moving, accelerating = (
+        predicted_torques(frictionless, tree, replace(motion, qd=qd, qdd=qdd))
+        for qd, qdd in ((rest, rest), (motion.qd, rest), (rest, motion.qdd))
+    )
+    return {"inertial": accelerating - gravity, "coriolis": moving - gravity, "gravity": gravity}
 
 
 def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> InverseDynamics:

@@ -64,6 +64,7 @@ def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
 
     A public set may have it in a folder of its own.
     """
+    assert parameters.urdf is not None, "the entry has no URDF"
     path = local_path(parameters.urdf)
     if is_public(parameters.urdf) and not path.is_file():
         path = next(iter(sorted(path.parent.rglob(path.name))), path)

@@ -31,6 +31,7 @@ from structlearn.tasks.motion.motion_results import (
     model_words,
     motion_findings,
 )
+from structlearn.tasks.motion.torque_parts_section import parts_section
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
@@ -62,6 +63,8 @@ def section(files: TaskFiles) -> Section:
     parameters = files.entry(MotionParameters)
     first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
     tables = {path.stem: read_table(path) for path in (files.folder / "motion").glob("*.parquet")}
+    if parameters.parts is not None:
+        return parts_section(tables, parameters.parts, first.provenance)
     if not parameters.structures:
         return Section(
             "motion",
