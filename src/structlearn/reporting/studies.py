@@ -71,14 +71,18 @@ class Study:
         return self.table.groupby("variant").indices
 
     def summary(self, columns: Mapping[str, str]) -> Table:
-        """A row per variant: mean over repeats, with its interval where there are two or more."""
+        """A row per variant: mean over repeats and its interval, or both values where there are only two."""
         rows = []
         for variant, part in self.table.groupby("variant", sort=False):
             row = {"variant": variant, "n": len(part)}
             for key, heading in columns.items():
-                found = mean(part[key].dropna().to_numpy(float))
-                text = rounded(found.value, ".3g")
-                row[heading] = text if found.n < 2 else f"{text} {interval(found.low, found.high, '.3g')}"
+                values = part[key].dropna().to_numpy(float)
+                found = mean(values)
+                row[heading] = (
+                    listing([rounded(value, ".3g") for value in values], "unknown")
+                    if len(values) <= 2
+                    else f"{rounded(found.value, '.3g')} {interval(found.low, found.high, '.3g')}"
+                )
             rows.append(row)
         return Table(pd.DataFrame(rows))
 
