@@ -97,8 +97,7 @@ class MotionParameters(SourceParameters):
     iterations: int = Field(ge=1)
     joint_weights: Literal["variance", "limit"]
     prior: float = Field(ge=0)
-    refit_friction: bool
-    judged_friction: Literal["coulomb", "offset"]
+    judged_friction: Literal["coulomb", "offset", "stiffness"]
     body_draws: NonNegativeInt
     largest_condition: float = Field(gt=1)
     gravity_share: float = Field(gt=0, lt=1)

@@ -166,7 +166,8 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
     errors.insert(0, "model", [model_words(key) for key in wide.index])
     plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS).tolist())
     whole = []
-    for key in (URDF, *((kind, friction) for friction in ("coulomb", "offset") for kind in (BOUNDS, BEST))):
+    frictions = dict.fromkeys(("coulomb", "offset", results.best[1]))
+    for key in (URDF, *((kind, friction) for friction in frictions for kind in (BOUNDS, BEST))):
         found = results.whole_errors(key)
         texts = {heading: _text(found[name], number) for name, (heading, number) in WHOLE.items()}
         whole.append({"model": model_words(key)} | texts)
