@@ -128,9 +128,3 @@ def forms(ours: Mapping[str, float], text: Mapping[str, float], people: int = 5)
             varied = {key: value * (1.0 + 0.01 * rng.standard_normal()) for key, value in values.items()}
             rows.append({"variant": variant, "cell": number, **varied})
     return Study({"findings": pd.DataFrame(rows)})
-
-
-def variants(values: Mapping[str, float], names: Sequence[str]) -> Study:
-    """A study whose variants are alike."""
-    rows = [{"variant": name, "cell": number, **values} for name in names for number in range(3)]
-    return Study({"findings": pd.DataFrame(rows)})

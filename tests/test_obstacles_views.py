@@ -1,11 +1,9 @@
 """The recordings of the obstacle testbed, of a small world."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
-from obstacles_world import PLACES, POPULATION, PRIMITIVE, TESTED, evaluation, people
+from obstacles_world import PLACES, POPULATION, PRIMITIVE, evaluation, people
 from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.avoidance.shapes import SHAPES
@@ -25,12 +23,8 @@ from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     write_trained_avoidance,
 )
 from structlearn.testbeds.obstacles.views.unseen_avoidance import (
-    in_base_frame,
-    shown_reaches,
-    sphere_paths,
     write_unseen_avoidance,
 )
-from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M
 
 UNSEEN = avoidance_protocols.unseen(PRIMITIVE)
 
@@ -128,21 +122,3 @@ def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reach
     assert len(values(path, "/notes/sphere", "TextDocument:text")) == 63
     assert f"| {KINDS['none'].name} | {len(hit)} |" in note(path)
     assert "simulated" in note(path)
-
-
-def test_chosen_reaches_are_spread_over_those_that_hit(reaches):
-    group = reaches[SituationKey("unseen", "sphere", 1)]
-    groups = [[replace(group[0], hit=number % 2 == 0)] for number in range(12)]
-    assert shown_reaches(groups, 3) == [2, 6, 10]
-    assert shown_reaches(groups, 99) == [0, 2, 4, 6, 8, 10]
-    assert shown_reaches(groups[1::2]) == []
-
-
-def test_a_moving_sphere_is_in_the_way_of_the_bare_reach_just_then():
-    time = PRIMITIVE.unroll(0.04).time
-    middle = 31  # of the grid, on the line of the reach
-    (path,) = sphere_paths(avoidance_protocols.moving(PRIMITIVE, TESTED), middle, time, PRIMITIVE)
-    nearest = np.linalg.norm(PRIMITIVE.unroll(0.04).position - path, axis=1).min()
-    assert nearest < UNSEEN_RADIUS_M
-    np.testing.assert_allclose(np.linalg.norm(np.diff(path, axis=0), axis=1), 0.1 * 0.04, rtol=1e-6)
-    assert in_base_frame(np.zeros(3), PRIMITIVE) == pytest.approx(PRIMITIVE.start)

@@ -15,7 +15,6 @@ from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.tactile.electrodes import SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.names import CUT_METHODS, ROLLOUTS, RUNS
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
@@ -26,8 +25,8 @@ from structlearn.testbeds.scraping.views.executions_recording import (
     write_robot,
 )
 from structlearn.testbeds.scraping.views.nominal_recordings import write_alignment, write_demonstrations
-from structlearn.testbeds.scraping.views.scraping_scene import Execution, electrodes
-from structlearn.testbeds.scraping.views.search_recording import CHEAP, Search, cost_colours, searches
+from structlearn.testbeds.scraping.views.scraping_scene import Execution
+from structlearn.testbeds.scraping.views.search_recording import CHEAP, cost_colours, searches
 from structlearn.testbeds.scraping.world import scraping_robot
 from structlearn.testbeds.scraping.world.layout import (
     CONTACT_M,
@@ -114,13 +113,6 @@ def rollouts(primitives=("turn", "scrape"), iterations=2, samples=3, failed=()):
     return pd.DataFrame(history), pd.concat(felt, ignore_index=True)
 
 
-def test_traces_of_the_primitives_lie_on_the_clock_of_the_run():
-    one = shown()
-    assert one.felt["time_s"].iloc[[0, 9, 10, 19]].tolist() == pytest.approx([0.3, 0.9, 0.9, 1.2])
-    assert one.deviation.shape == (20, 38)
-    assert one.deviation[0, [0, 37]] == pytest.approx([-19.0, 18.0])
-
-
 def test_a_tool_flat_on_the_board_is_parallel_to_it_and_meets_the_hand_that_turned_as_far():
     one = shown(hand_deg=10.0, tool_on_board_deg=0.0)
     normal = quaternion.rotate(board_orientation(10.0), np.array([0.0, 0.0, 1.0]))
@@ -132,24 +124,6 @@ def test_a_tool_flat_on_the_board_is_parallel_to_it_and_meets_the_hand_that_turn
     # with the hand turned as far as the board the edge is where the hand says
     edge = grasp_place(one.run) + EDGE_M * down
     assert edge[-1] == pytest.approx(one.run.position[-1])
-
-
-def test_a_tool_that_gives_way_is_drawn_with_its_own_roll():
-    one = shown(hand_deg=0.0, tool_on_board_deg=-7.0)
-    across = quaternion.rotate(tool_orientation(one.run, 10.0), np.array([1.0, 0.0, 0.0]))
-    lies = np.radians(10.0 - 7.0)  # of the edge in the base frame; the flat tool's x points to -x
-    assert across[-1] == pytest.approx([-np.cos(lies), 0.0, np.sin(lies)])
-    assert tool_roll_deg(one.run)[-1] == pytest.approx(-7.0)
-
-
-def test_electrodes_lie_under_the_skin_and_face_each_other():
-    left, right = 1e3 * electrodes()
-    for side, finger in ((1.0, left), (-1.0, right)):
-        depth = side * finger[:, 0] - 10.0  # from the pad, into the finger; the axis is at the skin's radius
-        assert depth.min() > 0.0
-        assert (np.hypot(depth - SKIN_RADIUS_MM, finger[:, 1]) < SKIN_RADIUS_MM).all()
-        assert depth[18] < SKIN_RADIUS_MM / 2  # electrode 19 is among those under the flat of the pad
-    assert left[0, 1] == -right[0, 1]  # electrode 1 is at the side, and the two fingers are turned
 
 
 def test_runs_before_and_after_share_a_scene_and_the_search_has_a_time_line_of_its_own(tmp_path):
@@ -198,15 +172,6 @@ def test_the_search_of_one_primitive_with_failures_and_the_cheapest_on_top(tmp_p
     (search,) = searches(history, samples)
     assert drawn == cost_colours(np.array([10.0, 9.0, 8.0]), search.cost_range).tolist()
     assert drawn[-1] == rgba([CHEAP])[0]
-
-
-def test_curves_of_rollouts_that_were_not_cut_alike():
-    history, samples = rollouts(("turn",), iterations=1)
-    kept = ~((samples["kind"] == "sample") & (samples["number"] == 1) & (samples["time_s"] > 0.2))
-    curves = Search("turn", history, samples[kept]).curves(1, "sample", "target")
-    assert curves.shape == (LENGTH, 3)
-    assert curves[1].count() == 21
-    assert curves[2].tolist() == [12.0] * LENGTH
 
 
 def test_the_arm_of_the_robot_holds_the_hand(tmp_path):

@@ -6,7 +6,6 @@ import pytest
 from committed import committed, committed_finger
 from viewer_files import colour_of, contents, note, values, view_names
 
-from structlearn.core import quaternion
 from structlearn.readers import synchronise
 from structlearn.simulation.touch_demonstrator import (
     ToucherParameters,
@@ -21,13 +20,12 @@ from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, OURS, 
 from structlearn.testbeds.servoing.protocol.servo_trials import make_scene
 from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
 from structlearn.testbeds.servoing.views.demonstrated_touches import (
-    handle_place,
     shown_touches,
     write_latent_maps,
     write_touch_demonstrations,
 )
 from structlearn.testbeds.servoing.views.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.views.servoing_scene import GRID_LINES, FlatSkin, flat, skin_lines
+from structlearn.testbeds.servoing.views.servoing_scene import FlatSkin
 from structlearn.viewer.rrd import entity
 
 SKIN = SKINS["biotac"]
@@ -112,21 +110,6 @@ def test_demonstrations_show_finger_electrodes_and_both_contacts(shown, tmp_path
     assert "finger on the handle (simulated)" in view_names(path)
 
 
-def test_handle_is_where_the_finger_rests_on_it(shown):
-    for one in shown:
-        radius = 1e-3 * PERSON.handle_radius_mm
-        centre, axis = handle_place(one, SKIN, radius)
-        assert np.linalg.norm(axis) == pytest.approx(1.0)
-        pressed = one.truth[one.truth["load_n"] > 0.3]
-        rows = np.rint(pressed["time_s"] / one.demonstration.dt).astype(int)
-        contact = quaternion.rotate(
-            one.motion.orientation[rows], pressed[["x_m", "y_m", "z_m"]].to_numpy(float)
-        )
-        off = one.motion.position[rows] + contact - centre
-        away = np.linalg.norm(off - (off @ axis)[:, None] * axis, axis=1)
-        assert np.abs(away - radius).max() < 2.5e-3  # contact points are estimates
-
-
 def test_latent_paths_lie_on_the_skin_after_the_map_is_turned(world, shown, laid, tmp_path):
     _, dataset, latent_map, _ = world
     path = tmp_path / "latent.rrd"
@@ -139,17 +122,6 @@ def test_latent_paths_lie_on_the_skin_after_the_map_is_turned(world, shown, laid
             on_map, on_skin = now(path, f"/{one.name}", (f"map/{number}", f"skin/{number}"))
             np.testing.assert_allclose(on_map, on_skin, atol=1e-3)
             assert rows[f"/{one.name}/map/{number}/trail"] == len(on_map)
-
-
-@pytest.mark.parametrize("name", sorted(SKINS))
-def test_any_skin_is_drawn_from_its_surface_coordinates(name):
-    skin = SKINS[name]
-    for line in skin_lines(skin):
-        assert np.linalg.norm(line - skin.core(line), axis=1) == pytest.approx(skin.radius)
-    assert len(skin_lines(skin)) == 2 * GRID_LINES
-    along, across = np.meshgrid(np.linspace(*skin.along, 4)[1:-1], np.linspace(*skin.across, 4)[1:-1])
-    places = flat(skin, skin.surface(along, across))
-    np.testing.assert_allclose(places, 1e3 * np.stack([along, -across], axis=-1), atol=1e-9)
 
 
 def test_closed_loops_stand_beside_each_other_with_the_names_and_colours_of_the_page(laid, loops, tmp_path):

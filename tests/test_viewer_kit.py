@@ -1,6 +1,5 @@
 import resource
-import subprocess
-import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -9,6 +8,8 @@ from committed import committed
 from rerun.error_utils import strict_mode
 from viewer_files import DT, ONLY_POSITION, PRIMITIVES, contents, demonstration, values, verify, view_names
 
+from structlearn.core.errors import InputError
+from structlearn.core.publication import publish
 from structlearn.palette import BLUE, COLOUR_NAMES, LIGHT_BLUE, OCHRE, WHITE
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
@@ -17,7 +18,15 @@ from structlearn.segmentation.segments import cut
 from structlearn.viewer.diagram import Diagram, tick_step
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import GROUND, legend, recording, send_notes, send_primitive_lane, time_column
+from structlearn.viewer.rrd import (
+    GROUND,
+    legend,
+    recording,
+    send_curve,
+    send_notes,
+    send_primitive_lane,
+    time_column,
+)
 
 THINNED = 2  # samples of 200 Hz per row in a recording
 
@@ -70,47 +79,43 @@ def test_errors_of_rerun_raise_and_strictness_ends_with_the_recording(tmp_path):
     assert strict_mode() == before
 
 
-FULL = """
-import sys
-import numpy as np
-from structlearn.core.publication import publish
-from structlearn.core.stage import run
-from structlearn.viewer.rrd import recording, send_curve
-
-def main():
-    with publish("recordings") as folder:
-        folder.mkdir()
-        for name in ("small", "large"):
-            with recording(folder / f"{name}.rrd", name) as stream:
-                for curve in range({"small": 1, "large": 4}[name]):
-                    time, values = np.arange(10_000.0), np.random.default_rng(curve).normal(size=10_000)
-                    send_curve(stream, f"curve/{curve}", time, values, "curve", "#ffffff")
-
-run(main)
-"""
 """A stage that writes two recordings, of about 0.2 and 0.9 MB."""
 
 
 def test_a_full_disk_is_one_line_and_leaves_the_former_recordings(tmp_path):
-    def view(most_bytes):
-        limit = (most_bytes, resource.RLIM_INFINITY)
-        return subprocess.run(
-            [sys.executable, "-c", FULL], cwd=tmp_path, capture_output=True, text=True, check=False,
-            timeout=60, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
-        )  # fmt: skip
+    """Two recordings, of about 0.2 and 0.9 MB; the disk is full at once, in the data, or in the footer."""
+    folder = tmp_path / "recordings"
+    before = {}
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for most in (soft, 0, 140_000, None):
+        limit = len(before["large.rrd"]) - 1000 if most is None else most
+        complaint = pytest.raises(InputError, match="recordings: cannot be written: File too large")
+        try:
+            with complaint if before else nullcontext(), publish(folder) as made:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+                made.mkdir()
+                for name, curves in {"small": 1, "large": 4}.items():
+                    with recording(made / f"{name}.rrd", name) as stream:
+                        for curve in range(curves):
+                            noise = np.random.default_rng(curve).normal(size=10_000)
+                            time = np.arange(10_000.0)
+                            send_curve(stream, f"curve/{curve}", time, noise, "curve", "#ffffff")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        found = {path.name: path.read_bytes() for path in folder.iterdir()}
+        before = before or found
+        assert found == before
+    assert sorted(before) == ["large.rrd", "small.rrd"]
+    verify(folder / "large.rrd")
 
-    done = view(resource.RLIM_INFINITY)
-    assert done.returncode == 0, done.stderr
-    before = {path.name: path.read_bytes() for path in (tmp_path / "recordings").iterdir()}
-    for name in before:
-        verify(tmp_path / "recordings" / name)
-    assert len(before) == 2
-    for most in (0, 140_000, len(before["large.rrd"]) - 1000):  # at once, in the data, in the footer
-        full = view(most)
-        told = [line for line in full.stderr.splitlines() if line.startswith("error: ")]
-        assert (full.returncode, len(told)) == (1, 1), full.stderr
-        assert told == ["error: recordings: cannot be written: File too large"]
-        assert {path.name: path.read_bytes() for path in (tmp_path / "recordings").iterdir()} == before
+
+def test_a_diagram_has_places_from_its_upper_left_corner_and_round_ticks():
+    diagram = Diagram((1.0, 3.0), (-10.0, 10.0), width=20.0, height=5.0)
+    found = diagram.points(np.array([1.0, 2.0, 3.0]), np.array([10.0, 0.0, -10.0]))
+    assert found.tolist() == [[0.0, 0.0], [10.0, 2.5], [20.0, 5.0]]
+    for low, high, step in ((0.0, 6.0, 1.0), (0.0, 7.0, 2.0), (-20.0, 5.0, 5.0)):
+        assert tick_step(low, high) == pytest.approx(step)
+        assert tick_step(low / 1000, high / 1000) == pytest.approx(step / 1000)
 
 
 def test_notes_and_lanes(tmp_path):
@@ -124,18 +129,6 @@ def test_notes_and_lanes(tmp_path):
     shown = [f"#{colour >> 8:06x}" for colour in values(path, "/lane", "StateConfiguration:colors")[0]]
     assert shown == [BLUE, OCHRE]  # of primitives in their order
     assert values(path, "/notes", "TextDocument:text") == [["- light blue: the one"]]
-
-
-def test_a_diagram_turns_values_into_places_from_its_upper_left_corner():
-    diagram = Diagram((1.0, 3.0), (-10.0, 10.0), width=20.0, height=5.0)
-    found = diagram.points(np.array([1.0, 2.0, 3.0]), np.array([10.0, 0.0, -10.0]))
-    assert found.tolist() == [[0.0, 0.0], [10.0, 2.5], [20.0, 5.0]]
-
-
-@pytest.mark.parametrize(("low", "high", "step"), [(0.0, 6.0, 1.0), (0.0, 7.0, 2.0), (-20.0, 5.0, 5.0)])
-def test_ticks_are_1_2_or_5_times_a_power_of_ten(low, high, step):
-    assert tick_step(low, high) == pytest.approx(step)
-    assert tick_step(low / 1000, high / 1000) == pytest.approx(step / 1000)
 
 
 @pytest.mark.parametrize("colour", COLOUR_NAMES, ids=COLOUR_NAMES.get)

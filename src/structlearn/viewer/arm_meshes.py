@@ -149,6 +149,6 @@ def followed_plots() -> Sequence[rrb.TimeSeriesView]:
     """Views of what `send_followed` logs."""
     return (
         plot("mass in the hand (kg)", ["/mass/**"], legend=False),
-        plot("its first moment (kg m)", ["/moment"], legend=False),
+        plot("first moment of the mass (kg m)", ["/moment"], legend=False),
         plot("log10 of the NMSE of each batch before it is learned", ["/error/**"], legend=False),
     )

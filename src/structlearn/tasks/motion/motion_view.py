@@ -79,5 +79,5 @@ def _notes(load: LoadParameters) -> str:
         "### A recorded arm with a load at its flange\n\nThe arm was identified on a motion without the "
         "load; sticks join its joints. What is older than "
         f"{load.memory_s:g} s counts half.\n\n{legend(colours)}\n\n"
-        "Its first moment: x red, y green, z blue.\n"
+        "First moment of the mass: x orange, y green, z blue.\n"
     )

@@ -220,6 +220,6 @@ def write_payload(
         notes = (
             f"### {title}\n\nSimulated. After {pick_up_s:g} s the arm takes hold of {carried.mass_kg:g} kg, "
             f"which nobody tells the model.\n\n{legend(colours)}\n\n"
-            "Its first moment: x red, y green, z blue.\n"
+            "First moment of the mass: x orange, y green, z blue.\n"
         )
         send_notes(stream, notes)

@@ -25,10 +25,12 @@ from structlearn.viewer.diagram import texts
 
 DEMONSTRATED = """A person guides the tool down to the level board, turns it and scrapes. Coloured by the
 primitive that they were cut into, white outside (dissertation IV.5). The hand is that of {reference}; every
-demonstration has a tab with its signals."""
+demonstration has a tab with its signals. Arrows are the axes of each hand: x red, y green, z blue; curves of
+turning are orange, green and blue in the same order."""
 
 LEARNED = """Thick: the primitives in turn, from and to the mean start and goals (nominal) and others
-(generalised); faint: demonstrations (dissertation IV.4, IV.5). The hand is on the nominal path."""
+(generalised); faint: demonstrations (dissertation IV.4, IV.5). The hand is on the nominal path. Arrows
+are axes: x red, y green, z blue."""
 
 SUNK_M = 0.002
 """How far the board is drawn below where it is: the edge frame sinks into it while the tool is pressed on."""

@@ -171,7 +171,7 @@ def _send_curves(stream: rr.RecordingStream, one: ShownTouch, skin: Skin) -> Non
 
 
 def _tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
-    name, plots = one.name, {"pressure": "pressure, -mean of the counts"}
+    name, plots = one.name, {"pressure": "pressure: mean fall of the counts"}
     if len(one.truth):
         plots["load"] = "true load (N)"
     plots |= {axis: f"contact {axis} the finger (mm)" for axis in ("along", "across")}

@@ -153,7 +153,8 @@ def _tab(name: str, runs: Mapping[str, ServoRun], skin: Skin, handle: Handle) ->
 
 def _notes(runs: Mapping[str, ServoRun]) -> str:
     colours = {
-        "orange, light blue electrodes": "counts fell: pressed; counts rose",
+        "orange electrodes": "counts fell: pressed",
+        "light blue electrodes": "counts rose",
         "green": "true contact and, as a ring of 1 mm, its target",
         "light blue": "latent state, laid onto the skin, and its target",
         "ochre, blue curves": " and ".join(runs),
