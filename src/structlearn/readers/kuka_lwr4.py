@@ -7,11 +7,11 @@ identifies robots. Torques are those of joint sensors.
 from functools import partial
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from structlearn.core.errors import InputError
+from structlearn.core.reading import Budget, require_file
 from structlearn.readers.joint_log import JointLog, signals_of
 from structlearn.readers.text_log import PublicSet, read_each
 
@@ -41,12 +41,19 @@ def read_motion(
 def _read(folder: Path, path: Path) -> JointLog:
     names = signals_of(JointLog)
     try:
+        require_file(path)
+        budget = Budget(path)
         with np.load(path, allow_pickle=False) as arrays:
-            times, *signals = (np.asarray(arrays[name], dtype=np.float64) for name in ("times", *names))
-    except (OSError, EOFError, ValueError, BadZipFile) as error:
-        raise InputError(f"{path}: cannot be read as arrays: {error}") from error
+            for entry in arrays.zip.infolist():
+                budget.take(entry.file_size)
+            found = [arrays[name] for name in ("times", *names)]
+            times, *signals = (its.astype(np.float64, casting="same_kind") for its in found)
+    except InputError:
+        raise
     except KeyError as missing:
         raise InputError(f"{path}: {missing.args[0]}") from missing
+    except Exception as error:  # of zip files, headers and numbers of any kind
+        raise InputError(f"{path}: cannot be read as arrays: {error}") from error
     if times.ndim != 1 or not np.isfinite(times).all() or np.abs(times).max(initial=0.0) > 9e9:
         raise InputError(f"{path}: times are no times in s")
     stamps = np.round(1e9 * times).astype(np.int64)

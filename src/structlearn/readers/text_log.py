@@ -1,9 +1,7 @@
 """Number tables in public text logs, read with every fault named by file and line (from 1)."""
 
 import csv
-import hashlib
 import re
-import stat
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -13,11 +11,9 @@ from typing import TypeVar
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.reading import digest, require_file
 
 T = TypeVar("T")
-
-LARGEST = 2**30
-"""Largest size in bytes of a text log, and of the numbers of a Parquet table."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +39,7 @@ class PublicSet:
             "commit": self.commit,
             "licence": self.licence,
             "files": " ".join(path.relative_to(root).as_posix() for path in files),
-            "sha256": " ".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in files),
+            "sha256": " ".join(digest(path) for path in files),
         }
 
 
@@ -55,14 +51,10 @@ def natural_order(name: str) -> list[str | int]:
 def read_text(path: Path) -> str:
     """A whole text file, without a mark of its byte order.
 
-    Raises InputError: the file is missing, a pipe, larger than `LARGEST`, or no text.
+    Raises InputError: the file is missing, a pipe, too large, or no text.
     """
     try:
-        state = path.stat()
-        if not stat.S_ISREG(state.st_mode):
-            raise InputError(f"{path}: cannot be read: not a file")
-        if state.st_size > LARGEST:
-            raise InputError(f"{path}: has {state.st_size} bytes, more than {LARGEST}")
+        require_file(path)
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
