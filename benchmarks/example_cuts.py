@@ -3,7 +3,8 @@
     python benchmarks/example_cuts.py --first 101 --count 40
 
 Constants of the cutting were chosen on the sets 1 to 35. Errors are against where a move is planned to begin
-and end, and against where its speed passes 5 % of its peak, which is a tenth of a second inside.
+and end, and against where its speed passes 5 % of its peak, which is a tenth of a second inside. Of sessions
+of 3 to 12 repeats, a row says in how many all repeats were found, and how well they were cut.
 """
 
 import argparse
@@ -15,8 +16,9 @@ import pandas as pd
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.readers import synchronise
+from structlearn.segmentation.repeats import split
 from structlearn.segmentation.segments import cut
-from structlearn.tasks.pick_and_place_world import as_recording, takes
+from structlearn.tasks.pick_and_place_world import MOVES, as_recording, session, takes
 from structlearn.tasks.task_entry import read_task
 
 KINDS = {
@@ -49,6 +51,34 @@ def errors_ms(seed: int, moves: int, kind: str) -> pd.DataFrame:
             doubt = (take.name, name) in doubted
             rows += [(seed, *pair, doubt) for pair in zip(planned, seen, strict=True)]
     return pd.DataFrame(rows, columns=["seed", "planned_ms", "seen_ms", "doubted"])
+
+
+def session_errors_ms(seed: int) -> dict[str, float]:
+    """One session: repeats that were made and found, and absolute errors of cuts without a warning."""
+    task, repeats, odd = read_task("pick"), 3 + seed % 10, bool(seed % 2)
+    moves = list(MOVES)[seed % len(MOVES)]
+    parameters = task.segment.model_validate(task.segment.model_dump() | {"primitives": moves})
+    take = session(seed, moves, repeats, twitch=odd, hesitation=odd)
+    recorded = synchronise(as_recording(take), task.clock.rate_hz)
+    parts, table = split([recorded], parameters, None)
+    planned = take.planned - take.segments[0, 0] + recorded.true_segments[0, 0]
+    by_repeat = planned.reshape(repeats, moves, 2)
+    row = {"made": repeats, "found": len(parts), "as_made": False, "doubted": 0}
+    if len(parts) != repeats:
+        return row
+    inside = (table["start_s"] <= by_repeat[:, 0, 1]) & (table["end_s"] >= by_repeat[:, -1, 0])
+    found = cut(parts, parameters)
+    kept = ~table["demonstration"].isin(found.doubts["demonstration"]).to_numpy()
+    ends = [its[["start_s", "end_s"]].to_numpy() for its in found.results.values()]
+    errors = np.stack(ends, axis=1) + table["start_s"].to_numpy()[:, None, None] - by_repeat
+    far = 1e3 * np.abs(errors[kept])
+    return row | {
+        "as_made": bool(inside.all()),
+        "doubted": int((~kept).sum()),
+        "mean_ms": far.mean(),
+        "p95_ms": np.quantile(far, 0.95),
+        "max_ms": far.max(),
+    }
 
 
 def summary(kind: str, moves: int, table: pd.DataFrame) -> dict[str, object]:
@@ -89,6 +119,13 @@ def main() -> None:
             for fault in table["fault"].dropna():
                 print("#", fault)
             header = False
+    sessions = pd.DataFrame(parallel_map(session_errors_ms, seeds, "sessions"))
+    totals = sessions[["made", "found", "as_made", "doubted"]].sum()
+    row = {"sessions": len(sessions)} | totals.to_dict()
+    row |= sessions[["mean_ms", "p95_ms"]].mean().round(1).to_dict() | {
+        "max_ms": round(sessions["max_ms"].max())
+    }
+    print(pd.DataFrame([row]).to_csv(index=False), end="")
 
 
 if __name__ == "__main__":

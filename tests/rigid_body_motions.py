@@ -27,7 +27,7 @@ def sine_motion(arm: Robot, samples: int = 1200, dt: float = 0.02) -> Motion:
 def rubbing_motion(arm: Robot) -> Motion:
     """The same with viscous and Coulomb friction in every joint."""
     motion = sine_motion(arm)
-    friction = friction_columns(motion.qd, ("viscous", "coulomb")) @ [VISCOUS, COULOMB]
+    friction = friction_columns(motion.q, motion.qd, ("viscous", "coulomb")) @ [VISCOUS, COULOMB]
     return Motion(motion.q, motion.qd, motion.qdd, motion.torque + friction)
 
 

@@ -16,6 +16,7 @@ from conftest import minimum_jerk
 from readers_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import environment
 
+from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.feedback.skill_file import read_provenance, read_skill
@@ -53,9 +54,11 @@ CORRECTED = {
 }
 
 
-def write_reach(path: Path, duration: float, rest: float) -> None:
-    time = np.arange(0.0, duration + 2 * rest, 1 / 250)
-    way = minimum_jerk((time - rest) / duration)
+def write_reach(path: Path, duration: float, rest: float, repeats: int = 0) -> None:
+    """A reach, or a session of several, there and back again."""
+    moves = range(max(2 * repeats, 1))
+    time = np.arange(0.0, len(moves) * (duration + rest) + rest, 1 / 250)
+    way = sum((-1) ** k * minimum_jerk((time - rest) / duration - k * (1 + rest / duration)) for k in moves)
     position = way[:, None] * [0.3, 0.2, 0.0] + (way * (1 - way))[:, None] * [0.0, 0.0, 0.2]
     identity = np.tile([1.0, 0.0, 0.0, 0.0], (len(time), 1))
     stamps = (10**9 + np.round(1e9 * time).astype(np.int64)).tolist()
@@ -101,6 +104,21 @@ def test_a_task_goes_through_to_its_page(root, folder):
     assert list(bags) == [f"bags/take_{number}.mcap" for number in (1, 2, 3)]
 
 
+def test_repeats_in_a_recording_become_demonstrations_of_their_own(root, folder):
+    for number, repeats in enumerate((3, 1, 2), start=1):
+        write_reach(Path(f"bags/take_{number}.mcap"), 1.0 + 0.1 * number, 0.6, repeats)
+    own_tasks(folder, QUICK, reach=REACH | {"repeats": "auto", "segment": {"primitives": ["reach", "back"]}})
+    run_stages(root, "reach", *STAGES, "report")
+    values = values_by_key(read_findings(Path("reports/tasks/reach/findings.csv")))
+    assert (values["cuts_demonstrations"], values["cuts_doubtful"]) == (6, 0)
+    page = Path("reports/tasks/reach/index.html").read_text()
+    assert "6 repeats of the task were found in 3 recordings" in page
+    assert "take_1-03" in page
+    quality = read_csv(Path("reports/tasks/reach/tables/quality.csv"))
+    assert sorted(quality["rank"]) == list(range(1, 7))
+    assert "None is an outlier" in page or "by the measures named" in page
+
+
 def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
     parameters, recording = (
         Path(f"data/tasks/reach/{name}") for name in ("parameters.yaml", "recorded/demonstrations.parquet")
@@ -114,6 +132,21 @@ def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wro
     run_stages(root, "reach", "import_task")
     assert parameters.read_bytes() != once[0]
     assert recording.read_bytes() != once[1]
+
+
+def test_a_recording_that_cannot_be_read_stops_the_others_unless_failures_are_skipped(root, folder, capsys):
+    damaged = Path("bags/take_2.mcap")
+    damaged.write_bytes(damaged.read_bytes()[:-5000])
+    with pytest.raises(SystemExit):
+        run_stages(root, "reach", "import_task")
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert line.startswith("error: ")
+    assert "bags/take_2.mcap" in line
+    own_tasks(folder, QUICK, reach=merged(REACH, {"segment": {"skip_failures": True}}))
+    run_stages(root, "reach", "import_task")
+    files = TaskFiles("reach")
+    assert [run.name for run in files.runs("demonstrations")] == ["take_1", "take_3"]
+    assert files.left_out()["file"].tolist() == ["bags/take_2.mcap"]
 
 
 def test_a_source_that_changes_while_it_is_read_is_refused(folder):
@@ -143,6 +176,8 @@ def test_parts_that_an_entry_does_not_name_are_null(folder):
         (REACH | {"segmant": {}}, "movement.task.segmant: unknown parameter"),
         (REACH | {"topics": {}}, "movement.task.topics.pose"),
         (REACH | {"clock": {"rate_hz": -1}}, "movement.task.clock.rate_hz"),
+        (REACH | {"repeats": 0}, "movement.task.repeats"),
+        (REACH | {"given": "reach", "repeats": 3}, "repeats are looked for only where recordings are cut"),
         (REACH | {"feedback": CORRECTED | {"primitives": ["raech"]}}, "no primitive 'raech' among reach"),
         (REACH | {"feedback": CORRECTED}, "movement.task: feedback.sensors: tactile is felt by no topic"),
     ],

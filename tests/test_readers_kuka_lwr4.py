@@ -46,7 +46,7 @@ def test_a_missing_array_or_log_is_told(tmp_path):
     left_out: dict[str, str] = {}
     assert kuka_lwr4.read_motion(tmp_path, None, left_out) == []
     first, second = left_out.values()
-    assert "positions is not a file in the archive" in first
+    assert "has no array positions" in first
     assert "measurements_2.npz: cannot be read as arrays" in second
 
 

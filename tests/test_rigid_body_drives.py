@@ -64,7 +64,7 @@ def test_delays_of_currents_are_found_joint_by_joint():
 def loaded_pair(payload: Payload, noise: float) -> tuple[Motion, Motion]:
     """The same motion without and with a payload, friction in both."""
     empty = rubbing_motion(arm())
-    rubbing = friction_columns(empty.qd, FRICTION) @ [VISCOUS, COULOMB]
+    rubbing = friction_columns(empty.q, empty.qd, FRICTION) @ [VISCOUS, COULOMB]
     heavier = robot_with(arm(), carrying(arm(), payload))
     torque = pinocchio_torques(heavier, empty.q, empty.qd, empty.qdd) + rubbing
     scale = noise * np.sqrt(empty.torque_variance)

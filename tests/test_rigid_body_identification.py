@@ -6,13 +6,12 @@ from rigid_body_robots import ROBOTS, robot, states
 
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body.base_parameters import base_parameters, base_table, fit_base, link_table
-from structlearn.rigid_body.friction import friction_coefficients, friction_columns
+from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import (
     divergence,
     fit_structure,
     least_squares,
     normalised_triangle,
-    refit_friction,
 )
 from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
@@ -200,12 +199,3 @@ def test_a_strong_prior_keeps_links_at_the_known_ones(regressor):
     ]
     np.testing.assert_allclose(masses[1], start.mass, rtol=0.03)
     assert np.abs(masses[0] - start.mass).max() > 0.05 * start.mass.max()
-
-
-def test_friction_fitted_anew_is_that_which_the_links_leave():
-    velocity = np.random.default_rng(0).normal(size=(500, 2))
-    terms, true = ("viscous", "coulomb", "offset"), np.array([[0.3, 0.5, -0.2], [0.0, 0.4, 0.1]])
-    left = np.einsum("njt,jt->nj", friction_columns(velocity, terms), true)
-    np.testing.assert_allclose(refit_friction(left, velocity, terms), true, atol=1e-8)
-    backwards = refit_friction(-left, velocity, terms)
-    assert (backwards[:, :2] >= 0.0).all()

@@ -19,7 +19,7 @@ from structlearn.rigid_body.newton_euler import agreement_with_pinocchio, invers
 from structlearn.rigid_body.regressor import link_parameters, torque_factors, torque_regressor
 from structlearn.rigid_body.tree import LinkInertias
 
-TERMS = ("viscous", "coulomb", "offset")
+TERMS = ("viscous", "coulomb", "offset", "stiffness")
 
 
 def as_tensors(*arrays):
@@ -155,19 +155,20 @@ def test_small_errors_beside_large_torques_keep_their_digits():
 
 def test_friction_in_closed_form_by_columns_regressor_and_compiled():
     qd = np.array([[0.5, -2.0], [0.0, COULOMB_WIDTH]])
-    coefficients = np.array([[0.3, 1.0, 0.1], [0.2, 2.0, -0.4]])
+    q = np.array([[1.0, 2.0], [-1.0, 0.5]])
+    coefficients = np.array([[0.3, 1.0, 0.1, 0.6], [0.2, 2.0, -0.4, -0.8]])
     expected = [
-        [0.3 * 0.5 + 1.0 + 0.1, -0.2 * 2.0 - 2.0 - 0.4],
-        [0.1, 0.2 * COULOMB_WIDTH + 2.0 * np.tanh(1.0) - 0.4],
+        [0.3 * 0.5 + 1.0 + 0.1 + 0.6, -0.2 * 2.0 - 2.0 - 0.4 - 1.6],
+        [0.1 - 0.6, 0.2 * COULOMB_WIDTH + 2.0 * np.tanh(1.0) - 0.4 - 0.4],
     ]
     for terms in (TERMS, TERMS[::-1]):
         ordered = coefficients[:, [TERMS.index(term) for term in terms]]
-        by_column = (friction_columns(qd, terms) * ordered).sum(axis=-1)
+        by_column = (friction_columns(q, qd, terms) * ordered).sum(axis=-1)
         np.testing.assert_allclose(by_column, expected, rtol=1e-12)
-        np.testing.assert_allclose(friction_regressor(qd, terms) @ ordered.ravel(), expected, rtol=1e-12)
+        np.testing.assert_allclose(friction_regressor(q, qd, terms) @ ordered.ravel(), expected, rtol=1e-12)
         compiled = np.zeros((2, 2))
-        for speed, torques in zip(qd, compiled, strict=True):
-            compiled_dynamics.add_friction(compiled_dynamics.friction_rows(ordered, terms), speed, torques)
+        for *state, torques in zip(q, qd, compiled, strict=True):
+            compiled_dynamics.add_friction(compiled_dynamics.friction_rows(ordered, terms), *state, torques)
         np.testing.assert_allclose(compiled, expected, rtol=1e-12)
 
 
@@ -177,7 +178,7 @@ def test_friction_never_drives():
     free = torch.from_numpy(generator.normal(0.0, 5.0, (3, 7, 2)))
     qd = generator.normal(size=(50, 7))
     coefficients = friction_coefficients(free, TERMS[:2]).numpy()
-    torque = np.einsum("bnk,mnk->mbn", friction_columns(qd, TERMS[:2]), coefficients)
+    torque = np.einsum("bnk,mnk->mbn", friction_columns(0.0 * qd, qd, TERMS[:2]), coefficients)
     assert (torque * qd >= 0.0).all()
 
 

@@ -61,7 +61,7 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
         )
         inertias = link_inertias(structure, free)
         torques = inverse_dynamics(arm().tree, inertias, q, qd, qdd)
-        columns = torch.from_numpy(friction_columns(motion.qd[batch], FRICTION))
+        columns = torch.from_numpy(friction_columns(motion.q[batch], motion.qd[batch], FRICTION))
         torques = torques + torch.einsum("njt,mjt->mnj", columns, friction_coefficients(rubbing, FRICTION))
         loss = ((torques - torque).square() * weights).sum(dim=-1).mean(dim=-1).sum()
         adam.zero_grad()

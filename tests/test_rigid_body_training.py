@@ -132,7 +132,7 @@ def test_an_empty_robot_is_identified_with_its_friction():
     motion = rubbing_motion(arm())
     parameters = committed(PayloadLearningParameters, "online.payload", empty_s=20.0)
     links, friction = identify_empty(arm().tree, arm().inertias, motion, 0.02, parameters)
-    expected = friction_columns(motion.qd, ("viscous", "coulomb")) @ [VISCOUS, COULOMB]
+    expected = friction_columns(motion.q, motion.qd, ("viscous", "coulomb")) @ [VISCOUS, COULOMB]
     np.testing.assert_allclose(friction, expected, atol=0.1)
     torques = rigid_body_torques(arm().tree, links, motion) + friction
     assert nmse(torques, motion.torque).max() < 1e-3  # also of what came after

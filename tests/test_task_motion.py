@@ -77,7 +77,7 @@ def made_up_log(robot: Robot, name: str, seed: int, seconds: float = 24.0, load_
     mass[-1] += load_kg
     moment[-1] += load_kg * point
     torque = rigid_body_torques(robot.tree, LinkInertias(mass, moment, inertia), motion)
-    torque = torque + np.einsum("njt,jt->nj", friction_columns(qd, ("viscous", "coulomb")), FRICTION)
+    torque = torque + np.einsum("njt,jt->nj", friction_columns(q, qd, ("viscous", "coulomb")), FRICTION)
     torque += 0.02 * rng.standard_normal(torque.shape)
     stamps = (10**9 + np.round(1e9 * time)).astype(np.int64)
     names = ("gripper", *JOINTS[::-1])
@@ -247,7 +247,7 @@ def test_offsets_and_a_prior_are_options(tmp_path):
     """Of sensors that are not zeroed the model with an offset is judged, and its URDF has the right links."""
     logs = [made_up_log(arm()[0], f"log {seed}", seed) for seed in range(2)]
     logs = [replace(log, torques=log.torques + 2.0) for log in logs]
-    options = {"judged_friction": "offset", "refit_friction": True, "joint_weights": "limit", "prior": 1e-6}
+    options = {"judged_friction": "offset", "joint_weights": "limit", "prior": 1e-6}
     results = identified(tmp_path, logs, **options)
     errors = results.errors.query("part == 'test' and model == 'cov'").groupby("friction")["nmse"].max()
     assert errors["offset"] < 0.02 < errors["coulomb"]

@@ -14,11 +14,15 @@ from structlearn.tasks.task_files import TaskFiles, is_public, leave_out, run_fo
 def main(files: TaskFiles) -> None:
     from structlearn.rigid_body.log_fitness import fitness_lines
     from structlearn.tasks.motion.joint_motion import arm_of, learn_motion
+    from structlearn.tasks.motion.torque_parts import learn_parts
 
     parameters = files.entry(MotionParameters)
     logs = read_logs(files.recorded / "logs.parquet", parameters)
     with publish(files.folder / "motion") as folder:
         try:
+            if parameters.parts is not None:
+                learn_parts(logs, parameters.parts, parameters.iterations, folder)
+                return
             robot, urdf = arm_of(parameters)
             folder.mkdir()
             _, tables = learn_motion(robot, logs, parameters, urdf, folder)

@@ -44,6 +44,10 @@ UNITS = {
     "currents": "A",
     "desired_currents": "A",
     "target_torques": "N m",
+    "accelerations": "rad/s^2",
+    "inertial": "N m",
+    "coriolis": "N m",
+    "gravity": "N m",
 }
 """Of the signals, where joints turn."""
 
@@ -107,7 +111,17 @@ class DriveLog(MotionLog):
     target_torques: np.ndarray  # (T, n) N m, what the controller thinks the joints need; no measurement
 
 
-Log = TypeVar("Log", JointLog, DriveLog)
+@dataclass(frozen=True)
+class PartedLog(JointLog):
+    """A simulated log, with accelerations and the parts whose sum the torques are, (T, n) each."""
+
+    accelerations: np.ndarray
+    inertial: np.ndarray
+    coriolis: np.ndarray  # and centrifugal
+    gravity: np.ndarray
+
+
+Log = TypeVar("Log", JointLog, DriveLog, PartedLog)
 
 
 def signals_of(kind: type[MotionLog]) -> list[str]:
@@ -115,7 +129,7 @@ def signals_of(kind: type[MotionLog]) -> list[str]:
     return [one.name for one in fields(kind) if one.name in UNITS and one.name != "stamps"]
 
 
-def write_log_table(logs: Sequence[JointLog] | Sequence[DriveLog], target: str | Path) -> None:
+def write_log_table(logs: Sequence[MotionLog], target: str | Path) -> None:
     """Publish a set of logs as a Parquet table with the columns `stamps`, `positions.JOINT`, ..."""
     runs = []
     for log in logs:

@@ -8,12 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from structlearn.core.errors import InputError
-from structlearn.core.reading import Budget, require_file
 from structlearn.readers.joint_log import JointLog, signals_of
-from structlearn.readers.text_log import PublicSet, read_each
+from structlearn.readers.text_log import PublicSet, read_arrays, read_each, stamps_of
 
 SOURCE = PublicSet(
     "https://github.com/kjyv/FloBaRoID",
@@ -39,24 +36,11 @@ def read_motion(
 
 
 def _read(folder: Path, path: Path) -> JointLog:
-    names = signals_of(JointLog)
-    try:
-        require_file(path)
-        budget = Budget(path)
-        with np.load(path, allow_pickle=False) as arrays:
-            for entry in arrays.zip.infolist():
-                budget.take(entry.file_size)
-            found = [arrays[name] for name in ("times", *names)]
-            times, *signals = (its.astype(np.float64, casting="same_kind") for its in found)
-    except InputError:
-        raise
-    except KeyError as missing:
-        raise InputError(f"{path}: {missing.args[0]}") from missing
-    except Exception as error:  # of zip files, headers and numbers of any kind
-        raise InputError(f"{path}: cannot be read as arrays: {error}") from error
-    if times.ndim != 1 or not np.isfinite(times).all() or np.abs(times).max(initial=0.0) > 9e9:
-        raise InputError(f"{path}: times are no times in s")
-    stamps = np.round(1e9 * times).astype(np.int64)
+    arrays = read_arrays(path)
+    names = ("times", *signals_of(JointLog))
+    if missing := [name for name in names if name not in arrays]:
+        raise InputError(f"{path}: has no array {missing[0]}")
+    times, *signals = (arrays[name] for name in names)
     name = "_".join(path.relative_to(folder).with_suffix("").parts)
     provenance = SOURCE.provenance(folder, [path])
-    return JointLog(name, JOINTS, stamps, *signals, provenance=provenance)
+    return JointLog(name, JOINTS, stamps_of(path, times), *signals, provenance=provenance)

@@ -1,4 +1,4 @@
-"""Number tables in public text logs, read with every fault named by file and line (from 1)."""
+"""Numbers in public logs: tables of text, with every fault named by file and line (from 1), and archives."""
 
 import csv
 import re
@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.core.reading import digest, require_file
+from structlearn.core.reading import Budget, digest, require_file
 
 T = TypeVar("T")
 
@@ -89,6 +89,31 @@ def read_stamped_table(
     ]
     values = np.ascontiguousarray(_numbers(path, lines, columns, separator)[:, 1:])
     return np.array(stamps, dtype=np.int64), values
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """All arrays of an .npz archive, in double precision.
+
+    Raises InputError: it is missing, damaged or too large, or an array holds no numbers.
+    """
+    try:
+        require_file(path)
+        budget = Budget(path)
+        with np.load(path, allow_pickle=False) as arrays:
+            for entry in arrays.zip.infolist():
+                budget.take(entry.file_size)
+            return {name: arrays[name].astype(np.float64, casting="same_kind") for name in arrays.files}
+    except InputError:
+        raise
+    except Exception as error:  # of zip files, headers and numbers of any kind
+        raise InputError(f"{path}: cannot be read as arrays: {error}") from error
+
+
+def stamps_of(path: Path, seconds: np.ndarray) -> np.ndarray:
+    """(T,) int64 ns of times in s; an InputError where they are none."""
+    if seconds.ndim != 1 or not np.isfinite(seconds).all() or np.abs(seconds).max(initial=0.0) > 9e9:
+        raise InputError(f"{path}: times are no times in s")
+    return np.round(1e9 * seconds).astype(np.int64)
 
 
 def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, str]]]:

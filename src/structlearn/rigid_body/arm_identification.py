@@ -17,9 +17,8 @@ from structlearn.rigid_body.identification import (
     fit_structure,
     least_squares,
     normalised_triangle,
-    refit_friction,
 )
-from structlearn.rigid_body.inertia_learner import MotionRegressor, squared
+from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion
@@ -67,13 +66,11 @@ class Fitting:
         iterations: of L-BFGS.
         limits: see `identification.normalised_triangle`; of least squares too.
         prior: weight of the divergence from the URDF, of consistent structures (`fit_structure`).
-        refit: whether friction is fitted anew to what the links leave (`refit_friction`).
     """
 
     iterations: int
     limits: np.ndarray | None = None
     prior: float = 0.0
-    refit: bool = False
 
 
 @dataclass(frozen=True)
@@ -95,16 +92,17 @@ def identify_arm(
     fitting: Fitting,
     networks: Mapping[Kind, NetworkTraining],
     structures: Sequence[Structure] = STRUCTURES,
+    frictions: Sequence[str] = LEARNED_FRICTIONS,
 ) -> Identified:
     """Every model on the part `TRAIN`, and what it predicts of all parts.
 
-    Identification starts from the URDF's inertias; structures are learned with every friction of
-    `LEARNED_FRICTIONS`, networks as they are listed.
+    Identification starts from the URDF's inertias; structures are learned with each of the
+    frictions, networks as they are listed.
     """
     kinds = [kind for kind in NETWORKS if kind in networks]
     work: list[tuple[Kind, str]] = [(kind, name) for kind in kinds for name in NETWORKS[kind]]
     work = sorted(work, key=lambda item: item[0] != "delan")  # the longest first
-    work += [(kind, friction) for friction in LEARNED_FRICTIONS for kind in structures]
+    work += [(kind, friction) for friction in frictions for kind in structures]
     learn = partial(_learned, robot=robot, motion=parts[TRAIN], fitting=fitting, networks=networks)
     models: dict[ModelKey, DynamicsModels] = dict(
         zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True)
@@ -112,7 +110,7 @@ def identify_arm(
     tree = robot.tree
     urdf = {name: rigid_body_torques(tree, robot.inertias, part)[None] for name, part in parts.items()}
     torques: dict[ModelKey, dict[str, np.ndarray]] = {(URDF, "none"): urdf}
-    for friction in LEARNED_FRICTIONS:
+    for friction in frictions:
         regressors = {
             name: MotionRegressor(tree, part, True, FRICTIONS[friction]) for name, part in parts.items()
         }
@@ -205,9 +203,4 @@ def _learned(
         triangle = normalised_triangle(regressor.factors, fitting.limits)
         prior = fitting.prior if kind in CONSISTENT else 0.0
         free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, fitting.iterations, prior=prior)
-        if fitting.refit:
-            links = DynamicsModels(kind, tree.names, (), (), {"inertia": free, "friction": rubbing})
-            left = motion.torque - predicted_torques(links, tree, motion)[0]
-            found = refit_friction(left, motion.qd, terms)[None]
-            rubbing = np.where(squared(terms), np.sqrt(np.maximum(found, 0.0)), found)
         return DynamicsModels(kind, tree.names, terms, (), {"inertia": free, "friction": rubbing})

@@ -100,7 +100,7 @@ def fit_base(
     parameters, and by the t distribution: percentiles of few blocks hold the truth in 91 of 100 logs.
     """
     columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd)[..., base.columns]
-    columns = np.concatenate([columns, friction_regressor(motion.qd, friction)], axis=-1)
+    columns = np.concatenate([columns, friction_regressor(motion.q, motion.qd, friction)], axis=-1)
     least = -(-_PIECES_PER_PARAMETER * columns.shape[-1] // motion.joints)
     length = max(1, min(length, len(motion) // least))
     weight = 1.0 / np.sqrt(motion.torque_variance)[:, None]

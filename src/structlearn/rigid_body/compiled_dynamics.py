@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, get_args
 
-import numba
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import cross
 from structlearn.networks.compiled_layers import affine, hidden_layers
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
@@ -28,7 +28,7 @@ class RigidBodies(NamedTuple):
         mass: (n,) kg.
         moment: (n, 3) kg m, mass times centre of mass.
         inertia: (n, 3, 3) kg m^2, about the joint frame's origin; need not be symmetric.
-        friction: (3, n) of `friction_rows`.
+        friction: (4, n) of `friction_rows`.
     """
 
     parents: np.ndarray
@@ -52,19 +52,19 @@ def inverse_dynamics(
 ) -> RigidBodies:
     """Newton-Euler inverse dynamics of one state (eq. III.1); the inertias need not be physical.
 
-    Friction (3, n) of the joints is as `friction_rows` gives it; None: none.
+    Friction (4, n) of the joints is as `friction_rows` gives it; None: none.
     """
     numbers = (tree.gravity, inertias.mass, inertias.first_moment, inertia_about_origin(inertias))
-    rubbing = np.zeros((3, len(tree.names))) if friction is None else friction
+    rubbing = np.zeros((4, len(tree.names))) if friction is None else friction
     return RigidBodies(*chain_arrays(tree), *(np.array(array, dtype=float) for array in (*numbers, rubbing)))
 
 
 def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
     """Friction of each joint, all terms, as compiled functions take it, from (n, k) of the terms at hand.
 
-    (3, n) viscous in N m s/rad, Coulomb in N m and offset in N m; zero where a term is not at hand.
+    (4, n) viscous in N m s/rad, Coulomb and offset in N m, stiffness in N m/rad; zero for other terms.
     """
-    rows = np.zeros((3, len(coefficients)))
+    rows = np.zeros((4, len(coefficients)))
     for column, term in enumerate(terms):
         rows[get_args(FrictionTerm).index(term)] = coefficients[:, column]
     return rows
@@ -207,16 +207,17 @@ def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.nda
             lever = cross(offset[i], carried)
             for k in range(3):
                 torque[parent, k] += lever[k]
-    add_friction(bodies.friction, qd, torques)
+    add_friction(bodies.friction, q, qd, torques)
     return torques
 
 
 @numba.njit(cache=True)
-def add_friction(friction: np.ndarray, qd: np.ndarray, torques: np.ndarray) -> None:
-    """Add to torques (n,) what rows (3, n) of friction take at velocities (n,)."""
+def add_friction(friction: np.ndarray, q: np.ndarray, qd: np.ndarray, torques: np.ndarray) -> None:
+    """Add to torques (n,) what rows (4, n) of friction take at positions and velocities (n,)."""
     for i in range(len(qd)):
         direction = math.tanh(qd[i] / COULOMB_WIDTH) if friction[1, i] != 0.0 else 0.0
         torques[i] += friction[0, i] * qd[i] + friction[1, i] * direction + friction[2, i]
+        torques[i] += friction[3, i] * q[i]
 
 
 class Networks(NamedTuple):
@@ -230,7 +231,7 @@ class Networks(NamedTuple):
         rows: (n (n + 1) / 2,) where outputs of a Lagrangian's first network stand in the inertia's factor.
         columns: likewise; both are empty of a perceptron.
         least_inertia: of a Lagrangian, added to the diagonal of its inertia.
-        friction: (3, n) of `compiled_dynamics.friction_rows`, beside a Lagrangian.
+        friction: (4, n) of `compiled_dynamics.friction_rows`, beside a Lagrangian.
     """
 
     values: np.ndarray
@@ -283,7 +284,7 @@ def lagrangian_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: n
     _forward(values, first[1], sizes[1], q, potential_work)
     torques -= _adjoint(values, first[1], sizes[0], inertia_work, cotangent)
     torques += _adjoint(values, len(values), sizes[1], potential_work, np.ones(1))
-    add_friction(networks.friction, qd, torques)
+    add_friction(networks.friction, q, qd, torques)
     return torques
 
 

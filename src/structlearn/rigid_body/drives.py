@@ -109,7 +109,7 @@ def current_delays(
         Delays (n,) and (draws, n) in s, and the squares (K, n) over those of the least.
     """
     columns = torque_regressor(tree, states.q, states.qd, states.qdd)
-    rubbing = friction_columns(states.qd, friction)
+    rubbing = friction_columns(states.q, states.qd, friction)
     counts = drawn_counts(block_count(len(states), length), draws, seed)
     delays, drawn, curves = [], [], []
     for joint in range(states.joints):

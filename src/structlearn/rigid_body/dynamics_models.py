@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -126,9 +126,20 @@ def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motio
         with torch.no_grad():
             torques = np.swapaxes(models.networks().torques(*states).double().numpy(), 1, 2)
     if models.friction:
-        columns = friction_columns(motion.qd, models.friction)
+        columns = friction_columns(motion.q, motion.qd, models.friction)
         torques = torques + np.einsum("njt,mjt->mnj", columns, models.friction_coefficients())
     return torques
+
+
+def torque_parts(models: DynamicsModels, tree: KinematicTree, motion: Motion) -> dict[str, np.ndarray]:
+    """Inertial, Coriolis (and centrifugal) and gravitational torques (M, N, n) in N m, without friction."""
+    rest = np.zeros_like(motion.qd)
+    frictionless = replace(models, friction=())
+    gravity, moving, accelerating = (
+        predicted_torques(frictionless, tree, replace(motion, qd=qd, qdd=qdd))
+        for qd, qdd in ((rest, rest), (motion.qd, rest), (rest, motion.qdd))
+    )
+    return {"inertial": accelerating - gravity, "coriolis": moving - gravity, "gravity": gravity}
 
 
 def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> InverseDynamics:
@@ -162,16 +173,16 @@ def perceptron(networks: StackedPerceptrons, model: int) -> Networks:
     weights, biases = layers[-1]
     layers[-1] = (weights * out_scale[:, None], biases * out_scale + out_mean)
     nowhere = np.empty(0, dtype=np.int64)
-    return _packed([layers], nowhere, nowhere, 0.0, np.zeros((3, len(out_mean))))
+    return _packed([layers], nowhere, nowhere, 0.0, np.zeros((4, len(out_mean))))
 
 
 def lagrangian(
     networks: StackedLagrangianNetworks, model: int, friction: np.ndarray | None = None
 ) -> Networks:
-    """One of M deep Lagrangian networks, with (3, n) rows of friction (`friction_rows`) beside it."""
+    """One of M deep Lagrangian networks, with (4, n) rows of friction (`friction_rows`) beside it."""
     layers = [part.layers_of(model) for part in (networks.inertia, networks.potential)]
     places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
-    rubbing = np.zeros((3, networks.joints)) if friction is None else friction
+    rubbing = np.zeros((4, networks.joints)) if friction is None else friction
     return _packed(layers, *places, SMALLEST_INERTIA, rubbing)
 
 

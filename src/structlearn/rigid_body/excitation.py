@@ -198,7 +198,7 @@ def _rated_times(its: Arena) -> np.ndarray:
 def _columns(its: Arena, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     """(N, n, P) of what is identified."""
     columns = torque_regressor(its.tree, q, qd, qdd)[..., its.base.columns]
-    return np.concatenate([columns, friction_regressor(qd, its.friction)], axis=-1)
+    return np.concatenate([columns, friction_regressor(q, qd, its.friction)], axis=-1)
 
 
 def _rated(its: Arena, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

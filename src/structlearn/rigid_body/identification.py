@@ -23,7 +23,7 @@ import numpy as np
 from structlearn.core.metrics import blocks, drawn_counts
 from structlearn.core.parallel import parallel_map
 from structlearn.rigid_body.dynamics_models import DynamicsModels
-from structlearn.rigid_body.friction import FrictionTerm, friction_columns
+from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_learner import MotionRegressor, initial_friction, squared
 from structlearn.rigid_body.inertia_parameters import (
     STRUCTURES,
@@ -170,18 +170,6 @@ def _pseudo_columns() -> np.ndarray:
 
 
 PSEUDO = _pseudo_columns()
-
-
-def refit_friction(left: np.ndarray, velocity: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """Coefficients (n, t) of friction for what the links leave (N, n) of the torques in N m.
-
-    By least squares joint by joint, at (N, n) rad/s; viscous and Coulomb friction are not negative.
-    """
-    from scipy.optimize import lsq_linear
-
-    columns, least = friction_columns(velocity, terms), np.where(squared(terms), 0.0, -np.inf)
-    fits = [lsq_linear(columns[:, joint], left[:, joint], (least, np.inf)) for joint in range(left.shape[1])]
-    return np.array([fit.x for fit in fits])
 
 
 def drawn_fits(

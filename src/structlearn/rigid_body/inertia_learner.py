@@ -8,12 +8,12 @@ autograd give the same, more slowly.
 import math
 from collections.abc import Sequence
 
-import numba
 import numpy as np
 import torch
 
+from structlearn.core.compilation import numba
 from structlearn.networks.torch_settings import AdamParameters
-from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
+from structlearn.rigid_body.friction import SIGNED, FrictionTerm, friction_regressor
 from structlearn.rigid_body.inertia_parameters import (
     STRUCTURES,
     Structure,
@@ -33,13 +33,13 @@ MEAN_DECAY, SMALLEST_ROOT = 0.9, 1e-8
 
 
 def initial_friction(models: int, joints: int, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """Free parameters (M, n, t) of friction at the start, offsets 0."""
+    """Free parameters (M, n, t) of friction at the start, 0 for `SIGNED` terms."""
     return np.tile(np.where(squared(terms), INITIAL_FRICTION**0.5, 0.0), (models, joints, 1))
 
 
 def squared(terms: Sequence[FrictionTerm]) -> np.ndarray:
     """(t,) whether the coefficient of a term is the square of its free parameter."""
-    return np.array([term != "offset" for term in terms], dtype=bool)
+    return np.array([term not in SIGNED for term in terms], dtype=bool)
 
 
 class MotionRegressor:
@@ -53,7 +53,7 @@ class MotionRegressor:
     ):
         columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd, symmetric)
         if friction:
-            columns = np.concatenate([columns, friction_regressor(motion.qd, friction)], axis=-1)
+            columns = np.concatenate([columns, friction_regressor(motion.q, motion.qd, friction)], axis=-1)
         self.factors: TorqueFactors = torque_factors(columns, motion.torque)
         self.columns, self.torque = columns, motion.torque  # (N, n, P), (N, n)
         self.friction = tuple(friction)

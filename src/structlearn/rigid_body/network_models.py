@@ -234,7 +234,7 @@ class NetworkLearner:
         self.states = _by_columns(np.stack([motion.q, motion.qd, motion.qdd]) for motion in motions)
         self.torque = _by_columns(motion.torque for motion in motions)  # (R, n, N) with R = 1 or M
         self.columns = as_tensor(
-            np.stack([np.moveaxis(friction_columns(motion.qd, self.friction), 0, -1) for motion in motions])
+            np.stack([np.moveaxis(friction_columns(its.q, its.qd, self.friction), 0, -1) for its in motions])
         )  # (R, n, t, N)
         self.variance = np.stack([motion.torque_variance for motion in motions])
         self.network: StackedLagrangianNetworks | StackedPerceptrons

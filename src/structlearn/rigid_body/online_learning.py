@@ -101,7 +101,7 @@ def identify_empty(
     free, rubbing = fit_structure(parameters.structure, triangle, EMPTY_FRICTION, urdf, parameters.iterations)
     links = link_inertias(parameters.structure, torch.from_numpy(free[0])).arrays()
     coefficients = friction_coefficients(torch.from_numpy(rubbing), EMPTY_FRICTION)[0].numpy()
-    return links, np.einsum("tjk,jk->tj", friction_columns(motion.qd, EMPTY_FRICTION), coefficients)
+    return links, np.einsum("tjk,jk->tj", friction_columns(motion.q, motion.qd, EMPTY_FRICTION), coefficients)
 
 
 def follow_payload(

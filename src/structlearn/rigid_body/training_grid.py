@@ -43,6 +43,7 @@ FRICTIONS: Mapping[str, tuple[FrictionTerm, ...]] = {
     "viscous": ("viscous",),
     "coulomb": ("viscous", "coulomb"),
     "offset": ("viscous", "coulomb", "offset"),
+    "stiffness": ("viscous", "coulomb", "offset", "stiffness"),
 }
 """Friction that models learn: none in simulation, viscous on the robot (III.4.2); Coulomb friction, which the
 dissertation names as future work; and a constant torque, for sensors that are not zeroed."""

@@ -75,31 +75,31 @@ def assign(
     missing = MISSING * len(demonstrations[0])
     total = np.array(own)
     for index, primitives in enumerate(demonstrations):
-        costs, _ = _cheapest(primitives, gaps[index], pattern)
-        total += np.where(np.array(owners) == index, 0.0, np.minimum(costs, missing))
+        cheapest, _ = _cheapest(primitives, gaps[index], pattern)
+        total += np.where(np.array(owners) == index, 0.0, np.minimum(cheapest, missing))
     best = int(np.argmin(total))
     pattern = _pattern(demonstrations, owners[best : best + 1], chains[best : best + 1])
     chosen: list[np.ndarray | None] = []
-    unlike: list[np.ndarray] = []
+    costs: list[np.ndarray] = []
     left_out: list[np.ndarray] = []
     for index, primitives in enumerate(demonstrations):
         own_chain = index == owners[best]
         chain = chains[best] if own_chain else _cheapest(primitives, gaps[index], pattern)[1]
         chosen.append(chain)
         if chain is None:
-            unlike.append(np.zeros(0))
+            costs.append(np.zeros(0))
             left_out.append(np.zeros(0))
             continue
         places = range(len(chain))
         before = [gaps[index][p][int(chain[p - 1]) if p else 0, int(chain[p])] for p in places]
         after = gaps[index][-1][int(chain[-1]), 0]
-        unlike.append(np.array([_unlike(primitives[p], pattern, p)[0, int(chain[p])] for p in places]))
+        costs.append(np.array([unlike(primitives[p], pattern, p)[0, int(chain[p])] for p in places]))
         left_out.append(np.array([*before, after]) / pattern.mean_way[0, [*places, -1]])
-    return Assignment(owners[best], chosen, unlike, left_out, float(total[best]))
+    return Assignment(owners[best], chosen, costs, left_out, float(total[best]))
 
 
 @dataclass(frozen=True)
-class _Pattern:
+class Pattern:
     """K patterns of P primitives: what they look like."""
 
     duration: np.ndarray  # (K, P) s
@@ -116,13 +116,13 @@ class _Pattern:
 
 def _pattern(
     demonstrations: Sequence[Sequence[Candidates]], owners: Sequence[int], chains: Sequence[np.ndarray]
-) -> _Pattern:
+) -> Pattern:
     places = range(len(chains[0]))
     picked = [
         [(demonstrations[owner][p], chain[p]) for owner, chain in zip(owners, chains, strict=True)]
         for p in places
     ]
-    return _Pattern(
+    return Pattern(
         np.array([[one.duration[g] for one, g in picked[p]] for p in places]).T,
         np.array([[one.way[g] for one, g in picked[p]] for p in places]).T,
         [np.array([one.path[one.last[g]] - one.path[one.first[g]] for one, g in picked[p]]) for p in places],
@@ -174,7 +174,7 @@ def _chains(
     return list(chains), prices.tolist()
 
 
-def _unlike(one: Candidates, pattern: _Pattern, place: int) -> np.ndarray:
+def unlike(one: Candidates, pattern: Pattern, place: int) -> np.ndarray:
     """(K, G) how unlike a pattern's primitive each candidate is: 0 for an equal one.
 
     The logarithms of the ratios of duration and way, and the distance of the displacements in ways.
@@ -188,7 +188,7 @@ def _unlike(one: Candidates, pattern: _Pattern, place: int) -> np.ndarray:
 
 
 def _cheapest(
-    primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], pattern: _Pattern
+    primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], pattern: Pattern
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Cost of the cheapest chain of candidates for each pattern, and for the first pattern that chain.
 
@@ -201,7 +201,7 @@ def _cheapest(
             return np.full(len(price), np.inf), None
         so_far = best[:, :, None] + price[:, place, None, None] * gaps[place][None]  # (K, G before, G)
         ways_back.append(np.argmin(so_far[0], axis=0))
-        best = so_far.min(axis=1) + _unlike(one, pattern, place) + RESTED * one.rested
+        best = so_far.min(axis=1) + unlike(one, pattern, place) + RESTED * one.rested
     ends = best + price[:, -1:] * gaps[-1][None, :, 0]
     if not np.isfinite(ends[0]).any():
         return ends.min(axis=1), None

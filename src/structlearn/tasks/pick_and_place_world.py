@@ -113,9 +113,19 @@ def takes(
     found = []
     for number, source in enumerate(seeds, 1):
         left_out = (without or {}).get(f"{number:02d}")
-        goals = {move: goal for move, goal in MOVES[moves].items() if move != left_out}
-        found.append(_take(f"{number:02d}", seed, goals, GRASP[moves], twitch, hesitation, source))
+        goals = [(move, goal) for move, goal in MOVES[moves].items() if move != left_out]
+        found.append(_take(f"{number:02d}", seed, goals, [GRASP[moves]], twitch, hesitation, source))
     return found
+
+
+def session(
+    seed: int, moves: int, repeats: int, name: str = "01", *, twitch: bool = False, hesitation: bool = False
+) -> Take:
+    """Several repeats in one recording, with pauses between them as between moves. Arguments: as `takes`."""
+    source = np.random.SeedSequence([seed, moves, repeats])
+    closes, opens = GRASP[moves]
+    grasps = [(closes + done, opens + done) for done in range(0, moves * repeats, moves)]
+    return _take(name, seed, list(MOVES[moves].items()) * repeats, grasps, twitch, hesitation, source)
 
 
 def as_recording(take: Take) -> Recording:
@@ -164,15 +174,15 @@ class _Move:
 def _take(
     name: str,
     seed: int,
-    goals: Mapping[str, str],
-    grasp: tuple[int, int],
+    goals: Sequence[tuple[str, str]],
+    grasps: Sequence[tuple[int, int]],
     twitch: bool,
     hesitation: bool,
     source: np.random.SeedSequence,
 ) -> Take:
     drawn, hand, capture, arm = source.spawn(4)
     rng = np.random.default_rng(drawn)
-    stops = ["home", *goals.values()]
+    stops = ["home", *(goal for _, goal in goals)]
     points = np.array([PLACES[stop] + SCATTER_M[stop] * rng.standard_normal(3) for stop in stops])
     yaws = np.radians([YAW_DEG[stop] + YAW_SCATTER_DEG * rng.standard_normal() for stop in stops])
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -208,18 +218,20 @@ def _take(
     velocity = np.gradient(position, 1 / GRID_HZ, axis=0)
     shaken, turned = hand_noise(velocity, np.zeros(len(time)), HAND_MM, GRID_HZ, np.random.default_rng(hand))
     turned[:, 2] += yaw
-    events = [made[min(moves, len(made)) - 1].end for moves in grasp]
-    closed = np.interp(time, events[0] + np.array([0.05, 0.05 + GRIPPER_S]), [0, 1])
-    opened = np.interp(time, events[1] + np.array([0.0, GRIPPER_S]) + 0.3 * (grasp[0] == grasp[1]), [0, 1])
-    held = closed * (1 - opened)
+    held = np.zeros(len(time))
+    for closes, opens in grasps:
+        closing, opening = (made[min(moves, len(made)) - 1].end for moves in (closes, opens))
+        closed = np.interp(time, closing + np.array([0.05, 0.05 + GRIPPER_S]), [0, 1])
+        opened = np.interp(time, opening + np.array([0.0, GRIPPER_S]) + 0.3 * (closes == opens), [0, 1])
+        held += closed * (1 - opened)
     return Take(
         name,
-        tuple(goals),
+        tuple(move for move, _ in goals),
         time,
         position + shaken,
         quaternion.product(quaternion.from_rotation_vector(turned), DOWN),
         OPEN_M + held * (CLOSED_M - OPEN_M),
-        PART_KG * (held > 0.9) * (grasp[0] < grasp[1]),
+        PART_KG * (held > 0.9) * (closes < opens),
         np.array([move.seen for move in made]),
         np.array([(move.start, move.end) for move in made]),
         seed,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.figure_style import Drawing
@@ -30,7 +31,7 @@ class Section:
     heading: str
     template: str
     lead: str = ""
-    facts: Mapping[str, object] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
     find: Findings = field(default_factory=Findings)
     tables: Mapping[str, Table] = field(default_factory=dict)
     pictures: Mapping[str, Drawing | Sequence[Drawing]] = field(default_factory=dict)

@@ -26,11 +26,14 @@ from structlearn.avoidance.avoidance_dataset import to_table
 from structlearn.core.artefacts import publish, write_csv, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import Recording, read_recordings, synchronise
+from structlearn.readers.bag_files import recording_files
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import JointLog, read_joint_logs, write_log_table
 from structlearn.readers.runs import write_runs, write_streams
 from structlearn.readers.source import ClockParameters, SourceParameters, setting_folders
+from structlearn.readers.text_log import read_each
 from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
+from structlearn.segmentation.repeats import split
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
 from structlearn.tasks.obstacles.coupling_samples import RecordedSamples
@@ -110,7 +113,7 @@ def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
 
 
 def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
-    """`demonstrations`, `executions`, `corrections/SETTING`, `corrected` (runs) and `came_in`."""
+    """`demonstrations`, `executions`, `corrections/SETTING`, `corrected` (runs), `came_in`, `repeats`."""
     recordings = {"demonstrations": read_source(task, task.source, left_out)}
     if task.feedback is not None:
         recordings["executions"] = read_source(task, task.feedback.executions, left_out)
@@ -125,7 +128,12 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
         except MissingInputError as missing:  # of a public set, whose other movements go on
             print(missing)
     for name, its in recordings.items():
-        write_runs(_on_clock(task, its, task.clock, left_out), folder / f"{name}.parquet")
+        runs = _on_clock(task, its, task.clock, left_out)
+        if name == "demonstrations" and task.repeats != 1 and task.segment is not None:
+            count = None if task.repeats == "auto" else task.repeats
+            runs, repeats = split(runs, task.segment, count)
+            write_table(repeats, folder / "repeats.parquet")
+        write_runs(runs, folder / f"{name}.parquet")
     write_table(came_in(recordings), folder / "came_in.parquet")
 
 
@@ -174,14 +182,14 @@ def _on_clock(
     left_out: LeftOut,
     refuse_jumps: bool = True,
 ) -> list[Demonstration]:
-    """Of a public set what fails its checks is left out; of a lab's recordings it is an error."""
+    """What fails its checks is left out or an error, see `_goes_on`."""
     on = clock.model_dump() if clock else {}  # without: the rate of the poses
     runs = []
     for one in recordings:
         try:
             runs.append(synchronise(one, **on, refuse_jumps=refuse_jumps))
         except InputError as error:
-            if not is_public(task.source):
+            if not _goes_on(task):
                 raise InputError(f"{task.source}: {error}") from error
             left_out[one.name] = str(error)
     if not runs:
@@ -212,7 +220,15 @@ def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
 
 def read_movement(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
     """Recordings with the signals of the entry's topics."""
-    return read_recordings(folder, entry.topics, entry.stamps)
+    paths = [file.path for file in recording_files(folder)]
+    skipped = left_out if _goes_on(entry) else None
+    return read_each(lambda path: read_recordings(path, entry.topics, entry.stamps)[0], paths, skipped)
+
+
+def _goes_on(task: SourceParameters) -> bool:
+    """Whether recordings that fail are left out: of a public set, or as the entry of a movement says."""
+    cutting = task.segment if isinstance(task, MovementEntry) else None
+    return is_public(task.source) or (cutting is not None and cutting.skip_failures)
 
 
 def read_motion(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[JointLog]:

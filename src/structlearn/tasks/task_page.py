@@ -88,9 +88,10 @@ def publish_page(files: TaskFiles) -> None:
         "left_out": files.left_out().to_dict("records"),
         "sections": sections,
     }
-    simulated = (
-        kind == "movement" and not absent and any(one.simulated for one in files.runs("demonstrations"))
-    )
+    if kind == "movement" and not absent:
+        simulated = any(one.simulated for one in files.runs("demonstrations"))
+    else:
+        simulated = any(one.facts.get("origin", {}).get("origin") == "simulated" for one in sections)
     page = Document(
         template="task.html.jinja",
         package=PACKAGE,

@@ -18,7 +18,14 @@ from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import AdamParameters, one_thread
 from structlearn.readers.joint_log import JointLog, Log, signals_of
 from structlearn.rigid_body import arm_identification
-from structlearn.rigid_body.arm_identification import NETWORKS, TRAIN, Fitting, Identified, NetworkTraining
+from structlearn.rigid_body.arm_identification import (
+    LEARNED_FRICTIONS,
+    NETWORKS,
+    TRAIN,
+    Fitting,
+    Identified,
+    NetworkTraining,
+)
 from structlearn.rigid_body.base_parameters import base_parameters, fit_base
 from structlearn.rigid_body.dynamics_models import (
     DynamicsModels,
@@ -64,6 +71,7 @@ def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
 
     A public set may have it in a folder of its own.
     """
+    assert parameters.urdf is not None, "the entry has no URDF"
     path = local_path(parameters.urdf)
     if is_public(parameters.urdf) and not path.is_file():
         path = next(iter(sorted(path.parent.rglob(path.name))), path)
@@ -141,8 +149,11 @@ def _identified(
     if parameters.networks is not None:
         networks, tables["choice"] = choose_networks(robot.tree, parts[TRAIN], parameters.networks)
     limits = robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None
-    fitting = Fitting(parameters.iterations, limits, parameters.prior, parameters.refit_friction)
-    identified = arm_identification.identify_arm(robot, parts, fitting, networks, parameters.structures)
+    fitting = Fitting(parameters.iterations, limits, parameters.prior)
+    frictions = tuple(dict.fromkeys((*LEARNED_FRICTIONS, parameters.judged_friction)))
+    identified = arm_identification.identify_arm(
+        robot, parts, fitting, networks, parameters.structures, frictions
+    )
     if parameters.load is not None:
         tables |= drives_and_load.weighed_loads(robot.tree, motions, gains, parameters)
         tables["carried"] = drives_and_load.followed_loads(robot, motions, parameters)
@@ -299,7 +310,7 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     gravity = rigid_body_torques(robot.tree, robot.inertias, still)
     moving = rigid_body_torques(robot.tree, robot.inertias, motion) - gravity
     parts = np.concatenate(
-        [gravity[..., None], moving[..., None], friction_columns(motion.qd, FRICTION)], axis=2
+        [gravity[..., None], moving[..., None], friction_columns(motion.q, motion.qd, FRICTION)], axis=2
     )
     each = list(zip(parts.swapaxes(0, 1), motion.torque.T, strict=True))
     share = np.array([np.linalg.lstsq(its, torque, rcond=None)[0][0] for its, torque in each])

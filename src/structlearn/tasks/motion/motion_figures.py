@@ -11,7 +11,7 @@ from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.tasks.motion.motion_parameters import CARRYING, DELAY, EMPTY, LEARNED
 from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults, chosen
 
-TRACED = (URDF, ("mlp", "none"), (BEST, "viscous"), (BEST, "coulomb"), (BEST, "offset"))
+TRACED = (URDF, ("mlp", "none"), (BEST, "viscous"), (BEST, "coulomb"))
 """Models whose torques are drawn beside the measured ones."""
 
 TRACED_JOINTS = 4
@@ -61,9 +61,9 @@ def torque_panel(results: MotionResults, joint: int) -> Figure:
     figure, axes = panel(title, 3.5, xlabel="time of the motion (s)", ylabel="torque (N m)")
     its = chosen(results["traces"], joint=joint)
     axes.plot(its["time_s"], its["measured"], color=BLACK, linewidth=2.4, alpha=0.35, label="measured")
-    for key in TRACED:
+    for key in dict.fromkeys((*TRACED, results.best)):
         name = "_".join(key).removesuffix("_none")
-        if name in its and (key[1] != "offset" or key == results.best):
+        if name in its:
             axes.plot(its["time_s"], its[name], color=LOOKS[key].colour, linewidth=1.0, label=LOOKS[key].name)
     low, high = its["measured"].min(), its["measured"].max()
     axes.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
 
 from structlearn.core.params import Parameters
-from structlearn.readers.joint_log import DriveLog, read_log_table
+from structlearn.networks.torch_settings import AdamParameters
+from structlearn.readers.joint_log import DriveLog, JointLog, PartedLog, read_log_table
 from structlearn.readers.source import SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]
@@ -60,13 +61,25 @@ class LoadParameters(Parameters):
     settled_s: float = Field(gt=0)
 
 
+class PartsParameters(Parameters):
+    """A simulated planar arm whose parts of the torque are known; whole logs are left out."""
+
+    left_out: tuple[Log, ...] = Field(min_length=1)
+    published: Mapping[str, PositiveFloat]
+    seeds: int = Field(ge=2)
+    splits: int = Field(ge=2)
+    hidden: Mapping[Literal["mlp", "delan"], tuple[int, ...]]
+    epochs: int = Field(ge=1)
+    adam: AdamParameters
+
+
 class MotionParameters(SourceParameters):
     """Logs of an arm's joints, and its identification from them."""
 
     kind = "motion"
 
     topic: str = Field(min_length=1)
-    urdf: str = Field(min_length=1)
+    urdf: str | None = Field(min_length=1)
     locked_joints: tuple[str, ...]
     rate_hz: float = Field(gt=0, le=10_000)
     smoothing_hz: float = Field(gt=0)
@@ -84,8 +97,7 @@ class MotionParameters(SourceParameters):
     iterations: int = Field(ge=1)
     joint_weights: Literal["variance", "limit"]
     prior: float = Field(ge=0)
-    refit_friction: bool
-    judged_friction: Literal["coulomb", "offset"]
+    judged_friction: Literal["coulomb", "offset", "stiffness"]
     body_draws: NonNegativeInt
     largest_condition: float = Field(gt=1)
     gravity_share: float = Field(gt=0, lt=1)
@@ -94,6 +106,7 @@ class MotionParameters(SourceParameters):
     networks: NetworkChoiceParameters | None
     drives: DriveParameters | None
     load: LoadParameters | None
+    parts: PartsParameters | None
 
     @model_validator(mode="after")
     def _parts_fit_together(self) -> Self:
@@ -101,13 +114,15 @@ class MotionParameters(SourceParameters):
             raise ValueError("drives and load need logs that are named: train and test")
         if (self.train is None) != (self.test is None):
             raise ValueError("name both logs or none: train and test")
+        if (self.urdf is None) != (self.parts is not None):
+            raise ValueError("name the arm's urdf; only planar arms whose parts are compared have none")
         if self.structures and "cov" not in self.structures:
             raise ValueError("structures lack cov, which becomes the URDF")
         return self
 
     def sources(self) -> dict[str, tuple[str, ...]]:
         """All files and folders that are read, as they are written, by what they are for."""
-        return super().sources() | {"urdf": (self.urdf,)}
+        return super().sources() | ({} if self.urdf is None else {"urdf": (self.urdf,)})
 
     @property
     def block(self) -> int:
@@ -121,6 +136,6 @@ class MotionParameters(SourceParameters):
 
 
 def read_logs(path: Path, parameters: MotionParameters) -> dict[str, Any]:
-    """Logs by name from the table of an import; of motor currents where the parameters name drives."""
-    logs = read_log_table(path) if parameters.drives is None else read_log_table(path, DriveLog)
-    return {log.name: log for log in logs}
+    """Logs by name from the table of an import, with the signals that the parameters ask for."""
+    kind = DriveLog if parameters.drives else PartedLog if parameters.parts else JointLog
+    return {log.name: log for log in read_log_table(path, kind)}

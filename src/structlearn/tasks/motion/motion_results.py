@@ -34,6 +34,7 @@ FRICTIONS = {
     "viscous": "viscous",
     "coulomb": "viscous, Coulomb",
     "offset": "viscous, Coulomb, offset",
+    "stiffness": "viscous, Coulomb, offset, stiffness",
 }
 LOOKS = {
     URDF: Look(MODELS["urdf"], GREY),
@@ -43,8 +44,10 @@ LOOKS = {
     (BEST, "viscous"): Look("Cov, viscous", LIGHT_BLUE),
     (BEST, "coulomb"): Look("Cov, Coulomb", BLUE),
     (BEST, "offset"): Look("Cov, Coulomb, offset", GREEN),
+    (BEST, "stiffness"): Look("Cov, Coulomb, offset, stiffness", OCHRE),
     (BOUNDS, "coulomb"): Look("least squares, Coulomb", BLACK),
     (BOUNDS, "offset"): Look("least squares, Coulomb, offset", BLACK),
+    (BOUNDS, "stiffness"): Look("least squares, Coulomb, offset, stiffness", BLACK),
 }
 """Models with their friction as figures show them; keys are those of the protocol's tables."""
 

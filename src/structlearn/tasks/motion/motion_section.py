@@ -31,6 +31,7 @@ from structlearn.tasks.motion.motion_results import (
     model_words,
     motion_findings,
 )
+from structlearn.tasks.motion.torque_parts_section import parts_section
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
@@ -62,6 +63,8 @@ def section(files: TaskFiles) -> Section:
     parameters = files.entry(MotionParameters)
     first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
     tables = {path.stem: read_table(path) for path in (files.folder / "motion").glob("*.parquet")}
+    if parameters.parts is not None:
+        return parts_section(tables, parameters.parts, first.provenance)
     if not parameters.structures:
         return Section(
             "motion",
@@ -163,7 +166,8 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
     errors.insert(0, "model", [model_words(key) for key in wide.index])
     plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS).tolist())
     whole = []
-    for key in (URDF, *((kind, friction) for friction in ("coulomb", "offset") for kind in (BOUNDS, BEST))):
+    frictions = dict.fromkeys(("coulomb", "offset", results.best[1]))
+    for key in (URDF, *((kind, friction) for friction in frictions for kind in (BOUNDS, BEST))):
         found = results.whole_errors(key)
         texts = {heading: _text(found[name], number) for name, (heading, number) in WHOLE.items()}
         whole.append({"model": model_words(key)} | texts)

@@ -1,6 +1,6 @@
 """What an entry of `movement` says: recordings, cuts, primitives, corrections, and the robot of the skill."""
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, PositiveFloat, field_validator, model_validator
@@ -99,6 +99,7 @@ class MovementEntry(SourceParameters):
     topics: TopicMap | None
     clock: ClockParameters | None
     given: Name | None
+    repeats: Annotated[int, Field(ge=1)] | Literal["auto"]
     segment: SegmentParameters | None
     keep_doubtful: bool
     rests: RestParameters | None
@@ -116,6 +117,10 @@ class MovementEntry(SourceParameters):
     def _parts_fit_together(self) -> Self:
         if self.segment is None and (self.given is None or self.rests is not None):
             raise ValueError("needs `segment`: the primitives that recordings are cut into")
+        if self.given is not None and self.repeats != 1:
+            raise ValueError(
+                f"repeats are looked for only where recordings are cut, not with `given: {self.given}`"
+            )
         if self.given in (None, PARTS) and (self.turns or self.corrections is not None):
             raise ValueError("turns and corrections need `given`: the one primitive in all recordings")
         if self.given != PARTS and self.traces_hz is not None:

@@ -179,7 +179,7 @@ def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataF
     Returns `model`, `joint` (from 1), `nmse`.
     """
     rubbing = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
-    friction = np.einsum("tjk,jk->tj", friction_columns(motion.qd, TERMS), rubbing)
+    friction = np.einsum("tjk,jk->tj", friction_columns(motion.q, motion.qd, TERMS), rubbing)
     torques = {
         GROUND_TRUTH: rigid_body_torques(robot.tree, mechanics.inertias, motion) + friction,
         DEFAULT: rigid_body_torques(robot.tree, robot.inertias, motion),

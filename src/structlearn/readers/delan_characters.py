@@ -1,0 +1,54 @@
+"""A simulated arm of two joints that writes characters, published with deep Lagrangian networks.
+
+`characters.npz` has the arrays of `data/character_data.pickle` of the repository
+milutter/deep_lagrangian_networks (M. Lutter, C. Ritter, J. Peters, "Deep Lagrangian Networks", ICLR 2019) as
+`CHARACTER/ARRAY`. Of the arm neither lengths nor masses are stated.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from structlearn.core.errors import InputError
+from structlearn.readers.joint_log import PartedLog, signals_of
+from structlearn.readers.text_log import PublicSet, read_arrays, stamps_of
+
+SOURCE = PublicSet(
+    "https://github.com/milutter/deep_lagrangian_networks",
+    "not stated",
+    "MIT",
+)
+
+ARRAYS = {
+    "positions": "qp",
+    "velocities": "qv",
+    "torques": "tau",
+    "accelerations": "qa",
+    "inertial": "m",
+    "coriolis": "c",
+    "gravity": "g",
+}
+"""Signals and what their arrays are called."""
+
+
+def read_motion(
+    folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
+) -> list[PartedLog]:
+    """A log per character, 25 Hz, in the order of the alphabet.
+
+    Raises MissingInputError: there is no archive. Raises InputError: it is damaged, or an array is missing or
+    of another shape.
+    """
+    folder = Path(folder)
+    path, *_ = SOURCE.files(folder, "characters.npz", "characters.npz")
+    arrays = read_arrays(path)
+    provenance = SOURCE.provenance(folder, [path]) | {"origin": "simulated"}
+    names = [ARRAYS[signal] for signal in signals_of(PartedLog)]
+    logs = []
+    for character in sorted({name.partition("/")[0] for name in arrays}):
+        its = {name: arrays.get(f"{character}/{name}") for name in ("t", *names)}
+        if missing := [name for name, values in its.items() if values is None]:
+            raise InputError(f"{path}: has no array {character}/{missing[0]}")
+        stamps = stamps_of(path, its.pop("t"))
+        joints = tuple(f"joint_{number}" for number in range(1, its["qp"].shape[-1] + 1))
+        logs.append(PartedLog(character, joints, stamps, *its.values(), provenance=provenance))
+    return logs

@@ -1,0 +1,198 @@
+"""Repeats of a task within one recording, e.g. a teleoperation session, found by its moves.
+
+Nobody says where a repeat begins, and a pause between two repeats is like one between two moves. What tells
+them apart is that the same moves come again in the same order: some moves in a row are the pattern, and what
+best explains the way that the hand goes, in all recordings, is taken. Between repeats the hand may move as it
+likes (the way back, a second grip), at a price.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core.errors import InputError
+from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration
+from structlearn.segmentation import motion_runs
+from structlearn.segmentation.motion_runs import Candidates, Motion, Search
+from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
+from structlearn.segmentation.run_assignment import LEFT_OUT, RESTED, Pattern, unlike
+
+PATTERNS = 300
+"""Moves in a row that are tried as the pattern in all; the work grows with their number."""
+
+COVERED = 0.4
+"""Least part of the way that repeats cover: of back and forth where one move is the task, it is half."""
+
+REST_S = 1.0
+"""Longest rest that is kept before and after a repeat."""
+
+MOVED = 0.05
+"""Shortest way of a run, in ways of the longest move, at which the rest beside a repeat ends."""
+
+COLUMNS = ["recording", "demonstration", "start_s", "end_s", "unlike"]
+"""Of the table: the recording, the name of the repeat as a demonstration of its own, where it lies in the
+recording, and how unlike the pattern it is (`run_assignment.unlike`, mean of its moves)."""
+
+
+def split(
+    recordings: Sequence[Demonstration], parameters: SegmentParameters, count: int | None
+) -> tuple[list[Demonstration], pd.DataFrame]:
+    """Demonstrations of one repeat each, with half the rest between them, and a table of `COLUMNS`.
+
+    `count`: of the repeats in every recording; None: unknown. Raises InputError: the moves do not repeat, or
+    there are not as many repeats.
+    """
+    moved = [motion_runs.motion(one, "xyz", parameters) for one in recordings]
+    pace = motion_runs.pace(moved)
+    thresholds = tuple(fraction * pace for fraction in motion_runs.FRACTIONS)
+    candidates, runs = [], []
+    for motion, one in zip(moved, recordings, strict=True):
+        candidates.append(_candidates(motion, thresholds, one.dt, round(parameters.bridge_s / one.dt)))
+        runs += [_candidates(motion, (threshold,), one.dt, 0) for threshold in thresholds]
+    pattern = _best_pattern(candidates, runs, _most_moves(parameters))
+    moves, longest = pattern.way.shape[1], float(pattern.way.max())
+    found = [_repeats(one, pattern) for one in candidates]
+    covered = sum(float(one.way[chains].sum()) for one, chains in zip(candidates, found, strict=True))
+    share = covered / sum(float(one.travelled[-1]) for one in candidates)
+    if share < COVERED or sum(map(len, found)) < 2:
+        raise InputError(
+            f"repeats: the moves of the recordings do not repeat: at most {share:.0%} of the way is the "
+            f"same {moves} move{'s' * (moves > 1)} again"
+        )
+    parts, rows = [], []
+    for recording, one, chains in zip(recordings, candidates, found, strict=True):
+        if len(chains) != (count or len(chains)) or not len(chains):
+            wanted = f", not {count}" if count else ""
+            raise InputError(f"{recording.name}: has {_times(recording, one, chains)}{wanted}")
+        if (before := float(one.travelled[one.first[chains[0, 0]]])) > longest:
+            raise InputError(
+                f"{recording.name}: where a repeat begins is ambiguous: before the first of "
+                f"{_times(recording, one, chains)} the hand goes {before:.2f} m, farther than in any of its "
+                f"{moves} moves; name all moves, also the way back"
+            )
+        costs = [unlike(one, pattern, place)[0] for place in range(moves)]
+        for number, chain in enumerate(chains, start=1):
+            first, last = _with_rests(one, chain, MOVED * longest, round(REST_S / recording.dt))
+            name = f"{recording.name}-{number:02d}"
+            parts.append(_part(recording, name, first, last))
+            mean = np.mean([cost[chosen] for cost, chosen in zip(costs, chain, strict=True)])
+            rows.append((recording.name, name, recording.time[first], recording.time[last], float(mean)))
+    return parts, pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _most_moves(parameters: SegmentParameters) -> int:
+    """Moves of a repeat at most: primitives that the position shows; two of them may be one run."""
+    return max(1, sum(primitive.axis not in ("rot", BETWEEN) for primitive in parameters.primitives))
+
+
+def _candidates(motion: Motion, thresholds: Sequence[float], dt: float, bridge: int) -> Candidates:
+    return motion_runs.candidates(motion, Search(thresholds, dt, bridge, most=len(motion.path)))
+
+
+def _best_pattern(candidates: Sequence[Candidates], runs: Sequence[Candidates], most: int) -> Pattern:
+    """The moves in a row that explain the most of the way in all recordings; the first of equal ones."""
+    best, least = None, np.inf
+    for moves in range(1, most + 1):
+        rows = [(one, first) for one in runs for first in range(len(one.first) - moves + 1)]
+        if not rows:
+            break
+        rows = [rows[at] for at in np.linspace(0, len(rows) - 1, min(PATTERNS, len(rows))).astype(int)]
+        patterns = _patterns(rows, moves)
+        unexplained = np.sum([_explain(one, patterns)[0] for one in candidates], axis=0)
+        chosen = int(np.argmin(unexplained))
+        if unexplained[chosen] < least:
+            least, best = float(unexplained[chosen]), _patterns(rows[chosen : chosen + 1], moves)
+    if best is None:
+        raise InputError("repeats: the recordings have no run of motion")
+    return best
+
+
+def _patterns(rows: Sequence[tuple[Candidates, int]], moves: int) -> Pattern:
+    windows = [(one, slice(first, first + moves)) for one, first in rows]
+    displacement = np.array([one.path[one.last[at]] - one.path[one.first[at]] for one, at in windows])
+    return Pattern(
+        np.array([one.duration[at] for one, at in windows]),
+        np.array([one.way[at] for one, at in windows]),
+        list(displacement.swapaxes(0, 1)),
+        np.zeros(moves, dtype=bool),
+    )
+
+
+def _explain(one: Candidates, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
+    """Way that repeats of K patterns leave unexplained at least, and how they do so for the first pattern.
+
+    A move between repeats costs its way, one within a repeat or before the first `LEFT_OUT` times that; one
+    that is a pattern's costs how unlike it is, times the way of a mean move or its own. As the former are
+    sums along the way, the best predecessor of a candidate is a running minimum.
+
+    Returns (K,) m.   (P + 1, G) candidate before each as the pattern's move, -1 for none; in the last row
+    that which ends the last repeat.
+    """
+    moves, count = len(pattern.displacement), len(one.first)
+    way = np.maximum(pattern.mean_way[:, :1], one.way)
+    price = np.array([way * (unlike(one, pattern, place) + RESTED * one.rested) for place in range(moves)])
+    inside = np.where(np.arange(moves) < moves - 1, LEFT_OUT, 1.0)[:, None]  # after each move
+    cost = np.empty((moves, len(pattern.way), count))
+    best = np.full((moves, len(pattern.way)), np.inf)  # of what has ended, without the way up to there
+    start = np.full(len(pattern.way), np.inf)  # the same of whole repeats
+    last, before = np.full(moves, -1), np.full((moves + 1, count), -1)
+    whole, ended, order = -1, 0, np.argsort(one.last, kind="stable")
+    for at in range(count):
+        while ended < count and one.last[order[ended]] <= one.first[at]:
+            other = order[ended]
+            value = cost[:, :, other] - inside * one.travelled[one.last[other]]
+            last = np.where(value[:, 0] < best[:, 0], other, last)
+            best = np.minimum(best, value)
+            whole = int(other) if best[-1, 0] < start[0] and last[-1] == other else whole
+            start = np.minimum(start, best[-1])
+            ended += 1
+        here = one.travelled[one.first[at]]
+        since = np.vstack([np.minimum(start + here, LEFT_OUT * here), best[:-1] + inside[:-1] * here])
+        cost[:, :, at] = since + price[:, :, at]
+        before[:moves, at] = [whole if start[0] + here < LEFT_OUT * here else -1, *last[:-1]]
+    none = np.full(len(pattern.way), LEFT_OUT * one.travelled[-1])
+    total = np.vstack([none, (cost[-1] - one.travelled[one.last]).T + one.travelled[-1]])
+    before[moves, :] = int(np.argmin(total[:, 0])) - 1
+    return total.min(axis=0), before
+
+
+def _repeats(one: Candidates, pattern: Pattern) -> np.ndarray:
+    """(N, P) candidates of the repeats in order of time."""
+    moves, (_, before) = len(pattern.displacement), _explain(one, pattern)
+    chain, at = [], int(before[moves, 0]) if before.shape[1] else -1
+    while at >= 0:
+        for place in range(moves)[::-1]:
+            chain.append(at)
+            at = int(before[place, at])
+    return np.array(chain[::-1], dtype=int).reshape(-1, moves)
+
+
+def _with_rests(one: Candidates, chain: np.ndarray, moved: float, most: int) -> tuple[int, int]:
+    """First and last sample of a repeat with half the rest on either side, but at most so many samples."""
+    first, last = int(one.first[chain[0]]), int(one.last[chain[-1]])
+    runs = one.runs[one.travelled[one.runs[:, 1]] - one.travelled[one.runs[:, 0]] > moved]
+    earlier, later = runs[runs[:, 1] <= first, 1], runs[runs[:, 0] >= last, 0]
+    begin = (int(earlier[-1]) + first) // 2 if len(earlier) else 0
+    end = (int(later[0]) + last) // 2 if len(later) else len(one.path) - 1
+    return max(begin, first - most), min(end, last + most)
+
+
+def _part(recording: Demonstration, name: str, first: int, last: int) -> Demonstration:
+    """Samples of a recording, both included, as a demonstration of their own."""
+    here, time = slice(first, last + 1), recording.time[[first, last]]
+    signals = {
+        signal: values[here] for signal in SIGNAL_UNITS if (values := getattr(recording, signal)) is not None
+    }
+    true = recording.true_segments
+    if true is not None:
+        true = true[(true[:, 0] >= time[0]) & (true[:, 1] <= time[1])] - time[0]
+    return replace(recording, name=name, time=recording.time[here] - time[0], true_segments=true, **signals)
+
+
+def _times(recording: Demonstration, one: Candidates, chains: np.ndarray) -> str:
+    """Repeats in words."""
+    ends = [(one.first[chain[0]], one.last[chain[-1]]) for chain in chains]
+    times = ", ".join(f"{recording.time[a]:.1f}-{recording.time[b]:.1f}" for a, b in ends)
+    return f"{len(chains)} repeats of the task{f' ({times} s)' if times else ''}"

@@ -1,0 +1,138 @@
+"""Models of a simulated planar arm, learned without some of its logs, by every part of the torque there.
+
+The parts are those of deep Lagrangian networks: a network that has the torque right need not have them right.
+Networks of all choices of logs learn as one stack; shorter sets of logs are filled up by their first samples.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+import torch
+
+from structlearn.core.artefacts import write_table
+from structlearn.core.errors import InputError
+from structlearn.networks.torch_settings import one_thread, seeded
+from structlearn.readers.joint_log import PartedLog
+from structlearn.rigid_body.base_parameters import link_table
+from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, torque_parts
+from structlearn.rigid_body.learner import SHARED, shuffled_epochs
+from structlearn.rigid_body.motion import Motion, joined
+from structlearn.rigid_body.network_models import NetworkLearner
+from structlearn.rigid_body.planar_arm import fit_planar_arm, planar_tree
+from structlearn.rigid_body.tree import KinematicTree
+from structlearn.tasks.motion.motion_parameters import PartsParameters
+
+AUTHORS, RANDOM = "authors", "random"
+"""Protocols: the logs that the set's authors leave out, or as many at random."""
+
+Choice = tuple[str, int, tuple[str, ...]]
+"""A protocol, its seed or the number of its random choice, and the logs left out."""
+
+
+def learn_parts(
+    logs: Mapping[str, PartedLog], parameters: PartsParameters, iterations: int, folder: Path
+) -> dict[str, pd.DataFrame]:
+    """Learn all models, and write tables into a folder.
+
+    Returns:
+        `parts`: `model`, `protocol`, `draw` (a seed, or a random choice), `left_out`, `measure`, `error`,
+        mean over samples of the sum of squares over joints in (N m)^2, of the power in W^2. `planar`:
+        `protocol`, `draw`, `length_m` between the first two joints, `possible` (all links physically
+        consistent).
+
+    Raises:
+        InputError: a log that is named is missing, or there are too few.
+    """
+    if len(logs) <= len(parameters.left_out) or set(parameters.left_out) - set(logs):
+        raise InputError(
+            f"{', '.join(logs)}: logs to leave out are {', '.join(parameters.left_out)}, and others"
+        )
+    motions = {
+        name: Motion(log.positions, log.velocities, log.accelerations, log.torques)
+        for name, log in logs.items()
+    }
+    choices = held_out(list(logs), parameters)
+    taught = [joined([motions[name] for name in logs if name not in its]) for _, _, its in choices]
+    rows, arms, joints = [], [], taught[0].joints
+    tree = planar_tree(np.zeros((joints - 1, 2)))
+    for kind in parameters.hidden:
+        for choice, network in zip(choices, learned_networks(kind, tree, taught, parameters), strict=True):
+            rows += [(kind, *row) for row in errors(network, tree, choice, logs, motions)]
+    for choice, motion in zip(choices, taught, strict=True):
+        protocol, draw, _ = choice
+        if protocol == AUTHORS and draw:  # the fit needs no seed
+            continue
+        tree, model = fit_planar_arm(motion, iterations)
+        rows += [("cov", *row) for row in errors(model, tree, choice, logs, motions)]
+        links = link_table(tree, model.inertias(), model.inertias().of(0))
+        possible = links[["positive_mass", "positive_definite", "triangle"]].all(axis=None)
+        arms.append((protocol, draw, np.linalg.norm(tree.translation[1]), bool(possible)))
+    columns = ["model", "protocol", "draw", "left_out", "measure", "error"]
+    tables = {
+        "parts": pd.DataFrame(rows, columns=columns),
+        "planar": pd.DataFrame(arms, columns=["protocol", "draw", "length_m", "possible"]),
+    }
+    folder.mkdir()
+    for name, table in tables.items():
+        write_table(table, folder / f"{name}.parquet")
+    return tables
+
+
+def held_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
+    """The authors' choice once per seed, and the random ones."""
+    generator, count = np.random.default_rng(0), len(parameters.left_out)
+    choices: list[Choice] = [(AUTHORS, seed, parameters.left_out) for seed in range(parameters.seeds)]
+    for draw in range(parameters.splits):
+        choices.append((RANDOM, draw, tuple(sorted(generator.choice(names, count, replace=False).tolist()))))
+    return choices
+
+
+def learned_networks(
+    kind: Literal["mlp", "delan"],
+    tree: KinematicTree,
+    motions: Sequence[Motion],
+    parameters: PartsParameters,
+) -> list[DynamicsModels]:
+    """A network per motion, the seed of each its place."""
+    longest = max(map(len, motions))
+    filled = [motion.part(np.arange(longest) % len(motion)) for motion in motions]
+    hidden, generators = parameters.hidden[kind], [seeded(place) for place in range(len(motions))]
+    with one_thread():
+        models = NetworkLearner(
+            kind, filled, (), np.ones((1, motions[0].joints)), parameters.adam, hidden, generators
+        )
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(models.optimiser, parameters.epochs)
+        for _ in shuffled_epochs(models, parameters.epochs):
+            schedule.step()
+    state = models.state()
+    return [
+        DynamicsModels(
+            kind,
+            tree.names,
+            (),
+            hidden,
+            {name: values if name in SHARED else values[place : place + 1] for name, values in state.items()},
+        )
+        for place in range(len(motions))
+    ]
+
+
+def errors(
+    model: DynamicsModels,
+    tree: KinematicTree,
+    choice: Choice,
+    logs: Mapping[str, PartedLog],
+    motions: Mapping[str, Motion],
+) -> list[tuple[str, int, str, str, float]]:
+    """Rows of `parts` after the model, on the logs that were left out."""
+    protocol, draw, left_out = choice
+    motion = joined([motions[name] for name in left_out])
+    off = predicted_torques(model, tree, motion)[0] - motion.torque
+    squares = {"torque": off**2, "power": (motion.qd * off).sum(axis=1, keepdims=True) ** 2}
+    for part, found in torque_parts(model, tree, motion).items():
+        squares[part] = (found[0] - np.concatenate([getattr(logs[name], part) for name in left_out])) ** 2
+    where = (protocol, draw, " ".join(left_out))
+    return [(*where, measure, float(its.sum(axis=1).mean())) for measure, its in squares.items()]
