@@ -66,7 +66,8 @@ def outcome(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, s
 
 
 def _tried(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, str]:
-    used, held = (int(pages) * resource.getpagesize() for pages in _statm()[:2])
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S + 1))  # of this process alone
     silent = os.open(os.devnull, os.O_WRONLY)
@@ -76,7 +77,7 @@ def _tried(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, st
         found = fingerprint(read(path))
     except InputError as error:
         line = str(error)
-        if 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held > FULL * MEMORY:
+        if 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held) > FULL * MEMORY:
             return BLOWN_UP, line  # as if it were damage
         return (NAMED if path.stem in line and line.isprintable() else UNCLEAR), line
     except MemoryError as error:
@@ -84,10 +85,6 @@ def _tried(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, st
     except BaseException as error:
         return TRACEBACK, repr(error)[:300]
     return (SAME, "") if found == sound else (OTHER, "")
-
-
-def _statm() -> list[str]:
-    return Path("/proc/self/statm").read_text().split()
 
 
 def fingerprint(value: Any) -> str:
