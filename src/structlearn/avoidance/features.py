@@ -145,13 +145,14 @@ def _cosine(velocity: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 def _closest_points(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
     """Vectors (..., 3 points, 3 axes) to the three closest points; leading axes broadcast."""
-    batch = np.broadcast_shapes(position.shape[:-1], cloud.shape[:-2])
     clouds = np.ascontiguousarray(cloud, dtype=float).reshape(-1, *cloud.shape[-2:])
-    which = np.broadcast_to(np.arange(len(clouds)).reshape(cloud.shape[:-2]), batch).ravel()
-    positions = np.broadcast_to(position, (*batch, 3)).reshape(-1, 3)
-    vectors = np.empty((len(which), CLOSEST_POINTS, 3))
-    _to_closest_points(np.ascontiguousarray(positions, dtype=float), clouds, which, vectors)
-    return vectors.reshape(*batch, CLOSEST_POINTS, 3)
+    which = np.zeros(position.shape[:-1], dtype=int) + np.arange(len(clouds)).reshape(cloud.shape[:-2])
+    positions, vectors = np.empty((*which.shape, 3)), np.empty((*which.shape, CLOSEST_POINTS, 3))
+    positions[...] = position
+    _to_closest_points(
+        positions.reshape(-1, 3), clouds, which.ravel(), vectors.reshape(-1, CLOSEST_POINTS, 3)
+    )
+    return vectors
 
 
 @numba.njit(cache=True)

@@ -18,11 +18,13 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numba
 from numba.core.caching import UserProvidedCacheLocator
 from numba.core.event import Event, Listener, register
 
+_CONFIG: Any = numba.config  # which gets its values at its import
 PACKAGE = Path(__file__).resolve().parents[1]
 MARK = b"numba"  # files that contain it count; all others cannot change what is compiled
 LOCK = "lock"
@@ -58,7 +60,7 @@ class OneProcess(Listener):
         with self._entry:
             if self._depth == 0:
                 # opened anew: forked processes share a lock with the parent's open file
-                path = Path(numba.config.CACHE_DIR, LOCK)
+                path = Path(_CONFIG.CACHE_DIR, LOCK)
                 path.parent.mkdir(parents=True, exist_ok=True)
                 self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
                 os.utime(path)
@@ -76,14 +78,14 @@ class OneProcess(Listener):
 
 def use_own_cache(package: Path) -> None:
     """Point numba to the folder for the present sources in `package`, unless the user has chosen one."""
-    if not numba.config.CACHE_DIR:
+    if not _CONFIG.CACHE_DIR:
         kept = _kept_for(package)
         folder = kept / f"compiled-{sources_digest(package)}"
         if not folder.exists():
             _remove_unused(kept)
-        numba.config.CACHE_DIR = str(folder)
-    if not numba.config.CACHE_LOCATOR_CLASSES:
-        numba.config.CACHE_LOCATOR_CLASSES = (
+        _CONFIG.CACHE_DIR = str(folder)
+    if not _CONFIG.CACHE_LOCATOR_CLASSES:
+        _CONFIG.CACHE_LOCATOR_CLASSES = (
             f"{__name__}.{RelativeLocator.__name__},IPythonCacheLocator,ZipCacheLocator"
         )
 

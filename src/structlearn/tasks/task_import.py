@@ -25,12 +25,13 @@ from structlearn import readers
 from structlearn.avoidance.avoidance_dataset import to_table
 from structlearn.core.artefacts import publish, write_csv, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.params import home_path
 from structlearn.readers import Recording, read_recordings, synchronise
 from structlearn.readers.bag_files import recording_files
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import JointLog, read_joint_logs, write_log_table
 from structlearn.readers.runs import write_runs, write_streams
-from structlearn.readers.source import ClockParameters, SourceParameters, setting_folders
+from structlearn.readers.source import ClockParameters, SourceParameters, setting_label
 from structlearn.readers.text_log import read_each
 from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
 from structlearn.segmentation.repeats import split
@@ -261,3 +262,28 @@ def read_touch(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[TouchLog
     if entry.over_time:
         return recordings
     return [touch_of(synchronise(one, **entry.clock.model_dump())) for one in recordings]
+
+
+def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]:
+    """Folders of a source by the label of their setting: those that are named, then all others.
+
+    Raises InputError: there is no such folder, two of its folders are one setting, or one of those named is
+    missing.
+    """
+    source = home_path(source)
+    if not source.is_dir():
+        raise InputError(f"{source}: no such folder")
+    found: dict[str, Path] = {}
+    for path in sorted(source.iterdir()):
+        if path.is_dir() and not path.name.startswith("."):
+            label = setting_label(path.name)
+            if label in found:
+                raise InputError(f"{path}: the setting {label} has another folder, {found[label].name}, too")
+            found[label] = path
+    missing = [label for label in named if label not in found]
+    if missing:
+        raise InputError(
+            f"{source}: nothing was recorded in the setting {', '.join(missing)}; there are "
+            f"{', '.join(found) or 'none'}"
+        )
+    return {label: found[label] for label in (*named, *(one for one in found if one not in named))}

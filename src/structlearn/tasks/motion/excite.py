@@ -89,7 +89,7 @@ def robot_of(task: str) -> tuple[str, Sequence[str]]:
     """URDF and locked joints of the robot that a task's entry names; its recordings need not be there."""
     entry = read_task(task)
     robot = entry if isinstance(entry, MotionParameters) else getattr(entry, "robot", None)
-    if robot is None:
+    if robot is None or robot.urdf is None:
         raise InputError(f"{project.entry_files()[-1]}: {task}: names no robot")
     return robot.urdf, robot.locked_joints
 
