@@ -104,6 +104,7 @@ def read_skill(path: str | Path) -> ReactiveSkill:
     tensors, described = read_tensors(path), _described(path)
     with holding(path, "skill of this version"):
         _check(tensors, described)
+        workspace = Workspace(*tensors["workspace"])
         skill = ReactiveSkill(
             primitives=pose_primitives(described["primitives"], part("primitives", tensors)),
             expected={
@@ -117,11 +118,11 @@ def read_skill(path: str | Path) -> ReactiveSkill:
                 for name, by_axis in described["networks"].items()
             },
             limits=checked(described["limits"], Limits, KIND, "limits"),
-            workspace=Workspace(*tensors["workspace"]),
+            workspace=workspace,
             sensors=tuple((name, count) for name, count in described["sensors"]),
         )
         for pose in (default_start(skill.primitives), *default_goals(skill.primitives)):
-            skill.workspace.require(pose.position, "a demonstrated start or goal")
+            workspace.require(pose.position, "a demonstrated start or goal")
         return skill
 
 
