@@ -94,7 +94,7 @@ def changed(file, tensors=None, **description):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"networks": {"tilt": {"y": "pmnn"}}}, r"no skill of this version \(missing 'input_mean'"),
+        ({"networks": {"tilt": {"y": "pmnn"}}}, r"no skill of this version \(KeyError: 'input_mean'"),
         ({"networks": {"tilt": {"rx": "os"}}}, "there is no feedback network 'os'"),
         ({"expected": ["down"]}, "'tilt' for z takes 6 channels, but there are no expected traces"),
         ({"limits": LIMITS.model_dump() | {"largest_coupling": {"z": -1.0}}}, "z: Input should be greater"),

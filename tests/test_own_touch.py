@@ -88,7 +88,7 @@ def test_a_table_says_what_is_wrong_with_it(tmp_path):
     with pytest.raises(InputError, match=r"nowhere: no such file or folder$"):
         touch_tables(tmp_path / "nowhere")
     (tmp_path / "d.parquet").write_text("none")
-    with pytest.raises(InputError, match=r"d\.parquet: not a readable table"):
+    with pytest.raises(InputError, match=r"d\.parquet: not a Parquet file"):
         read_touch_table(tmp_path / "d.parquet", None)
 
 

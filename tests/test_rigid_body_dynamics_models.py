@@ -66,7 +66,11 @@ def test_what_cannot_be_used_is_one_message(tmp_path):
     broken = models.state["inertia"].copy()
     broken[0, 0, 0] = np.nan
     for tensors, description, message in (
-        ({"friction": np.zeros((1, 7, 0))}, '{"dynamics_models": {"kind": "spd"}}', r"\(missing 'joints'\)"),
+        (
+            {"friction": np.zeros((1, 7, 0))},
+            '{"dynamics_models": {"kind": "spd"}}',
+            r"\(KeyError: 'joints'\)",
+        ),
         ({"weights": np.zeros(3)}, "something else", "holds no dynamics models"),
         ({"inertia": broken}, "{}", "inertia holds a value that is not finite"),
     ):

@@ -36,6 +36,7 @@ import yaml
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
+from structlearn.core.params import home_path
 from structlearn.core.stage import run
 from structlearn.tasks import project
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles, is_name
@@ -75,7 +76,7 @@ def new(given: argparse.Namespace) -> None:
         raise InputError(f"{name!r}: {NAME_RULE}")
     if folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder}: is there already, and not empty")
-    source = Path(given.source).expanduser()
+    source = home_path(given.source)
     if not source.exists():
         raise InputError(f"{given.source}: no such file or folder")
     entry = _entry(given, name, source.resolve())

@@ -17,6 +17,7 @@ from pathlib import Path
 from structlearn.core.artefacts import read_description, read_metrics, read_table, read_tensors
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
+from structlearn.core.reading import digest as file_digest
 from structlearn.readers.bag import read_bag
 
 SKILL = '{"reactive_skill"'
@@ -76,7 +77,7 @@ def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
 def digest(path: Path) -> str:
     """MD5 of a file, or of the list of a folder's files with theirs, as DVC takes it."""
     if not path.is_dir():
-        return hashlib.md5(path.read_bytes()).hexdigest()
+        return file_digest(path, "md5")
     files = sorted((file.relative_to(path).as_posix(), file) for file in path.rglob("*") if file.is_file())
     listing = [{"md5": digest(file), "relpath": name} for name, file in files]
     return hashlib.md5(json.dumps(listing, sort_keys=True).encode()).hexdigest() + ".dir"

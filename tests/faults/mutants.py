@@ -77,7 +77,28 @@ def _double(content: bytes, rng: np.random.Generator) -> bytes:
 NUMBERS = b"nan -inf 1e999 1e308 -1 0 -0.0 1e-320 1_000 0x1F 1,5".split()
 NAMES = b"true null yes ~ =1+1 ../x {} []".split()
 SYNTAX = b"*a &a !!python/name:os.system << 2026-13-45 ' \" <!-- &x;".split()
-WORDS = (*NUMBERS, *NAMES, *SYNTAX, b"", b"\x00", b"!!int x", b"x" * 5000, b"9" * 5000, "½".encode())
+HOSTILE = (
+    b"x; touch y",
+    b"$(touch y)",
+    b"\x1b[2J",
+    b"~nouser/x",
+    b"../../x",
+    b"1e300",
+    b"F8_E4M3",
+    b"x\ny: z",
+)
+WORDS = (
+    *NUMBERS,
+    *NAMES,
+    *SYNTAX,
+    *HOSTILE,
+    b"",
+    b"\x00",
+    b"!!int x",
+    b"x" * 5000,
+    b"9" * 5000,
+    "½".encode(),
+)
 
 
 def _word(content: bytes, rng: np.random.Generator) -> bytes:

@@ -1,9 +1,11 @@
 """Sound files of every kind that the project reads, and how each is read."""
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,7 +23,7 @@ from structlearn.core.artefacts import read_metrics, read_table, write_metrics, 
 from structlearn.core.params import read_parameters
 from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
-from structlearn.readers import read_demonstrations, read_recording, write_recording
+from structlearn.readers import kuka_lwr4, read_demonstrations, read_recording, write_recording
 from structlearn.readers.clock import synchronise
 from structlearn.readers.eflesh import CHANNELS, FOLDERS, PRESSES, read_run
 from structlearn.readers.joint_log import (
@@ -32,9 +34,11 @@ from structlearn.readers.joint_log import (
     write_joint_log,
     write_log_table,
 )
+from structlearn.readers.lerobot import read_movement
 from structlearn.readers.reaches_past_boxes import TRIALS, read_obstacles
 from structlearn.readers.recording import NamedShape
 from structlearn.readers.text_log import read_stamped_table
+from structlearn.readers.touch_log import read_touch_table
 from structlearn.readers.ur10e import read_motion
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
@@ -167,6 +171,47 @@ def _parameters(path: Path) -> None:
     path.write_text(yaml.safe_dump({"segment": parameter_tree({})["segment"]}))
 
 
+def _touches(path: Path) -> None:
+    """A user's table of touches; where it is Parquet, with checksums of its pages."""
+    values = np.random.default_rng(0).normal(size=(40, 5))
+    table = pd.DataFrame(values, columns=["x_m", "y_m", "time_s", "a", "b"])
+    if path.suffix == ".csv":
+        table.to_csv(path, index=False)
+    else:
+        table.to_parquet(path, index=False, write_page_checksum=True)
+
+
+def _archive(path: Path) -> None:
+    """A log of joints as arrays of numpy."""
+    values = {name: np.arange(210.0).reshape(30, 7) for name in ("positions", "velocities", "torques")}
+    np.savez_compressed(path, times=1e9 + 0.005 * np.arange(30), **values)
+
+
+def _episodes(path: Path) -> None:
+    """A dataset of two episodes; `path` is one of its files."""
+    frames = _dataset(path) / "data/chunk-000/file-000.parquet"
+    about = _dataset(path) / "meta/info.json"
+    features = {"pose": {"dtype": "float64", "shape": [3], "names": ["x", "y", "z"]}}
+    info = {"codebase_version": "v3.0", "fps": 50, "total_episodes": 2, "features": features}
+    for one in (frames, about):
+        one.parent.mkdir(parents=True, exist_ok=True)
+    about.write_text(json.dumps(info))
+    table = {"episode_index": np.repeat([0, 1], 20), "frame_index": np.tile(np.arange(20), 2)}
+    pd.DataFrame(table | {"pose": list(pose_rows(40)[:, :3])}).to_parquet(frames, index=False)
+
+
+def _dataset(path: Path) -> Path:
+    return next(folder for folder in path.parents if folder.name == "lerobot")
+
+
+def _demonstrated(path: Path) -> list:
+    return read_movement(_dataset(path), SimpleNamespace(topics=topic_map(pose="pose")), {})
+
+
+def _tasks(path: Path) -> None:
+    own_tasks(path.parents[2], reach={"source": "x", "topics": {"pose": "/p"}, **MOVE})
+
+
 def _metrics(path: Path) -> None:
     write_metrics({"error": 0.1, "runs": 3, "model": "cov", "known": True}, path)
 
@@ -243,11 +288,18 @@ SPECIMENS = {
             lambda path: read_parameters(path, "segment", SegmentParameters),
             False,
         ),
-        Specimen(
-            "stages/tasks/own.yaml",
-            lambda path: own_tasks(path.parents[2], reach={"source": "x", "topics": {"pose": "/p"}, **MOVE}),
-            lambda path: read_task("reach", path.parent),
-            False,
+        *(
+            Specimen(f"stages/tasks/{name}", _tasks, lambda path: read_task("reach", path.parent), False)
+            for name in ("own.yaml", "params.yaml")
+        ),
+        *(
+            Specimen(f"touches.{suffix}", _touches, lambda path: read_touch_table(path, None), False)
+            for suffix in ("csv", "parquet")
+        ),
+        Specimen("measurements_1.npz", _archive, lambda path: kuka_lwr4.read_motion(path.parent), False),
+        *(
+            Specimen(f"lerobot/{name}", _episodes, _demonstrated, False)
+            for name in ("meta/info.json", "data/chunk-000/file-000.parquet")
         ),
         Specimen("robot.urdf", _urdf, lambda path: read_urdf(path).inertias, False),
     )

@@ -3,6 +3,8 @@
 import json
 import os
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,13 +15,16 @@ from faults import forged_skills
 from faults.trial import NAMED, outcome
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, Footer
-from mcap.writer import MCAP0_MAGIC
+from mcap.writer import MCAP0_MAGIC, Writer
 from readers_bags import joint_messages, pose_messages, pose_rows, write_bag
+from rosbags import rosbag1
+from rosbags.typesys import Stores, get_typestore
 
-from structlearn.core.artefacts import read_tensors, write_tensors
+from structlearn.core.artefacts import read_metrics, read_tensors, write_tensors
 from structlearn.core.params import read_values
 from structlearn.feedback.skill_file import KIND, read_skill
-from structlearn.readers import read_demonstrations, read_recording
+from structlearn.readers import kuka_lwr4, read_demonstrations, read_recording
+from structlearn.readers.lerobot import read_movement
 from structlearn.readers.text_log import read_stamped_table
 from structlearn.readers.ur10e import read_motion
 from structlearn.rigid_body.tree import read_urdf
@@ -92,6 +97,69 @@ def _robot(encoding: str = "utf-8", inside: str = "") -> str:
     )
 
 
+def _bombed(path: Path) -> None:
+    """A bag of ROS 1 with a chunk of 140 MB in some hundred bytes."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kind = "std_msgs/msg/String"
+    writer = rosbag1.Writer(path)
+    writer.set_compression(rosbag1.Writer.CompressionFormat.BZ2)
+    with writer:
+        topic = writer.add_connection("/tool", kind, typestore=store)
+        writer.write(topic, 1, store.serialize_ros1(store.types[kind]("x" * 14 * 10**7), kind))
+
+
+def _endless(path: Path) -> None:
+    """Four thousand million elements that take no bytes."""
+    definition = "Nothing[4000000000] many\nMSG: geometry_msgs/Nothing\nuint8[0] none"
+    writer = Writer(path.open("wb"))
+    writer.start(profile="ros2")
+    schema = writer.register_schema("geometry_msgs/msg/PoseStamped", "ros2msg", definition.encode())
+    writer.add_message(writer.register_channel("/tool", "cdr", schema), 5, b"\0\1\0\0" + bytes(100), 5)
+    writer.finish()
+
+
+def _types(path: Path) -> None:
+    """A topic with forty thousand types of messages."""
+    writer = Writer(path.open("wb"))
+    writer.start(profile="ros2")
+    for number in range(40_000):
+        writer.register_channel("/tool", "cdr", writer.register_schema(f"a/T{number}", "ros2msg", b"uint8 x"))
+    writer.finish()
+
+
+def _links(path: Path) -> None:
+    joint = (
+        '<joint name="j{0}" type="fixed"><parent link="l{0}"/><child link="l{1}"/></joint><link name="l{1}"/>'
+    )
+    inside = "".join(joint.format(number, number + 1) for number in range(30_000))
+    path.write_text(_robot(inside=f'<link name="l0"/>{inside}'))
+
+
+def _archive(path: Path, place: int, value: bytes) -> None:
+    """Arrays in a zip file, of which something in the list of its entries is changed."""
+    with path.open("wb") as file:
+        np.savez(file, times=np.zeros(3))
+    content = bytearray(path.read_bytes())
+    begin = content.index(b"PK\x01\x02") + place
+    content[begin : begin + len(value)] = value
+    path.write_bytes(content)
+
+
+def _dataset(path: Path, frames: Any = None, **changes: Any) -> None:
+    """A LeRobotDataset with one feature, `pose`."""
+    (path / "meta").mkdir(parents=True)
+    (path / "data/chunk-000").mkdir(parents=True)
+    pose = {"pose": {"names": ["x", "y", "z"]}}
+    info = {"codebase_version": "v3.0", "fps": 10, "total_episodes": 1, "features": pose} | changes
+    (path / "meta/info.json").write_text(json.dumps(info))
+    table = {"episode_index": [0] * 3, "frame_index": range(3), "pose": [np.zeros(3)] * 3} | (frames or {})
+    pd.DataFrame(table).to_parquet(path / "data/chunk-000/file-000.parquet", index=False)
+
+
+def _read_dataset(path: Path) -> list:
+    return read_movement(path, SimpleNamespace(topics=topic_map(pose="pose")), {})
+
+
 TABLE = topic_map(pose="/pose", joint_states="/joint_states")
 TOOL = topic_map(pose="/tool", joint_states="/joint_states")
 FILES = {
@@ -107,6 +175,42 @@ FILES = {
         f"pipe.{suffix}": (os.mkfifo, lambda path: read_demonstrations(path.parent, TABLE), "not a file")
         for suffix in ("csv", "mcap", "bag")
     },
+    "bombed.bag": (_bombed, lambda path: read_recording(path, TOOL), "a chunk of more than"),
+    "endless.mcap": (_endless, lambda path: read_recording(path, TOOL), "damaged message"),
+    "types.mcap": (_types, lambda path: read_recording(path, TOOL), "messages of several types"),
+    "links.urdf": (_links, read_urdf, "has 30000 joints, more than"),
+    "measurements_1.npz": (
+        lambda path: _archive(path, 24, b"\0\0\0\x7f"),
+        lambda path: kuka_lwr4.read_motion(path.parent),
+        "it unpacks to more than",
+    ),
+    "measurements_2.npz": (
+        lambda path: _archive(path, 8, b"\1"),
+        lambda path: kuka_lwr4.read_motion(path.parent),
+        "is encrypted",
+    ),
+    "measurements_3.npz": (os.mkfifo, lambda path: kuka_lwr4.read_motion(path.parent), "not a file"),
+    "pipe.safetensors": (os.mkfifo, read_tensors, "not a file"),
+    "metrics.json": (os.mkfifo, read_metrics, "not a file"),
+    "sparse.json": (_sparse, read_metrics, "has 200000000000 bytes, more than"),
+    "names": (lambda path: _dataset(path, features={"pose": {"names": 3}}), _read_dataset, "TypeError"),
+    "nested": (
+        lambda path: (_dataset(path), (path / "meta/info.json").write_text("[" * 100_000)),
+        _read_dataset,
+        "not the description of a LeRobotDataset",
+    ),
+    "rate": (lambda path: _dataset(path, fps=1e-300), _read_dataset, "must be positive"),
+    "words": (lambda path: _dataset(path, {"pose": ["a", "b", "c"]}), _read_dataset, "ValueError"),
+    "ragged": (
+        lambda path: _dataset(path, {"pose": [np.zeros(3), np.zeros(2), None]}),
+        _read_dataset,
+        "ValueError",
+    ),
+    "frames": (
+        lambda path: _dataset(path, {"frame_index": [0.0, np.nan, 1.0]}),
+        _read_dataset,
+        "no whole number",
+    ),
     "metadata.yaml": (
         lambda path: path.write_text("a: " + "[" * 100_000 + "]" * 100_000),
         lambda path: read_demonstrations(path.parent),

@@ -30,6 +30,9 @@ OUTCOMES = (SAME, NAMED, OTHER, TRACEBACK, UNCLEAR, BLOWN_UP, HANGS, KILLED)
 MEMORY = 512 * 2**20
 """Bytes that reading may take beyond what the process has."""
 
+FULL = 0.8
+"""Share of it that nothing which is refused may take."""
+
 LONGEST_S = 10
 """Of the processor; the files are some 10 kB."""
 
@@ -64,6 +67,7 @@ def outcome(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, s
 
 def _tried(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, str]:
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S + 1))  # of this process alone
     silent = os.open(os.devnull, os.O_WRONLY)
@@ -73,7 +77,9 @@ def _tried(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, st
         found = fingerprint(read(path))
     except InputError as error:
         line = str(error)
-        return (NAMED if path.stem in line and "\n" not in line else UNCLEAR), line
+        if 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held) > FULL * MEMORY:
+            return BLOWN_UP, line  # as if it were damage
+        return (NAMED if path.stem in line and line.isprintable() else UNCLEAR), line
     except MemoryError as error:
         return BLOWN_UP, repr(error)
     except BaseException as error:

@@ -22,6 +22,7 @@ from safetensors.numpy import load_file, save
 
 from structlearn.core.errors import InputError
 from structlearn.core.publication import publish
+from structlearn.core.reading import require_file
 
 Metrics = dict[str, float | int | str | bool | None]  # flat key figures
 
@@ -64,7 +65,8 @@ def read_arrow(path: str | Path) -> pyarrow.Table:
 
     Raises InputError: the file is missing, truncated, of another kind or not as it was written.
     """
-    with _readable(path, "readable Parquet", pyarrow.ArrowException, OSError):  # OSError: damaged pages
+    damaged = (pyarrow.ArrowException, OSError)  # the latter: pages
+    with _readable(path, "readable Parquet", *damaged, whole=False):
         table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
     if (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
         raise InputError(f"{path}: damaged, or not written by this project: its columns are not as written")
@@ -127,9 +129,11 @@ def holding(path: str | Path, kind: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
+        if str(path) in str(error):
+            raise
         raise InputError(f"{path}: {error}") from error
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError) as error:
-        raise InputError(f"{path}: holds no {kind} (missing {error})") from error
+        raise InputError(f"{path}: holds no {kind} ({type(error).__name__}: {error})") from error
 
 
 DIGEST = "sha256 "
@@ -159,12 +163,15 @@ def _digest(tensors: Mapping[str, np.ndarray], description: str) -> str:
 
 
 @contextmanager
-def _readable(path: str | Path, kind: str, *faults: type[Exception]) -> Iterator[None]:
+def _readable(path: str | Path, kind: str, *faults: type[Exception], whole: bool = True) -> Iterator[None]:
     """Say in one line why a file of some kind cannot be read; `faults` are those of its content."""
     try:
+        require_file(path, whole)
         yield
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; run the stage that writes it") from error
+    except InputError:
+        raise
     except faults as error:
         raise InputError(f"{path}: not a {kind} file: {error}") from error
     except OSError as error:  # as of a folder
@@ -213,9 +220,5 @@ def read_csv(path: str | Path, **options: Any) -> pd.DataFrame:
 
     Raises InputError: the file is missing or no table.
     """
-    try:
+    with _readable(path, "table", ValueError):  # no text, no columns, or rows of other lengths
         return pd.read_csv(path, **options)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:  # no text, no columns, or rows of other lengths
-        raise InputError(f"{path}: not a table: {error}") from error

@@ -8,7 +8,6 @@ models share. The file is read by YAML's C loader, once per process:
 
 import re
 import reprlib
-import stat
 from collections.abc import Hashable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -28,6 +27,7 @@ from pydantic import (
 )
 
 from structlearn.core.errors import InputError
+from structlearn.core.reading import require_file
 
 
 class Parameters(BaseModel):
@@ -88,9 +88,8 @@ def read_values(path: str | Path) -> Any:
     """
     path = Path(path)
     try:
+        require_file(path)
         state = path.stat()
-        if not stat.S_ISREG(state.st_mode):  # a pipe would be waited for
-            raise InputError(f"{path}: cannot be read: not a file")
         return _tree(path.resolve(), state.st_mtime_ns, state.st_size)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such parameter file") from error

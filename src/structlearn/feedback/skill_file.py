@@ -18,6 +18,7 @@ from structlearn import __version__
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked
+from structlearn.core.reading import digest
 from structlearn.feedback.coupling import AXES, unit
 from structlearn.feedback.coupling_model import model_name, named_model
 from structlearn.feedback.skill import FadingParameters, Limits, ReactiveSkill, Workspace
@@ -29,6 +30,7 @@ from structlearn.primitives.primitive_files import (
     vector_primitive,
     vector_tensors,
 )
+from structlearn.primitives.sequence import default_goals, default_start
 from structlearn.primitives.vector import OFFSET_SAMPLES
 
 KIND = "reactive_skill"  # The one key of the description
@@ -96,12 +98,14 @@ def read_skill(path: str | Path) -> ReactiveSkill:
     """Read a skill, with which every tick is finite.
 
     Raises InputError: the file is missing, damaged or holds no skill, is of another version or in other
-    units, lacks a limit, has a number out of range, or its parts do not fit together.
+    units, lacks a limit, has a number out of range or a goal outside its workspace, or its parts do not fit
+    together.
     """
     tensors, described = read_tensors(path), _described(path)
     with holding(path, "skill of this version"):
         _check(tensors, described)
-        return ReactiveSkill(
+        workspace = Workspace(*tensors["workspace"])
+        skill = ReactiveSkill(
             primitives=pose_primitives(described["primitives"], part("primitives", tensors)),
             expected={
                 name: vector_primitive(part(f"expected.{name}", tensors)) for name in described["expected"]
@@ -114,9 +118,12 @@ def read_skill(path: str | Path) -> ReactiveSkill:
                 for name, by_axis in described["networks"].items()
             },
             limits=checked(described["limits"], Limits, KIND, "limits"),
-            workspace=Workspace(*tensors["workspace"]),
+            workspace=workspace,
             sensors=tuple((name, count) for name, count in described["sensors"]),
         )
+        for pose in (default_start(skill.primitives), *default_goals(skill.primitives)):
+            workspace.require(pose.position, "a demonstrated start or goal")
+        return skill
 
 
 def read_provenance(path: str | Path) -> dict[str, Any]:
@@ -137,7 +144,7 @@ def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str,
         files = sorted(path for path in source.rglob("*") if path.is_file()) if source.is_dir() else [source]
         for file in files:
             name = file.relative_to(source.parent).as_posix()
-            digests[name] = hashlib.sha256(file.read_bytes()).hexdigest()
+            digests[name] = digest(file)
     text = json.dumps(parameters, sort_keys=True)
     return {"bags": digests, "parameters": hashlib.sha256(text.encode()).hexdigest(), "version": __version__}
 

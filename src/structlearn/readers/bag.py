@@ -7,6 +7,7 @@ channel has.
 import json
 import tempfile
 import zlib
+from bz2 import BZ2Decompressor
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC, Writer
 
 from structlearn.core.errors import InputError
+from structlearn.core.reading import PER_MESSAGE, Budget, require_file
 
 METADATA = "structlearn"
 """Name of the metadata record of our own files."""
@@ -36,29 +38,6 @@ COMPRESSED = ".zstd"
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """How a zstd frame begins; no message does, its first byte is 0."""
-
-
-class Budget:
-    """Limit on the bytes that one file unpacks to: a gigabyte plus twenty times its size."""
-
-    def __init__(self, path: Path) -> None:
-        self._total = self._left = 2**30 + 20 * path.stat().st_size
-
-    def take(self, count: int) -> None:
-        """Count unpacked bytes; raise beyond the limit."""
-        self._left -= count
-        if self._left < 0:
-            raise _Damage(f"it unpacks to more than {self._total} bytes, which is allowed for its size")
-
-    def message(self, data: bytes) -> bytes:
-        """A message, unpacked if `ros2 bag record --compression-mode message` compressed it."""
-        if not data.startswith(ZSTD_MAGIC):
-            return data
-        size = zstandard.frame_content_size(data)
-        self.take(max(size, 0))
-        content = zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_CHUNK)
-        self.take(len(content) if size < 0 else 0)
-        return content
 
 
 Row = tuple[int, Schema | None, bytes]
@@ -146,6 +125,7 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
     Raises InputError: the file is missing, not an MCAP file, cut off or damaged; the message names it.
     """
     try:
+        require_file(path, whole=False)
         budget = Budget(path)
         with unpacked_file(path, budget) as plain, open(plain, "rb") as file:
             _check_complete(path, file)
@@ -174,7 +154,7 @@ def unpacked_file(path: Path, budget: Budget) -> Iterator[Path]:
                     content = unpacker.decompress(block)
                     budget.take(len(content))
                     unpacked.write(content)
-            except (zstandard.ZstdError, MemoryError, _Damage) as error:
+            except (zstandard.ZstdError, MemoryError) as error:
                 raise InputError(f"{path}: damaged zstd file: {error}") from error
         if not unpacker.eof:
             raise InputError(f"{path}: the zstd file is cut off at its end")
@@ -205,6 +185,8 @@ def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
     """Turn whatever is raised on damaged bytes into an InputError; only what reads them goes inside."""
     try:
         yield
+    except InputError:
+        raise
     except Exception as error:
         kind = "" if isinstance(error, _Damage) else f"{type(error).__name__}: "
         raise InputError(f"{where}: damaged {what}: {kind}{error}") from error
@@ -232,10 +214,11 @@ def _read(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
     chunks = 0
     for record in _records(file, budget):
         if isinstance(record, Message):
+            budget.take(PER_MESSAGE)
             counted[record.channel_id] += 1
             topic = channels[record.channel_id].topic
             if topic in messages:
-                content = budget.message(record.data)
+                content = unpacked_message(record.data, budget)
                 messages[topic].append((record.log_time, record.channel_id, content))
         elif isinstance(record, Chunk):
             chunks += 1
@@ -259,11 +242,11 @@ def _read(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
         for topic, its in messages.items()
         if its
     }
-    present: dict[str, list[str]] = {}
+    present: dict[str, dict[str, None]] = {}  # in their order
     for number, channel in channels.items():
-        types, name = present.setdefault(channel.topic, []), _type_name(channel, definitions[number])
-        types += [name] * (name not in types)
-    return Bag(present, metadata[METADATA].metadata if METADATA in metadata else None, found)
+        present.setdefault(channel.topic, {})[_type_name(channel, definitions[number])] = None
+    types = {topic: list(its) for topic, its in present.items()}
+    return Bag(types, metadata[METADATA].metadata if METADATA in metadata else None, found)
 
 
 def _type_name(channel: Channel, schema: Schema | None) -> str:
@@ -292,18 +275,35 @@ def _records(file: BinaryIO, budget: Budget) -> Iterator[McapRecord]:
 
 
 def _unpacked(chunk: Chunk) -> Chunk:
-    """A chunk without compression; never more of it than `LARGEST_CHUNK`, whatever it grows to."""
+    """A chunk without compression."""
     size = chunk.uncompressed_size
-    if size > LARGEST_CHUNK:
-        raise _Damage(f"a chunk of {size} bytes is larger than {LARGEST_CHUNK}, which this reader allows")
-    if chunk.compression == "zstd":
-        content = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
-    elif chunk.compression == "lz4":
-        content = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
-    elif chunk.compression == "":
-        content = chunk.data
-    else:
-        raise _Damage(f"chunks are compressed by '{chunk.compression}', not by zstd or lz4")
+    content = unpacked_chunk(chunk.compression, chunk.data, size)
     if len(content) != size:
         raise _Damage(f"a chunk of {size} bytes does not unpack to as many")
     return replace(chunk, compression="", data=content)
+
+
+def unpacked_chunk(compression: str, data: bytes, size: int = LARGEST_CHUNK) -> bytes:
+    """Content of a chunk; where it is larger than `size`, a byte more than that."""
+    if size > LARGEST_CHUNK:
+        raise _Damage(f"a chunk of {size} bytes is larger than {LARGEST_CHUNK}, which this reader allows")
+    if compression == "zstd":
+        return zstandard.ZstdDecompressor().stream_reader(data).read(size + 1)
+    if compression == "lz4":
+        return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+    if compression == "bz2":
+        return BZ2Decompressor().decompress(data, max_length=size + 1)
+    if compression in ("", "none"):
+        return data
+    raise _Damage(f"chunks are compressed by '{compression}', not by zstd or lz4")
+
+
+def unpacked_message(data: bytes, budget: Budget) -> bytes:
+    """A message, unpacked if `ros2 bag record --compression-mode message` compressed it."""
+    if not data.startswith(ZSTD_MAGIC):
+        return data
+    size = zstandard.frame_content_size(data)
+    budget.take(max(size, 0))
+    content = zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_CHUNK)
+    budget.take(len(content) if size < 0 else 0)
+    return content

@@ -13,9 +13,11 @@ ROS 1 become those of ROS 2, the same numbers in CDR, headers without their coun
 """
 
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePath
 from typing import Any, Literal
 
@@ -24,15 +26,17 @@ from mcap.well_known import SchemaEncoding
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import NAME, home_path, read_values
+from structlearn.core.reading import PER_MESSAGE, Budget, require_file
 from structlearn.readers.bag import (
     COMPRESSED,
     Bag,
-    Budget,
     Row,
     in_time_order,
     joined,
     read_bag,
+    unpacked_chunk,
     unpacked_file,
+    unpacked_message,
 )
 from structlearn.readers.pose_table import SHAPE_FILE, read_pose_table
 from structlearn.readers.text_log import natural_order
@@ -51,6 +55,9 @@ SUFFIXES: dict[str, Format] = {
 
 HEADER = "std_msgs/msg/Header"
 
+LARGEST_OF_ROS1 = 2**27
+"""Bytes of a chunk when it is unpacked; recorders begin a new one after less than one million."""
+
 
 def read_db3(path: Path, topics: Collection[str]) -> Bag:
     """Read a .db3 file; files older than ROS 2 Iron lack definitions, those of the library stand in.
@@ -63,13 +70,20 @@ def read_db3(path: Path, topics: Collection[str]) -> Bag:
 
         latest = get_typestore(Stores.LATEST)
         with AnyReader([plain], default_typestore=latest) as reader:
-            return _bag(reader, topics, (reader.typestore, latest), lambda raw, kind: budget.message(raw))
+            return _bag(
+                reader,
+                topics,
+                (reader.typestore, latest),
+                lambda raw, kind: unpacked_message(raw, budget),
+                budget,
+            )
 
 
 def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
     """Read a .bag file of ROS 1; raises as `read_db3`."""
     with _library_named(path):
         from rosbags.rosbag1 import Reader
+        from rosbags.rosbag1.reader import decompressors
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         with Reader(path) as reader:
@@ -80,7 +94,19 @@ def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
                 types[HEADER] = get_typestore(Stores.LATEST).fielddefs[HEADER]
             store = get_typestore(Stores.EMPTY)
             store.register(types)
-            return _bag(reader, topics, (store,), store.ros1_to_cdr)
+            budget, known = Budget(path), {its: name for name, its in decompressors.items()}
+
+            def unpacked(compression: str, data: bytes) -> bytes:  # again where chunks overlap in time
+                content = unpacked_chunk(compression, data, LARGEST_OF_ROS1)
+                if len(content) > LARGEST_OF_ROS1:
+                    raise InputError(f"{path}: a chunk of more than {LARGEST_OF_ROS1} bytes")
+                budget.take(len(content))
+                return content
+
+            for place, chunk in reader.chunks.items():
+                of_its = partial(unpacked, known[chunk.decompressor])
+                reader.chunks[place] = chunk._replace(decompressor=of_its)
+            return _bag(reader, topics, (store,), store.ros1_to_cdr, budget)
 
 
 @contextmanager
@@ -103,19 +129,20 @@ def _library_named(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: damaged bag: {type(error).__name__}: {error}") from error
 
 
-def _bag(reader: Any, topics: Collection[str], stores: Collection[Any], to_cdr: Any) -> Bag:
+def _bag(reader: Any, topics: Collection[str], stores: Collection[Any], to_cdr: Any, budget: Budget) -> Bag:
     """Content of an open reader; `stores` know the types, `to_cdr` turns content and type into CDR."""
-    present: dict[str, list[str]] = {}
+    present: dict[str, dict[str, None]] = {}  # in their order
     for connection in reader.connections:
-        types = present.setdefault(connection.topic, [])
-        types += [connection.msgtype] * (connection.msgtype not in types)
+        present.setdefault(connection.topic, {})[connection.msgtype] = None
     wanted = [connection for connection in reader.connections if connection.topic in topics]
     schemas = {name: _schema(name, stores) for name in dict.fromkeys(one.msgtype for one in wanted)}
     rows: dict[str, list[Row]] = {}
     for connection, log_time, raw in reader.messages(connections=wanted) if wanted else ():
+        budget.take(PER_MESSAGE)
         row = (log_time, schemas[connection.msgtype], bytes(to_cdr(raw, connection.msgtype)))
         rows.setdefault(connection.topic, []).append(row)
-    return Bag(present, None, {topic: in_time_order(its) for topic, its in rows.items()})
+    types = {topic: list(its) for topic, its in present.items()}
+    return Bag(types, None, {topic: in_time_order(its) for topic, its in rows.items()})
 
 
 def _schema(name: str, stores: Collection[Any]) -> Schema:
@@ -184,8 +211,8 @@ def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
     Raises InputError: the file cannot be read, is damaged, or needs the extra `bags`, which is not installed.
     """
     for path in file.paths:
-        if path.exists() and not path.is_file():  # a pipe would be waited for
-            raise InputError(f"{path}: cannot be read: not a file")
+        if path.exists():
+            require_file(path, whole=False)
     if file.format == "table":
         return read_pose_table(file.paths[0])
     return joined([READERS[file.format](path, topics) for path in file.paths])
@@ -199,7 +226,7 @@ def check_names(names: Sequence[str], where: str) -> None:
                 f"{where}: '{name}' cannot be a name: it needs a letter or digit first, then such, spaces "
                 "and _ . + - ( )"
             )
-    repeated = sorted({name for name in names if names.count(name) > 1})
+    repeated = sorted(name for name, count in Counter(names).items() if count > 1)
     if repeated:
         raise InputError(f"{where}: several recordings have the name {', '.join(repeated)}")
 

@@ -38,7 +38,9 @@ SCALARS = {
 SCALARS |= {name: np.dtype(name).newbyteorder("<") for name in ("bool", "float32", "float64")}
 SCALARS |= {"byte": SCALARS["uint8"], "char": SCALARS["int8"]}
 
-_FIELD = re.compile(r"(?P<type>[\w/]+)(<=\d+)?(?P<many>\[(<=)?(?P<size>\d*)\])?\s+(?P<name>[a-z]\w*)(\s.*)?")
+_FIELD = re.compile(
+    r"(?P<type>[\w/]+)(<=\d+)?(?P<many>\[(<=)?(?P<size>(?!0)\d*)\])?\s+(?P<name>[a-z]\w*)(\s.*)?"
+)
 _CONSTANT = re.compile(r"\S+\s+[A-Z]\w*\s*=")
 
 

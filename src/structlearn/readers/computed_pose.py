@@ -19,10 +19,11 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
+from structlearn.core.reading import require_file
 from structlearn.readers.bag import RawMessages
 from structlearn.readers.cdr import decoded, fields_named, nanoseconds, sample_stamps
 from structlearn.readers.clock import StampPolicy, in_order, linear, shared_stamps, slerp
-from structlearn.readers.joint_log import JointSeries
+from structlearn.readers.joint_log import MOST_JOINTS, JointSeries
 from structlearn.readers.recording import NORM_TOLERANCE, Stream
 from structlearn.readers.topics import JointPose, TransformPose
 
@@ -255,16 +256,19 @@ def robot_element(path: Path) -> ElementTree.Element:
 
     Raises InputError: the file is missing, a pipe, no URDF, or a xacro file that is not expanded yet.
     """
-    if path.exists() and not path.is_file():  # a pipe would be waited for
-        raise InputError(f"{path}: cannot be read: not a file")
     try:
+        require_file(path)
         root = ElementTree.parse(path).getroot()
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"{path}: no such URDF file: {error.strerror}") from error
     except (ElementTree.ParseError, ValueError, LookupError) as error:  # of encodings: the latter
         raise InputError(f"{path}: not an XML file: {error}") from error
     if root.tag != "robot":
         raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")
+    if (count := len(root.findall("joint"))) > MOST_JOINTS:
+        raise InputError(f"{path}: has {count} joints, more than {MOST_JOINTS}")
     for element in root.iter():
         if isinstance(element.tag, str) and "xacro" in element.tag:
             raise InputError(f"{path}: has <{element.tag}>: expand it first: xacro FILE > robot.urdf")

@@ -53,7 +53,7 @@ UNITS = {
 
 
 MOST_JOINTS = 1000
-"""Of a topic; humanoids with both hands have a hundred."""
+"""Of a topic or a robot; humanoids with both hands have a hundred."""
 
 
 @dataclass(frozen=True)
@@ -344,6 +344,7 @@ def _table(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(T, J) of one field of all joints, NaN where a message lacks it, and (T,) whether it is filled."""
     fields = [sequence(getattr(group.message, FIELDS[kind])) for group in groups]
+    place_of = {name: place for place, name in enumerate(joints)}
     table = np.full((len(stamps), len(joints) or len(fields[0])), np.nan)
     filled = np.zeros(len(stamps), dtype=bool)
     widths: dict[frozenset[str], int] = {}
@@ -355,7 +356,7 @@ def _table(
         if names and width not in (0, len(names)):
             raise InputError(f"{where} names {len(names)} joints and has {width} {kind} per message")
         if width:
-            places = np.array([joints.index(name) for name in names] or range(width))
+            places = np.array([place_of[name] for name in names] or range(width))
             its = np.array(columns, dtype=float).reshape(width, len(group.rows)).T
             table[group.rows[:, None], places] = its
             filled[group.rows] = True

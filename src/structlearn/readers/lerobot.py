@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow
-import pyarrow.parquet
 
+from structlearn.core.artefacts import holding
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.computed_pose import joint_pose
 from structlearn.readers.joint_log import JointSeries
+from structlearn.readers.parquet_table import read_parquet
 from structlearn.readers.recording import Kind, Recording, Stream, check_recording
+from structlearn.readers.text_log import read_text
 from structlearn.readers.topics import JointPose
 
 VERSION = "v3."
@@ -38,6 +39,11 @@ def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Re
         MissingInputError: the folder holds no dataset.
         InputError: it is of another version, a file is damaged, or a feature is missing or has other columns.
     """
+    with holding(folder, "LeRobotDataset that can be read"):
+        return _episodes(folder, entry)
+
+
+def _episodes(folder: Path, entry: Any) -> list[Recording]:
     info = read_info(folder)
     features = info["features"]
     topics = entry.topics
@@ -50,7 +56,7 @@ def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Re
     found = []
     for number, its in frames.groupby(GROUPED_BY, sort=True):
         name = f"episode {number:0{digits}d}"
-        stamps = np.round(1e9 * its["frame_index"].to_numpy() / info["fps"]).astype(np.int64)
+        stamps = np.round(1e9 * its["frame_index"].to_numpy() / float(info["fps"])).astype(np.int64)
         columns = {feature: np.stack(its[feature].to_numpy()).astype(float) for feature in topics.topics}
         provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
         pose = _pose(f"{folder}: {name}", topics.pose, columns, features, stamps)
@@ -73,11 +79,11 @@ def read_info(folder: Path) -> Mapping[str, Any]:
     if not path.exists():
         raise MissingInputError(f"{path}: no such file, so this is no LeRobotDataset")
     try:
-        info = json.loads(path.read_text(encoding="utf-8"))
+        info = json.loads(read_text(path))
         version, _ = str(info["codebase_version"]), info["features"]
-        if not (float(info["fps"]) > 0 and int(info["total_episodes"]) > 0):
-            raise ValueError("fps and total_episodes must be positive")
-    except (ValueError, KeyError, TypeError) as error:
+        if not (1e-3 < float(info["fps"]) < 1e6 and 0 < int(info["total_episodes"]) < 1e9):
+            raise ValueError("fps and total_episodes must be positive, and less than 1e6 and 1e9")
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise InputError(f"{path}: not the description of a LeRobotDataset: {error!r}") from error
     if not version.startswith(VERSION):
         raise InputError(f"{path}: is of version {version}, not {VERSION}0; lerobot converts it")
@@ -89,15 +95,13 @@ def read_frames(folder: Path, features: list[str]) -> pd.DataFrame:
     files = sorted((folder / "data").glob("chunk-*/file-*.parquet"))
     if not files:
         raise InputError(f"{folder}/data: holds no file of frames")
-    names, parts = [GROUPED_BY, "frame_index", *features], []
+    numbered, parts = [GROUPED_BY, "frame_index"], []
     for file in files:
-        try:
-            parts.append(pyarrow.parquet.read_table(file, columns=names).to_pandas())
-        except (pyarrow.ArrowException, OSError) as error:
-            raise InputError(f"{file}: not a Parquet file of these frames: {error}") from error
-        if missing := [name for name in names if name not in parts[-1]]:
-            raise InputError(f"{file}: has no column {', '.join(missing)}")
-    return pd.concat(parts, ignore_index=True).sort_values([GROUPED_BY, "frame_index"])
+        its = read_parquet(file, [*numbered, *features])
+        if not all(pd.api.types.is_integer_dtype(its[name]) for name in numbered):
+            raise InputError(f"{file}: {' or '.join(numbered)} has something that is no whole number")
+        parts.append(its)
+    return pd.concat(parts, ignore_index=True).sort_values(numbered)
 
 
 def _pose(

@@ -29,8 +29,9 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import Bag
 from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
+from structlearn.readers.parquet_table import read_parquet
 from structlearn.readers.recording import FORMS, NORM_TOLERANCE, NamedShape, Stream
-from structlearn.readers.text_log import LARGEST, finite_numbers, read_rows, read_stamped_table, read_text
+from structlearn.readers.text_log import finite_numbers, read_rows, read_stamped_table, read_text
 
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
 """Topics of a table as a bag, those of the columns that it has."""
@@ -98,21 +99,10 @@ def _of_csv(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     """As `_of_csv`; times are float64, which is 240 ns coarse in s of Unix time."""
-    import pyarrow
-    import pyarrow.parquet
-
-    try:
-        size = pyarrow.parquet.read_metadata(path)
-        if size.num_rows * size.num_columns > LARGEST / 8:
-            raise InputError(f"{path}: has {size.num_rows} rows of {size.num_columns} columns, too many")
-        table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
-        columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
-    except (pyarrow.ArrowException, ValueError, TypeError) as error:
-        raise InputError(f"{path}: not a Parquet file of numbers: {error}") from error
+    table = read_parquet(path)
+    if others := [str(name) for name in table if name not in table.select_dtypes("number")]:
+        raise InputError(f"{path}: {', '.join(others)}: not numbers")
+    columns = {name: table[name].to_numpy(float) for name in table}
     if TIME not in columns:
         raise InputError(f"{path}: has no column {TIME}; it has {', '.join(columns)}")
     for name, column in columns.items():

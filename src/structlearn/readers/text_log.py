@@ -1,24 +1,19 @@
 """Numbers in public logs: tables of text, with every fault named by file and line (from 1), and archives."""
 
 import csv
-import hashlib
 import re
-import stat
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from typing import TypeVar
-from zipfile import BadZipFile
 
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.reading import Budget, digest, require_file
 
 T = TypeVar("T")
-
-LARGEST = 2**30
-"""Largest size in bytes of a text log, and of the numbers of a Parquet table."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +39,7 @@ class PublicSet:
             "commit": self.commit,
             "licence": self.licence,
             "files": " ".join(path.relative_to(root).as_posix() for path in files),
-            "sha256": " ".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in files),
+            "sha256": " ".join(digest(path) for path in files),
         }
 
 
@@ -56,14 +51,10 @@ def natural_order(name: str) -> list[str | int]:
 def read_text(path: Path) -> str:
     """A whole text file, without a mark of its byte order.
 
-    Raises InputError: the file is missing, a pipe, larger than `LARGEST`, or no text.
+    Raises InputError: the file is missing, a pipe, too large, or no text.
     """
     try:
-        state = path.stat()
-        if not stat.S_ISREG(state.st_mode):
-            raise InputError(f"{path}: cannot be read: not a file")
-        if state.st_size > LARGEST:
-            raise InputError(f"{path}: has {state.st_size} bytes, more than {LARGEST}")
+        require_file(path)
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
@@ -103,12 +94,18 @@ def read_stamped_table(
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """All arrays of an .npz archive, in double precision.
 
-    Raises InputError: it is missing or damaged, or an array holds no numbers.
+    Raises InputError: it is missing, damaged or too large, or an array holds no numbers.
     """
     try:
+        require_file(path)
+        budget = Budget(path)
         with np.load(path, allow_pickle=False) as arrays:
-            return {name: np.asarray(arrays[name], dtype=np.float64) for name in arrays.files}
-    except (OSError, EOFError, ValueError, BadZipFile) as error:
+            for entry in arrays.zip.infolist():
+                budget.take(entry.file_size)
+            return {name: arrays[name].astype(np.float64, casting="same_kind") for name in arrays.files}
+    except InputError:
+        raise
+    except Exception as error:  # of zip files, headers and numbers of any kind
         raise InputError(f"{path}: cannot be read as arrays: {error}") from error
 
 

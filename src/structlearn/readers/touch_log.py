@@ -8,21 +8,21 @@ tactile signal have the pose of what touches as place.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow
 
+from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.parquet_table import read_parquet
 from structlearn.readers.runs import Series, read_series, write_series
-from structlearn.readers.text_log import LARGEST, natural_order
+from structlearn.readers.text_log import natural_order
 
 PLACE, HEIGHT, TIME, FORCE, RUN = ("x_m", "y_m"), "z_m", "time_s", "force_n", "run"
 UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys((*PLACE, HEIGHT), "m")
-READERS = {".csv": pd.read_csv, ".parquet": partial(pd.read_parquet, page_checksum_verification=True)}
+SUFFIXES = (".csv", ".parquet")
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def touch_tables(source: Path) -> list[Path]:
         raise InputError(f"{source}: no such file or folder")
     paths = source.iterdir() if source.is_dir() else [source]
     found = [
-        path for path in paths if path.is_file() and path.suffix in READERS and not path.name.startswith(".")
+        path for path in paths if path.is_file() and path.suffix in SUFFIXES and not path.name.startswith(".")
     ]
     return sorted(found, key=lambda path: natural_order(path.stem))
 
@@ -93,12 +93,7 @@ def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLo
     Raises InputError: it cannot be read, lacks a channel or has none, or holds something that is not a finite
     number; the message names file, row (from 0) and column.
     """
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path}: has {path.stat().st_size} bytes, more than {LARGEST}")
-    try:
-        table = READERS[path.suffix](path)
-    except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise InputError(f"{path}: not a readable table: {str(error).splitlines()[0]}") from error
+    table = read_csv(path) if path.suffix == ".csv" else read_parquet(path)
     own = tuple(name for name in table.columns if name not in (*PLACE, HEIGHT, TIME, FORCE, RUN))
     names = own if channels is None else tuple(channels)
     if missing := [name for name in names if name not in table.columns]:
@@ -114,7 +109,7 @@ def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLo
     _check_finite(path, table[numbers])
     if RUN not in table.columns:
         return [_log(path.stem, names, table)]
-    return [_log(str(name), names, its) for name, its in table.groupby(RUN)]
+    return [_log(str(name), names, its) for name, its in table.groupby(RUN, observed=True)]
 
 
 def _log(name: str, channels: tuple[str, ...], table: pd.DataFrame) -> TouchLog:

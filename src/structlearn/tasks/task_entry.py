@@ -11,7 +11,6 @@
 A part that an entry does not name (`PARTS`) is null, whatever its defaults are.
 """
 
-import hashlib
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +21,7 @@ from structlearn.avoidance.scene_reaches import SceneLearningParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
+from structlearn.core.reading import digest
 from structlearn.core.stage import run
 from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.topics import SceneTopicMap
@@ -159,11 +159,7 @@ def file_digests(source: str) -> dict[str, str]:
         below = file.relative_to(path)
         if file.is_file() and not any(part.startswith(".") for part in below.parts):
             found[f"{source}/{below.as_posix()}"] = file
-    digests = {}
-    for name, file in found.items():
-        with file.open("rb") as content:
-            digests[name] = hashlib.file_digest(content, "sha256").hexdigest()
-    return digests
+    return {name: digest(file) for name, file in found.items()}
 
 
 def targets(which: str, name: str = "") -> list[str]:

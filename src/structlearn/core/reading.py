@@ -1,0 +1,47 @@
+"""Limits on what is read: files alone, and no more of each than fits into memory."""
+
+import hashlib
+import stat
+from pathlib import Path
+
+from structlearn.core.errors import InputError
+
+LARGEST = 2**30
+"""Bytes of a file that is read as a whole, and what any file may unpack to beside twenty times its size."""
+
+PER_MESSAGE = 200
+"""Bytes that Python takes for a message beside its content."""
+
+
+def require_file(path: str | Path, whole: bool = True) -> None:
+    """Refuse a pipe or a device, which would be waited for, and a file that is too large to be read `whole`.
+
+    Raises InputError: as said, naming the file. Raises OSError: there is no such file.
+    """
+    state = Path(path).stat()
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError(f"{path}: cannot be read: not a file")
+    if whole and state.st_size > LARGEST:
+        raise InputError(f"{path}: has {state.st_size} bytes, more than {LARGEST}")
+
+
+def digest(path: Path, kind: str = "sha256") -> str:
+    """Hexadecimal digest of a file of any size."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, kind).hexdigest()
+
+
+class Budget:
+    """Limit on the bytes that one file unpacks to: a gigabyte plus twenty times its size."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._total = self._left = LARGEST + 20 * path.stat().st_size
+
+    def take(self, count: int) -> None:
+        """Count unpacked bytes; an InputError beyond the limit."""
+        self._left -= count
+        if self._left < 0:
+            raise InputError(
+                f"{self._path}: it unpacks to more than {self._total} bytes, which is allowed for its size"
+            )
