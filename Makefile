@@ -82,7 +82,7 @@ inspect: $(INSTALLED)  ## say what recordings hold, and propose an entry: make i
 # A trajectory to identify an arm from, within the limits of its URDF: the robot of a task, or URDF=robot.urdf, with
 # LOCK="joints that do not move".
 excite: $(INSTALLED)  ## design a trajectory to identify an arm from: make excite TASK=pick, or URDF=robot.urdf
-	$(BIN)/python -m structlearn.tasks.motion.excite $(if $(URDF),--urdf="$$URDF",--task="$$TASK") $(if $(LOCK),--lock $$LOCK)
+	$(BIN)/python -m structlearn.command excite $(if $(URDF),--urdf="$$URDF",--task="$$TASK") $(if $(LOCK),--lock $$LOCK)
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks

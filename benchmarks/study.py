@@ -278,8 +278,11 @@ def run_study(name: str) -> None:
 def upstream_parameters(target: str) -> set[str]:
     """Keys of `params.yaml` that a stage and all before it depend on."""
     stages = Repo().stage.collect(target, with_deps=True)
-    deps = (dep for stage in stages for dep in stage.deps if isinstance(dep, ParamsDependency))
-    return {key.split(".")[0] for dep in deps for key in dep.params}
+    deps = [dep for stage in stages if stage.name != "code" for dep in stage.deps]
+    own = {key for dep in deps if isinstance(dep, ParamsDependency) for key in dep.params}
+    files = [Path(dep.def_path) for dep in deps]  # some of `code` have parameters that stages share
+    shared = {path.stem for path in files if path.match("data/code/main/*.yaml")}
+    return {key.split(".")[0] for key in own | shared}
 
 
 def check_study(name: str) -> list[str]:

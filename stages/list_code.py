@@ -1,12 +1,18 @@
-"""List the code that each stage of a pipeline uses, with digests: an edit reruns only what uses it."""
+"""List the code that each stage of a pipeline uses, with digests: an edit reruns only what uses it.
+
+Likewise parameters that several stages share, a file each; their keys follow the pipeline's name.
+"""
 
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import yaml
+
+from structlearn.core.params import value_at
 from structlearn.core.publication import publish
 from structlearn.core.source_closure import SourceTree
-from structlearn.core.stage import run
+from structlearn.core.stage import PARAMETER_FILE, run
 
 SCRIPTS = Path(__file__).parent
 NO_STAGES = ("list_code.py", "make_example.py")
@@ -21,10 +27,12 @@ def scripts(pipeline: str) -> Iterator[Path]:
 
 
 def main() -> None:
-    pipeline = sys.argv[1]
+    pipeline, *shared = sys.argv[1:]
     sources = SourceTree(Path("src"))
     with publish(Path("data/code", pipeline)) as folder:
         sources.write(scripts(pipeline), folder, SCRIPTS if pipeline == "main" else SCRIPTS / pipeline)
+        for key in shared:
+            (folder / f"{key}.yaml").write_text(yaml.safe_dump(value_at(PARAMETER_FILE, key)))
 
 
 if __name__ == "__main__":

@@ -1,43 +1,114 @@
+"""Numba's cache: which state of the sources it belongs to, and several processes that fill it at once."""
+
+import importlib
+import multiprocessing
 import os
+import shutil
+import subprocess
+import sys
+import time
+
+import pytest
 
 from structlearn.core import compilation
 
+FUNCTION = """
+from structlearn.core.compilation import numba
 
-def write(folder, name, text):
-    (folder / name).parent.mkdir(parents=True, exist_ok=True)
-    (folder / name).write_text(text)
-
-
-def test_an_edit_of_any_compiled_source_gives_another_folder(tmp_path):
-    write(tmp_path, "caller.py", "import numba\n")
-    write(tmp_path, "rooms/callee.py", "import numba\nx = 1\n")
-    before = compilation.sources_digest(tmp_path)
-    write(tmp_path, "rooms/callee.py", "import numba\nx = 2\n")
-    assert compilation.sources_digest(tmp_path) != before
-    write(tmp_path, "rooms/callee.py", "import numba\nx = 1\n")
-    assert compilation.sources_digest(tmp_path) == before
+@numba.njit(cache=True)
+def doubled(x):
+    return x + x
+"""
 
 
-def test_other_sources_do_not_count(tmp_path):
-    write(tmp_path, "caller.py", "import numba\n")
-    before = compilation.sources_digest(tmp_path)
-    write(tmp_path, "page.py", "text = 'anything'\n")
-    assert compilation.sources_digest(tmp_path) == before
+def test_an_edit_of_any_compiled_source_and_of_no_other_gives_another_folder(tmp_path):
+    (tmp_path / "rooms").mkdir()
+    files = {"caller.py": "import numba\n", "rooms/callee.py": "import numba\nx = 1\n"}
+    digests = []
+    for edit in ({}, {"rooms/callee.py": "import numba\nx = 2\n"}, files, {"page.py": "text = 'anything'\n"}):
+        for name, text in (files | edit).items():
+            (tmp_path / name).write_text(text)
+        digests.append(compilation.sources_digest(tmp_path))
+    assert digests[0] == digests[2] == digests[3] != digests[1]
 
 
-def test_a_folder_that_the_user_chose_stays(tmp_path, monkeypatch):
-    monkeypatch.setenv(compilation.VARIABLE, "/somewhere")
-    compilation.use_own_cache(tmp_path)
-    assert os.environ[compilation.VARIABLE] == "/somewhere"
-    monkeypatch.delenv(compilation.VARIABLE)
-    compilation.use_own_cache(tmp_path)
-    assert os.environ[compilation.VARIABLE].startswith(str(tmp_path / "__pycache__" / "compiled-"))
+def test_the_folder_is_the_users_own_unless_chosen_and_unused_ones_are_removed(tmp_path, monkeypatch):
+    package = tmp_path / "package"
+    package.mkdir()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
+    monkeypatch.setattr(compilation.numba.config, "CACHE_DIR", "/somewhere")
+    compilation.use_own_cache(package)
+    assert compilation.numba.config.CACHE_DIR == "/somewhere"
+    now = time.time()
+    for name, used in {"compiled-old": now - 1.1 * compilation.UNUSED_S, "compiled-new": now}.items():
+        (tmp_path / "caches" / "package" / name).mkdir(parents=True)
+        lock = tmp_path / "caches" / "package" / name / compilation.LOCK
+        lock.touch()
+        os.utime(lock, (used, used))
+    monkeypatch.setattr(compilation.numba.config, "CACHE_DIR", "")
+    compilation.use_own_cache(package)
+    digest = compilation.sources_digest(package)
+    assert str(tmp_path / "caches" / "package" / f"compiled-{digest}") == compilation.numba.config.CACHE_DIR
+    assert [path.name for path in (tmp_path / "caches" / "package").iterdir()] == ["compiled-new"]
 
 
-def test_the_package_uses_it():
-    import numba
+CALL = """
+import numpy as np
+from structlearn.primitives.orientation import turned
+turned(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3))
+print(sum(turned.stats.cache_misses.values()))
+"""
 
-    import structlearn
 
-    assert os.environ[compilation.VARIABLE] == numba.config.CACHE_DIR
-    assert structlearn.__version__
+def test_a_moved_package_compiles_nothing_again(tmp_path, root):
+    source = root / "src" / "structlearn"
+    shutil.copytree(source, tmp_path / "a" / "structlearn", ignore=shutil.ignore_patterns("__pycache__"))
+    compiled = []
+    for name in ("a", "b"):
+        environment = os.environ | {"PYTHONPATH": str(tmp_path / name), "XDG_CACHE_HOME": str(tmp_path)}
+        command = [sys.executable, "-c", CALL]
+        compiled.append(subprocess.run(command, env=environment, capture_output=True, check=True).stdout)
+        (tmp_path / name).rename(tmp_path / "b")
+    assert compiled == [b"1\n", b"0\n"]
+
+
+def work(folder, values, barrier, outcome):
+    """In a forked process: call the function on each value; report the results and what was compiled."""
+    from numba.core.caching import IndexDataCacheFile
+
+    replaced = IndexDataCacheFile._save_index
+
+    def slowly(self, overloads):
+        time.sleep(0.2)
+        replaced(self, overloads)
+
+    IndexDataCacheFile._save_index = slowly
+    compilation.numba.config.CACHE_DIR = str(folder / "cache")
+    sys.path.insert(0, str(folder))
+    doubled = importlib.import_module("filled_at_once").doubled
+    barrier.wait()
+    results = [doubled(value) for value in values]
+    outcome.put((results, sum(doubled.stats.cache_misses.values())))
+
+
+@pytest.mark.parametrize("together", [[[1, 2.5]] * 3, [[1], [2.5], [1 + 1j]]], ids=["alike", "different"])
+def test_processes_that_fill_the_cache_at_once_compile_once_and_mix_nothing(tmp_path, together):
+    """Each stands between reading and writing the index for so long that without a lock all would meet."""
+    (tmp_path / "filled_at_once.py").write_text(FUNCTION)
+    context = multiprocessing.get_context("fork")
+
+    def outcomes(groups):
+        barrier, found = context.Barrier(len(groups)), context.Queue()
+        processes = [context.Process(target=work, args=(tmp_path, g, barrier, found)) for g in groups]
+        for process in processes:
+            process.start()
+        every = [found.get(timeout=60) for _ in processes]
+        for process in processes:
+            process.join()
+        return every
+
+    types = {value for values in together for value in values}
+    first = outcomes(together)
+    assert all(result in ([2 * v for v in values] for values in together) for result, _ in first)
+    assert sum(misses for _, misses in first) == len(types)
+    assert outcomes([sorted(types, key=abs)]) == [([2 * value for value in sorted(types, key=abs)], 0)]

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from readers_bags import make_recording
 
-from structlearn.core import compilation
 from structlearn.readers import write_recordings
 
 STAGE = """
@@ -63,7 +62,7 @@ def make_project(folder: Path) -> Path:
 
 def run(folder: Path, *words: str, interpreter: str = sys.executable, **options) -> str:
     """What Python says to some words in a project; `variables` are added to the environment."""
-    inherited = {name: value for name, value in os.environ.items() if name != compilation.VARIABLE}
+    inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     variables = inherited | options.pop("variables", {})
     done = subprocess.run(
         [interpreter, *words],

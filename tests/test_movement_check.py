@@ -1,18 +1,20 @@
 """A skill held against a robot: what is tried, margins in closed form, and what is told of it."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from committed import own_tasks
-from own_skills import HERE, PANDA, pick_skill, slower
+from own_skills import HERE, PANDA, pick_skill
 from rigid_body_arms import planar_arm
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
@@ -123,14 +125,60 @@ def test_the_arm_can_do_what_was_led_with_it(check):
     assert check.notes == ()
 
 
-def test_a_skill_slowed_down_as_told_keeps_its_bounds():
+def test_advice_was_tried(capsys):
     skill = nominal_alone(pick_skill())
-    hasty = PANDA.model_copy(update={"max_acceleration": 3.0})
-    found = skill_check.check_skill(skill, hasty)
+    found = skill_check.check_skill(skill, PANDA.model_copy(update={"max_acceleration": 3.0}))
     assert (found.verdict, set(found.failing["quantity"])) == ("no", {"acceleration"})
     assert found.notes == ("the skill has no workspace, so starts and goals elsewhere were not tried",)
-    again = skill_check.check_skill(slower(skill, found.stretch), hasty)
-    assert again.stretch == pytest.approx(1.0, abs=0.03)
+    (tried,) = found.tried.itertuples()
+    assert (tried.failing_runs, tried.still_failing) == (1, 0)
+    assert 0.0 <= tried.least_margin_share < 0.05  # no slower than it has to be
+    assert found.advice == tried.change == f"durations x {1.01 * found.stretch:.2f}"
+    (fault,) = found.faults
+    assert re.match(
+        r"acceleration of panda_joint\d is [\d.]+ rad/s² at [\d.]+ s \(as demonstrated\), its bound 3$", fault
+    )
+    lines = check_results.lines(found)
+    assert f"advice: {found.advice}" in lines
+
+
+@pytest.mark.parametrize(
+    ("failing", "expected"),
+    [
+        ([], []),
+        ([("nominal", "position")], []),
+        ([("nominal", "velocity"), ("goals", "velocity")], ["durations x 2.02"]),
+        ([("starts", "joint range")], ["margin 0.02", "margin 0.05"]),
+        (
+            [("corrections", "jerk"), ("goals", "velocity")],
+            ["durations x 2.02"]
+            + [
+                f"margin {inset} and bounds {share}{slower}"
+                for inset, share in ((0.02, 67), (0.05, 33))
+                for slower in ("", " and durations x 2.02")
+            ],
+        ),
+    ],
+)
+def test_what_is_tried_follows_from_what_fails(failing, expected):
+    columns = ["kind", "quantity", "margin", "verdict", "run"]
+    rows = [(kind, quantity, -1.0, "no", "1") for kind, quantity in failing]
+    rows += [("nominal", quantity, 0.5, "yes", "0") for quantity in ("velocity", "acceleration", "jerk")]
+    margins = pd.DataFrame(rows, columns=columns)
+    check = check_results.SkillCheck(margins, {}, (), check_results.NOTHING_TRIED)
+    skill = replace(pick_skill(("x",)), workspace=Workspace(np.zeros(3), np.full(3, 0.2)))
+    found = list(skill_check.changes(skill, check))
+    words = [
+        re.sub(r"workspace_margin_m smaller by ([\d.]+) m", r"margin \1", change) for change, *_ in found
+    ]
+    words = [re.sub(r"corrections of at most (\d+)% of their bounds", r"bounds \1", one) for one in words]
+    assert words == expected
+    for change, changed, slower in found:
+        assert (slower > 1.0) == ("durations" in change)
+        side = changed.workspace.high - changed.workspace.low
+        assert side.max() == pytest.approx(0.16 if "0.02" in change else 0.1 if "0.05" in change else 0.2)
+        share = changed.limits.largest_coupling["x"] / skill.limits.largest_coupling["x"]
+        assert share == pytest.approx(2 / 3 if "67" in change else 1 / 3 if "33" in change else 1.0)
 
 
 def test_what_does_not_fit_the_arm_is_told_by_key():

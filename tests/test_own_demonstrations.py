@@ -16,6 +16,7 @@ from conftest import minimum_jerk
 from readers_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import environment
 
+from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.feedback.skill_file import read_provenance, read_skill
@@ -113,6 +114,9 @@ def test_repeats_in_a_recording_become_demonstrations_of_their_own(root, folder)
     page = Path("reports/tasks/reach/index.html").read_text()
     assert "6 repeats of the task were found in 3 recordings" in page
     assert "take_1-03" in page
+    quality = read_csv(Path("reports/tasks/reach/tables/quality.csv"))
+    assert sorted(quality["rank"]) == list(range(1, 7))
+    assert "None is an outlier" in page or "by the measures named" in page
 
 
 def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
@@ -128,6 +132,21 @@ def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wro
     run_stages(root, "reach", "import_task")
     assert parameters.read_bytes() != once[0]
     assert recording.read_bytes() != once[1]
+
+
+def test_a_recording_that_cannot_be_read_stops_the_others_unless_failures_are_skipped(root, folder, capsys):
+    damaged = Path("bags/take_2.mcap")
+    damaged.write_bytes(damaged.read_bytes()[:-5000])
+    with pytest.raises(SystemExit):
+        run_stages(root, "reach", "import_task")
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert line.startswith("error: ")
+    assert "bags/take_2.mcap" in line
+    own_tasks(folder, QUICK, reach=merged(REACH, {"segment": {"skip_failures": True}}))
+    run_stages(root, "reach", "import_task")
+    files = TaskFiles("reach")
+    assert [run.name for run in files.runs("demonstrations")] == ["take_1", "take_3"]
+    assert files.left_out()["file"].tolist() == ["bags/take_2.mcap"]
 
 
 def test_a_source_that_changes_while_it_is_read_is_refused(folder):

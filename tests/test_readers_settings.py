@@ -3,7 +3,8 @@ from pydantic import ValidationError
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
-from structlearn.readers.source import Setting, setting_folders, setting_label
+from structlearn.readers.source import Setting, setting_label
+from structlearn.tasks.task_import import setting_folders
 
 
 class Own(Parameters):

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from readers_bags import pose_messages, pose_rows, write_bag
 
-from structlearn.readers import survey
 from structlearn.readers.bag import read_bag
+from structlearn.tasks.inspection import clocks as survey
 
 MS = 10**6
 

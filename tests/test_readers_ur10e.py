@@ -6,7 +6,8 @@ from readers_bags import recorded_data
 
 from structlearn.core.errors import InputError
 from structlearn.readers import ur10e
-from structlearn.readers.joint_log import DriveLog, on_clock
+from structlearn.readers.joint_log import DriveLog
+from structlearn.tasks.motion.drives_and_load import on_clock
 
 
 @pytest.fixture

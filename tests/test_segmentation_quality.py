@@ -52,6 +52,10 @@ def test_a_demonstration_that_differs_from_the_others_is_named():
     found = quality(runs, {"reach": cuts}, 10.0).set_index("demonstration")
     assert "distance_mm" in found.loc["8", "outlier"]
     assert found["distance_mm"].idxmax() == "8"
+    assert sorted(found["rank"]) == list(range(1, 10))
+    better = found["smoothness"].rank(ascending=False) + found["jerk"].rank(ascending=False)
+    better += found["idle_share"].rank() + found["distance_mm"].rank()
+    assert better[found["rank"].sort_values().index].is_monotonic_increasing
     assert (found["outlier"].drop("8") == "").sum() >= 7
 
 

@@ -1,6 +1,4 @@
-"""`make excite`: a trajectory for a robot that nothing was recorded of."""
-
-import sys
+"""`structlearn excite`: a trajectory for a robot that nothing was recorded of."""
 
 import numpy as np
 import pandas as pd
@@ -8,6 +6,7 @@ import pytest
 from rigid_body_arms import planar_arm
 from test_rigid_body_excitation import two_joints
 
+from structlearn import command
 from structlearn.core.errors import InputError
 from structlearn.rigid_body.inverse_kinematics import read_arm
 from structlearn.rigid_body.self_collision import read_shapes
@@ -28,8 +27,7 @@ def few(monkeypatch):
 def test_a_urdf_becomes_a_trajectory_with_a_page(tmp_path, monkeypatch, few, capsys):
     its = two_joints(tmp_path)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["excite", "--urdf", str(tmp_path / "two.urdf")])
-    excite.main()
+    command.main(["excite", "--urdf", str(tmp_path / "two.urdf")])
     folder = tmp_path / "reports/excitation/two"
     path = pd.read_csv(folder / "trajectory.csv")
     assert path.shape[1] == 1 + 3 * 2

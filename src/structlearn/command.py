@@ -1,12 +1,26 @@
-"""The command `structlearn`: a project of your own from recordings to a checked skill.
+"""From recordings of demonstrations to a checked skill for a robot, in a project folder of your own.
 
-    structlearn new pour --from ~/bags      a folder pour/ with an entry that was proposed from the recordings
-    cd pour && structlearn run              cuts, primitives, feedback, skill, page
-    structlearn check pour                  can the robot do what the skill may ask?
+    structlearn inspect ~/bags              what do the recordings hold, and are they fit to learn from?
+    structlearn new pour --from ~/bags      a folder pour/ with an entry proposed from the recordings
+    cd pour && structlearn run              cuts, primitives, feedback, skill: reports/tasks/pour/index.html
+    structlearn check pour                  can the robot do what the skill may ask? (`robot:` in the entry)
     structlearn view pour                   the recordings in 3-D
+    structlearn export pour                 the demonstrations as a LeRobotDataset
+    structlearn excite --urdf arm.urdf      a motion to record, from which an arm is identified
 
-A project has its entries in `structlearn.yaml`, its pipeline in `dvc.yaml`, and a git and DVC of its own. In
-a clone of structlearn the same commands work on `stages/tasks/own.yaml`.
+Recordings are ROS bags (.mcap, .db3, .bag), tables of poses (.csv, .parquet) or LeRobotDatasets. A project
+has its entries in `structlearn.yaml`, its pipeline in `dvc.yaml`, and a git and DVC of its own. An entry says
+what differs from `structlearn defaults`, for example
+
+    movement:
+      pour:
+        source: ~/bags                      # a recording per demonstration, or several repeats in each:
+        repeats: auto
+        topics: {pose: /gripper/pose}
+        segment: {primitives: [reach, pour, retreat]}
+        robot: {urdf: ~/arm.urdf, tip: tool0}
+
+In a clone of structlearn the same commands work on `stages/tasks/own.yaml`.
 """
 
 import argparse
@@ -171,6 +185,13 @@ def inspect(given: argparse.Namespace) -> None:
     look(given.source, given.urdf, given.output)
 
 
+def excite(given: argparse.Namespace) -> None:
+    """Design a motion to record, from which the inertias and friction of an arm are identified."""
+    from structlearn.tasks.motion.excite import design_trajectory
+
+    design_trajectory(given.task, given.urdf, given.lock)
+
+
 def _dvc(folder: Path, *words: str) -> None:
     """Run DVC with this Python's programs first; its exit code is ours."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
@@ -229,6 +250,11 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     one.add_argument("--fps", type=int, help="frames per second (default: those of the task's clock)")
     one.add_argument("--words", help="what is done, in words (default: the task's title or name)")
     one.add_argument("--robot", help="name of the robot")
+    one = command("excite", excite, "design a motion to identify an arm from, within the limits of its URDF")
+    robot = one.add_mutually_exclusive_group(required=True)
+    robot.add_argument("--task", help="a task whose entry names the robot")
+    robot.add_argument("--urdf", help="the robot")
+    one.add_argument("--lock", nargs="*", default=(), help="joints that do not move, e.g. of a gripper")
     command("defaults", defaults, "print what an entry may set, with units and defaults")
     one = command("inspect", inspect, "say what recordings hold, whether they are fit, and propose an entry")
     one.add_argument("source", help="a file, a bag, or a folder of them")

@@ -17,12 +17,12 @@ Movements are planar: a way over or under an obstacle is not looked for.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from pydantic import Field, PositiveFloat
 
 from structlearn.avoidance.features import MIRROR
 from structlearn.avoidance.shapes import Obstacle
+from structlearn.core.compilation import numba
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 

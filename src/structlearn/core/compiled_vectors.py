@@ -2,8 +2,9 @@
 
 from functools import partial
 
-import numba
 import numpy as np
+
+from structlearn.core.compilation import numba
 
 compiled_inside = partial(
     numba.njit, cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True

@@ -6,9 +6,9 @@ run adds: which row of the plan is due, how old the sensor's sample is, and boun
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.feedback.coupling_model import evaluate
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.vector import OFFSET_SAMPLES

@@ -19,7 +19,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
@@ -27,6 +26,7 @@ from numba.extending import intrinsic
 from pydantic import Field, PositiveInt
 
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
+from structlearn.core.compilation import numba
 from structlearn.core.errors import InputError
 from structlearn.core.params import Name, Parameters
 from structlearn.feedback import models

@@ -7,8 +7,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numba
 import numpy as np
+
+from structlearn.core.compilation import numba
 
 Layers = Sequence[tuple[np.ndarray, np.ndarray]]
 """Weights (after, before) and biases (after,) of each layer, e.g. `StackedLayers.layers_of`."""

@@ -35,11 +35,11 @@ common size.
 from dataclasses import dataclass
 from typing import Literal, Self
 
-import numba
 import numpy as np
 from pydantic import Field
 from scipy.linalg import solve_triangular
 
+from structlearn.core.compilation import numba
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 

@@ -11,10 +11,10 @@ axis is integrated exactly.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from structlearn.core import quaternion
+from structlearn.core.compilation import numba
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Coupling, step_matrix

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-import numba
 import numpy as np
 from scipy.linalg import expm
 
+from structlearn.core.compilation import numba
 from structlearn.primitives.trajectory import Trajectory
 
 ALPHA = 25.0

@@ -28,7 +28,7 @@ from structlearn.readers.cdr import (
     sample_stamps,
     sequence,
 )
-from structlearn.readers.clock import AS_WRITTEN, MAX_GAP_S, StampPolicy, in_order, on_one_clock
+from structlearn.readers.clock import AS_WRITTEN, StampPolicy, in_order
 from structlearn.readers.messages import FIELDS, check_readable, joint_messages
 from structlearn.readers.recording import JOINT_KINDS, Kind, Stream, at_row
 from structlearn.readers.runs import Series, read_series, write_series
@@ -160,29 +160,6 @@ def read_log_table(
         except KeyError as missing:
             raise InputError(f"{path}: no {kind.__name__}: {run.name} has no {missing}") from missing
     return logs
-
-
-def on_clock(
-    log: DriveLog, rate_hz: float, delays_s: np.ndarray, max_gap_s: float = MAX_GAP_S
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A log on one uniform clock (`clock.on_one_clock`), each joint's current put back to when it acted.
-
-    `delays_s`: (..., n) by how much each measured current is later than the motion that it belongs to;
-    several assumptions about it share the clock. Returns times (N,) s, positions and velocities (N, n),
-    currents (..., N, n).
-    """
-    late = np.round(np.asarray(delays_s) * 1e9).astype(np.int64)
-    streams = [
-        Stream("positions", "joint_positions", log.stamps, log.positions),
-        Stream("velocities", "joint_velocities", log.stamps, log.velocities),
-    ]
-    streams += [
-        Stream("currents", "joint_torques", log.stamps - late[place], log.currents[:, [place[-1]]])
-        for place in np.ndindex(late.shape)
-    ]
-    time, (positions, velocities, *currents) = on_one_clock(log.name, streams, rate_hz, max_gap_s)
-    stacked = np.stack([its[:, 0] for its in currents]).reshape(*late.shape, -1)
-    return time, positions, velocities, np.ascontiguousarray(np.swapaxes(stacked, -1, -2))
 
 
 def write_joint_log(log: JointLog, path: str | Path) -> None:

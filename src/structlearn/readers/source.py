@@ -5,14 +5,11 @@ called "5"; `tilt_left` is one too. A set of recordings of each is a folder that
 """
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field
 
-from structlearn.core.errors import InputError
-from structlearn.core.params import Name, Parameters, home_path
+from structlearn.core.params import Name, Parameters
 from structlearn.readers.clock import StampPolicy
 
 
@@ -51,28 +48,3 @@ def setting_label(setting: Any) -> Any:
 
 Setting = Annotated[str, BeforeValidator(setting_label), Field(pattern=r"^-?\w[\w .+()-]*$")]
 """A setting in a parameter file: a number, which may be negative, or a name as of `core.params.NAME`."""
-
-
-def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]:
-    """Folders of a source by the label of their setting: those that are named, then all others.
-
-    Raises InputError: there is no such folder, two of its folders are one setting, or one of those named is
-    missing.
-    """
-    source = home_path(source)
-    if not source.is_dir():
-        raise InputError(f"{source}: no such folder")
-    found: dict[str, Path] = {}
-    for path in sorted(source.iterdir()):
-        if path.is_dir() and not path.name.startswith("."):
-            label = setting_label(path.name)
-            if label in found:
-                raise InputError(f"{path}: the setting {label} has another folder, {found[label].name}, too")
-            found[label] = path
-    missing = [label for label in named if label not in found]
-    if missing:
-        raise InputError(
-            f"{source}: nothing was recorded in the setting {', '.join(missing)}; there are "
-            f"{', '.join(found) or 'none'}"
-        )
-    return {label: found[label] for label in (*named, *(one for one in found if one not in named))}

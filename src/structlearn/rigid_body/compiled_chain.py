@@ -13,9 +13,9 @@ and one back. A screw, twist or wrench is angular, then linear part: (w, v) and 
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import compiled_inside, cross
 from structlearn.rigid_body.compiled_dynamics import chain_arrays, joint_placement
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias

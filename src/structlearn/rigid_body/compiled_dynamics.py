@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, get_args
 
-import numba
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import cross
 from structlearn.networks.compiled_layers import affine, hidden_layers
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm

@@ -8,10 +8,10 @@ autograd give the same, more slowly.
 import math
 from collections.abc import Sequence
 
-import numba
 import numpy as np
 import torch
 
+from structlearn.core.compilation import numba
 from structlearn.networks.torch_settings import AdamParameters
 from structlearn.rigid_body.friction import SIGNED, FrictionTerm, friction_regressor
 from structlearn.rigid_body.inertia_parameters import (

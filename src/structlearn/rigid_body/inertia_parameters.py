@@ -24,11 +24,11 @@ where R = exp(v) and Jl is the left Jacobian of the rotation group. Symmetric ma
 import math
 from typing import Literal, get_args
 
-import numba
 import numpy as np
 import torch
 from torch import Tensor
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import cross
 from structlearn.rigid_body.tree import LinkInertias
 

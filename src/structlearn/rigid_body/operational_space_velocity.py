@@ -14,10 +14,10 @@ forces, is `simulation.operational_space`.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from pydantic import Field
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import compiled_inside, cross
 from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_chain import (

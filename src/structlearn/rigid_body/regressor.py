@@ -8,11 +8,11 @@ are fixed, Y of a data set is computed once, and training needs autograd only th
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import torch
 from torch import Tensor
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import cross
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 

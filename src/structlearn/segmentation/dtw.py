@@ -3,9 +3,9 @@
 Only two rows of the cost table are kept; the way back needs no more than one byte per cell.
 """
 
-import numba
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.core.signals import standardise, standardise_together
 
 INSERTION, MATCHING, DELETION = 0, 1, 2  # ties are broken in this order, as the text's list of ancestors

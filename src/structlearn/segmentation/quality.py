@@ -57,7 +57,8 @@ def quality(
     `cuts`: by primitive in order of time, index demonstration, columns `start_s`, `end_s`. `smoothing_hz`:
     low-pass of positions before they are differentiated. Returns a row per demonstration: `demonstration`,
     `MEASURES` (means over the primitives; `distance_mm` from the mean path of each primitive, over normalised
-    time, in the direction from start to end) and `outlier`, the measures that differ, or empty.
+    time, in the direction from start to end), `outlier`, the measures that differ, or empty, and `rank`, the
+    best first: by the mean of its ranks in the measures.
     """
     paths: dict[str, list[np.ndarray]] = {name: [] for name in cuts}
     rows = []
@@ -70,9 +71,9 @@ def quality(
         for name, table in cuts.items():
             start, end = table.loc[run.name, ["start_s", "end_s"]]
             part = (run.time >= start) & (run.time <= end)
-            found.append(
-                (spectral_arc_length(speed[part], run.dt), log_dimensionless_jerk(smooth[part], run.dt))
-            )
+            if speed[part].max() > 0.0:  # else it only turns
+                smoothness = spectral_arc_length(speed[part], run.dt)
+                found.append((smoothness, log_dimensionless_jerk(smooth[part], run.dt)))
             moved = smooth[part] - smooth[part][0]
             paths[name].append(signals.time_normalised(moved, POINTS))
         start = min(table.loc[run.name, "start_s"] for table in cuts.values())
@@ -86,6 +87,9 @@ def quality(
     ]
     table["distance_mm"] = 1e3 * np.mean(away, axis=0)
     table["outlier"] = _outliers(table)
+    better_large = dict(zip(MEASURES, (True, True, False, False), strict=True))
+    ranks = [table[name].rank(ascending=not large) for name, large in better_large.items()]
+    table["rank"] = np.mean(ranks, axis=0).argsort(kind="stable").argsort() + 1
     return table
 
 

@@ -62,19 +62,19 @@ def split(
             f"same {moves} move{'s' * (moves > 1)} again"
         )
     parts, rows = [], []
-    for recording, one, chains in zip(recordings, candidates, found, strict=True):
+    for recording, its, chains in zip(recordings, candidates, found, strict=True):
         if len(chains) != (count or len(chains)) or not len(chains):
             wanted = f", not {count}" if count else ""
-            raise InputError(f"{recording.name}: has {_times(recording, one, chains)}{wanted}")
-        if (before := float(one.travelled[one.first[chains[0, 0]]])) > longest:
+            raise InputError(f"{recording.name}: has {_times(recording, its, chains)}{wanted}")
+        if (before := float(its.travelled[its.first[chains[0, 0]]])) > longest:
             raise InputError(
                 f"{recording.name}: where a repeat begins is ambiguous: before the first of "
-                f"{_times(recording, one, chains)} the hand goes {before:.2f} m, farther than in any of its "
+                f"{_times(recording, its, chains)} the hand goes {before:.2f} m, farther than in any of its "
                 f"{moves} moves; name all moves, also the way back"
             )
-        costs = [unlike(one, pattern, place)[0] for place in range(moves)]
+        costs = [unlike(its, pattern, place)[0] for place in range(moves)]
         for number, chain in enumerate(chains, start=1):
-            first, last = _with_rests(one, chain, MOVED * longest, round(REST_S / recording.dt))
+            first, last = _with_rests(its, chain, MOVED * longest, round(REST_S / recording.dt))
             name = f"{recording.name}-{number:02d}"
             parts.append(_part(recording, name, first, last))
             mean = np.mean([cost[chosen] for cost, chosen in zip(costs, chain, strict=True)])

@@ -11,9 +11,9 @@ joint by joint, always the first one that contradicts it: M is positive definite
 one, and this ends there (Murty 1974). Mostly the guess is right, and a step costs one Cholesky factor.
 """
 
-import numba
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import compiled_inside
 from structlearn.rigid_body.compiled_chain import Workspace, factorise, solve
 

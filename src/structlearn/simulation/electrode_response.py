@@ -15,10 +15,10 @@ recorded runs of 10 s quiet electrodes do not move beyond their noise.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from pydantic import Field
 
+from structlearn.core.compilation import numba
 from structlearn.core.params import Parameters
 
 

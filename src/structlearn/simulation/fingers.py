@@ -12,10 +12,10 @@ and where the tool sits belong to the grasp and are drawn from the trial's gener
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from pydantic import Field
 
+from structlearn.core.compilation import numba
 from structlearn.simulation.electrode_response import (
     PLAY_N,
     Response,

@@ -16,11 +16,11 @@ it is, since an object that slides or rolls over the skin does not stick to it.
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from pydantic import Field
 
 from structlearn.core import quaternion
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import cross
 from structlearn.core.params import Parameters
 from structlearn.simulation.electrode_response import (

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numba
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from structlearn.core.artefacts import read_tensors, write_tensors
+from structlearn.core.compilation import numba
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.parallel import parallel_map
 from structlearn.tactile.latent_parameters import GeodesicParameters

@@ -50,8 +50,8 @@ def entry_files(clone: Path | None = None) -> tuple[Path, ...]:
 
 
 def defaults_file(clone: Path | None = None) -> Path:
-    """File with the defaults of all kinds of data, likewise."""
-    return (PACKAGED if clone is None and is_lab() else clone or folder()) / DEFAULTS
+    """File with the defaults of all kinds of data: the package's, but of a clone its own."""
+    return (PACKAGED if clone is None and (is_lab() or not CLONE.is_dir()) else clone or CLONE) / DEFAULTS
 
 
 def pipeline() -> str:

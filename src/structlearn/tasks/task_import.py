@@ -25,11 +25,14 @@ from structlearn import readers
 from structlearn.avoidance.avoidance_dataset import to_table
 from structlearn.core.artefacts import publish, write_csv, write_metrics, write_table
 from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.params import home_path
 from structlearn.readers import Recording, read_recordings, synchronise
+from structlearn.readers.bag_files import recording_files
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import JointLog, read_joint_logs, write_log_table
 from structlearn.readers.runs import write_runs, write_streams
-from structlearn.readers.source import ClockParameters, SourceParameters, setting_folders
+from structlearn.readers.source import ClockParameters, SourceParameters, setting_label
+from structlearn.readers.text_log import read_each
 from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
 from structlearn.segmentation.repeats import split
 from structlearn.tasks.motion.motion_parameters import MotionParameters
@@ -180,14 +183,14 @@ def _on_clock(
     left_out: LeftOut,
     refuse_jumps: bool = True,
 ) -> list[Demonstration]:
-    """Of a public set what fails its checks is left out; of a lab's recordings it is an error."""
+    """What fails its checks is left out or an error, see `_goes_on`."""
     on = clock.model_dump() if clock else {}  # without: the rate of the poses
     runs = []
     for one in recordings:
         try:
             runs.append(synchronise(one, **on, refuse_jumps=refuse_jumps))
         except InputError as error:
-            if not is_public(task.source):
+            if not _goes_on(task):
                 raise InputError(f"{task.source}: {error}") from error
             left_out[one.name] = str(error)
     if not runs:
@@ -218,7 +221,15 @@ def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
 
 def read_movement(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
     """Recordings with the signals of the entry's topics."""
-    return read_recordings(folder, entry.topics, entry.stamps)
+    paths = [file.path for file in recording_files(folder)]
+    skipped = left_out if _goes_on(entry) else None
+    return read_each(lambda path: read_recordings(path, entry.topics, entry.stamps)[0], paths, skipped)
+
+
+def _goes_on(task: SourceParameters) -> bool:
+    """Whether recordings that fail are left out: of a public set, or as the entry of a movement says."""
+    cutting = task.segment if isinstance(task, MovementEntry) else None
+    return is_public(task.source) or (cutting is not None and cutting.skip_failures)
 
 
 def read_motion(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[JointLog]:
@@ -251,3 +262,28 @@ def read_touch(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[TouchLog
     if entry.over_time:
         return recordings
     return [touch_of(synchronise(one, **entry.clock.model_dump())) for one in recordings]
+
+
+def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]:
+    """Folders of a source by the label of their setting: those that are named, then all others.
+
+    Raises InputError: there is no such folder, two of its folders are one setting, or one of those named is
+    missing.
+    """
+    source = home_path(source)
+    if not source.is_dir():
+        raise InputError(f"{source}: no such folder")
+    found: dict[str, Path] = {}
+    for path in sorted(source.iterdir()):
+        if path.is_dir() and not path.name.startswith("."):
+            label = setting_label(path.name)
+            if label in found:
+                raise InputError(f"{path}: the setting {label} has another folder, {found[label].name}, too")
+            found[label] = path
+    missing = [label for label in named if label not in found]
+    if missing:
+        raise InputError(
+            f"{source}: nothing was recorded in the setting {', '.join(missing)}; there are "
+            f"{', '.join(found) or 'none'}"
+        )
+    return {label: found[label] for label in (*named, *(one for one in found if one not in named))}

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Self
 
-import numba
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.feedback.coupling_model import (
     Compiled,
     CouplingModel,

@@ -16,10 +16,10 @@ import numpy as np
 from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
 from structlearn.readers.recording import Stream
-from structlearn.readers.survey import Stamps, stamps_of
 from structlearn.readers.topics import JointPose, TransformPose
 from structlearn.rigid_body.urdf import HANDS
 from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
+from structlearn.tasks.inspection.clocks import Stamps, stamps_of
 
 SPEED_HZ = 2.0
 """Hz, low-pass of the positions before they are differentiated: the method's for finding a movement."""

@@ -16,9 +16,9 @@ from structlearn.readers.computed_pose import TransformSeries, transform_series
 from structlearn.readers.joint_log import JointSeries, chosen, joint_series
 from structlearn.readers.messages import READERS
 from structlearn.readers.recording import Stream
-from structlearn.readers.survey import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.readers.topics import JointPose, TopicMap, TransformPose
 from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
+from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path
 

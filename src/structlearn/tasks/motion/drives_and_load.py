@@ -10,7 +10,9 @@ import pandas as pd
 from structlearn.core import signals
 from structlearn.core.metrics import block_count
 from structlearn.core.parallel import parallel_map
-from structlearn.readers.joint_log import DriveLog, on_clock
+from structlearn.readers.clock import MAX_GAP_S, on_one_clock
+from structlearn.readers.joint_log import DriveLog
+from structlearn.readers.recording import Stream
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.identification import drawn_fits, identify_load
@@ -94,6 +96,29 @@ def drive_tables(
         "gains": found_gains(table, parameters),
         "delay_curves": pd.concat(curves, ignore_index=True),
     }
+
+
+def on_clock(
+    log: DriveLog, rate_hz: float, delays_s: np.ndarray, max_gap_s: float = MAX_GAP_S
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A log on one uniform clock (`clock.on_one_clock`), each joint's current put back to when it acted.
+
+    `delays_s`: (..., n) by how much each measured current is later than the motion that it belongs to;
+    several assumptions about it share the clock. Returns times (N,) s, positions and velocities (N, n),
+    currents (..., N, n).
+    """
+    late = np.round(np.asarray(delays_s) * 1e9).astype(np.int64)
+    streams = [
+        Stream("positions", "joint_positions", log.stamps, log.positions),
+        Stream("velocities", "joint_velocities", log.stamps, log.velocities),
+    ]
+    streams += [
+        Stream("currents", "joint_torques", log.stamps - late[place], log.currents[:, [place[-1]]])
+        for place in np.ndindex(late.shape)
+    ]
+    time, (positions, velocities, *currents) = on_one_clock(log.name, streams, rate_hz, max_gap_s)
+    stacked = np.stack([its[:, 0] for its in currents]).reshape(*late.shape, -1)
+    return time, positions, velocities, np.ascontiguousarray(np.swapaxes(stacked, -1, -2))
 
 
 def current_motion(

@@ -1,11 +1,10 @@
-"""Design a trajectory to identify an arm from, within the limits of its URDF: `make excite TASK=arm`.
+"""Design a trajectory to identify an arm from, within the limits of its URDF: `structlearn excite`.
 
 A robot moves so before there are logs of it, so this asks for a URDF and for no recordings. It writes into
 `reports/excitation/NAME`: `trajectory.csv`, and a page with the check against the URDF and the gain over
 random trajectories. What stands around the robot is not known here.
 """
 
-import argparse
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +16,7 @@ from pydantic import Field
 
 from structlearn.core.artefacts import write_csv
 from structlearn.core.errors import InputError
-from structlearn.core.stage import run, stage_parameters
+from structlearn.core.stage import stage_parameters
 from structlearn.rigid_body.excitation import (
     Arena,
     ExcitationParameters,
@@ -63,12 +62,12 @@ class ExciteParameters(ExcitationParameters):
     draws: int = Field(ge=10)
 
 
-def main() -> None:
-    """Design, write, and say what came out."""
-    given = _arguments()
+def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> None:
+    """Design, write, and say what came out: for the robot of a task, or of a URDF with joints to lock."""
     parameters = stage_parameters("excite", ExciteParameters, project.defaults_file())
-    urdf, locked = robot_of(given.task) if given.task else (given.urdf, given.lock)
-    name = given.task or re.sub(r"[^a-z0-9_-]", "_", Path(urdf).stem.lower())
+    if task:
+        urdf, locked = robot_of(task)
+    name = task or re.sub(r"[^a-z0-9_-]", "_", Path(urdf).stem.lower())
     path = urdf_path(str(local_path(urdf)))
     robot = read_urdf(path, locked)
     its, shapes, links = space(robot, path, locked, parameters)
@@ -77,7 +76,7 @@ def main() -> None:
     joints, gains = joint_table(robot, its, motion), gain_table(its, shapes, times, motion, parameters)
     facts = {"urdf": urdf, "name": name, "seconds": times[-1], "links": links, "samples": len(times)}
     facts["noise"] = 100 * parameters.noise_share
-    facts["command"] = f"make excite TASK={given.task}" if given.task else f"make excite URDF={given.urdf}"
+    facts["command"] = f"structlearn excite {f'--task {task}' if task else f'--urdf {urdf}'}"
     publish_excitation(REPORTS / name, facts, joints, gains, (times, motion), parameters)
     write_csv(trajectory_table(robot, times, motion), REPORTS / name / "trajectory.csv")
     gain, kept = gains["gain"].median(), " ".join(joints["kept"])
@@ -90,7 +89,7 @@ def robot_of(task: str) -> tuple[str, Sequence[str]]:
     """URDF and locked joints of the robot that a task's entry names; its recordings need not be there."""
     entry = read_task(task)
     robot = entry if isinstance(entry, MotionParameters) else getattr(entry, "robot", None)
-    if robot is None:
+    if robot is None or robot.urdf is None:
         raise InputError(f"{project.entry_files()[-1]}: {task}: names no robot")
     return robot.urdf, robot.locked_joints
 
@@ -188,18 +187,3 @@ def trajectory_table(robot: Robot, times: np.ndarray, motion: Motion) -> pd.Data
     for name, values in (("position", motion.q), ("velocity", motion.qd), ("acceleration", motion.qdd)):
         columns |= {f"{name}_{joint}": values[:, place] for place, joint in enumerate(robot.tree.names)}
     return pd.DataFrame(columns)
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="excite", description="Design a trajectory to identify an arm from."
-    )
-    robot = parser.add_mutually_exclusive_group(required=True)
-    robot.add_argument("--task", help="a task whose entry names the robot")
-    robot.add_argument("--urdf", help="the robot")
-    parser.add_argument("--lock", nargs="*", default=(), help="joints that do not move, e.g. of a gripper")
-    return parser.parse_args()
-
-
-if __name__ == "__main__":
-    run(main)

@@ -3,7 +3,7 @@
 A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -25,6 +25,12 @@ SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}
 """Quantities that a longer duration lessens, and with which power."""
 
 
+NOTHING_TRIED = pd.DataFrame(
+    {"change": [], "failing_runs": [], "still_failing": [], "least_margin_share": []}
+)
+"""Columns of `SkillCheck.tried`."""
+
+
 @dataclass(frozen=True)
 class SkillCheck:
     """Results."""
@@ -34,6 +40,9 @@ class SkillCheck:
     margins: pd.DataFrame
     rest: dict[str, float]  # rest configuration by joint, rad or m
     notes: tuple[str, ...]  # what was not tested, and why
+    # what was tried to mend the runs that fail: the change in words, how many runs failed and still do, and
+    # their least margin; the last row is the advice if it mends all
+    tried: pd.DataFrame
 
     @property
     def verdict(self) -> str:
@@ -56,6 +65,22 @@ class SkillCheck:
     def failing(self) -> pd.DataFrame:
         """Rows of what a run does not keep."""
         return self.margins[self.margins["verdict"] == NO]
+
+    @property
+    def advice(self) -> str:
+        """What mends all runs that fail, as tried; empty if nothing does."""
+        mends = self.tried["change"][self.tried["still_failing"] == 0]
+        return str(mends.iloc[-1]) if len(mends) else ""
+
+    @property
+    def faults(self) -> list[str]:
+        """In words the worst of each quantity that a run does not keep: which joint, by how much and when."""
+        failing = replace(self, margins=self.failing).worst("quantity") if len(self.failing) else self.failing
+        return [
+            f"{row.quantity} of {row.where} is {row.value:.3g} {row.unit} at {row.time_s:.2f} s "
+            f"({'correction ' * (row.kind == CORRECTIONS)}{row.run}), its bound {row.bound:.3g}"
+            for row in failing.itertuples()
+        ]
 
     def worst(self, *by: str) -> pd.DataFrame:
         """The row with the least margin by these columns, in the order of the runs."""
@@ -94,15 +119,17 @@ def write_check(check: SkillCheck, folder: str | Path) -> None:
         path.mkdir()
         write_table(check.margins, path / "margins.parquet")
         write_table(rest, path / "rest.parquet")
+        write_table(check.tried, path / "tried.parquet")
         write_table(pd.DataFrame({"note": pd.Series(check.notes, dtype=str)}), path / "notes.parquet")
 
 
 def read_check(folder: str | Path) -> SkillCheck:
     """Read what was found. Raises InputError: a file is missing or damaged."""
-    margins, rest, notes = (
-        read_table(Path(folder) / f"{name}.parquet") for name in ("margins", "rest", "notes")
+    margins, rest, notes, tried = (
+        read_table(Path(folder) / f"{name}.parquet") for name in ("margins", "rest", "notes", "tried")
     )
-    return SkillCheck(margins, dict(zip(rest["joint"], rest["rest"], strict=True)), tuple(notes["note"]))
+    named = dict(zip(rest["joint"], rest["rest"], strict=True))
+    return SkillCheck(margins, named, tuple(notes["note"]), tried)
 
 
 def lines(check: SkillCheck) -> list[str]:
@@ -115,8 +142,12 @@ def lines(check: SkillCheck) -> list[str]:
         f"{check.verdict}: {figures['check_failing_runs']} of {figures['check_runs']} runs fail; "
         f"the nominal one: {figures['check_nominal']}"
     )
-    slower = [f"durations x {check.stretch:.2f} would keep velocity, acceleration and jerk"]
-    return [table, *check.notes, *(slower if check.stretch > 1.0 else []), verdict]
+    tried = [
+        f"tried: {row.change}: {row.still_failing} of {row.failing_runs} runs still fail"
+        for row in check.tried.itertuples()
+    ]
+    advice = [f"advice: {check.advice}"] if check.advice else []
+    return [table, *check.notes, *check.faults, *tried, *advice, verdict]
 
 
 def main(files: TaskFiles) -> bool:

@@ -38,6 +38,9 @@ def check_section(files: TaskFiles) -> Section | None:
             "rest": check.rest,
             "notes": check.notes,
             "failing": list(check.failing["quantity"].unique()),
+            "faults": check.faults,
+            "advice": check.advice,
+            "tried": len(check.tried),
             "kinds": [kind for kind in KINDS if kind in set(check.margins["kind"])],
             "searched": robot.rest_configuration is None,
         },
@@ -46,7 +49,8 @@ def check_section(files: TaskFiles) -> Section | None:
             "check": by_quantity(check),
             "check_worst": worst(check),
             "check_runs": by_run(check),
-        },
+        }
+        | ({"check_tried": shown(check.tried)} if len(check.tried) else {}),
         pictures={"check_margins": margins_figure(check.margins)},
     )
 

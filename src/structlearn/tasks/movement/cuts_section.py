@@ -14,6 +14,7 @@ from structlearn.reporting.movement_figures import draw_cuts, noise_figure, shad
 from structlearn.reporting.prose import level_name, listing
 from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import errors_by_level, errors_by_seed, paired_comparison
+from structlearn.segmentation.quality import MEASURES, quality
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_learning import cut_metrics
 from structlearn.tasks.movement.movement_parameters import MovementEntry
@@ -75,6 +76,7 @@ def cuts_section(files: TaskFiles) -> Section:
     drawn = sorted(cut, key=lambda name: name not in doubted)[:DRAWN] if own.given is None else []
     points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
     points = points[["demonstration", "primitive", "start_s", "end_s"]]
+    made = quality(demonstrations, segmentation.results, own.fit.smoothing_hz) if own.given is None else None
     return Section(
         "cuts",
         "Cuts",
@@ -88,6 +90,7 @@ def cuts_section(files: TaskFiles) -> Section:
             "doubts": len(segmentation.doubts),
             "doubtful": [name for name in cut if name in doubted],
             "kept": own.keep_doubtful,
+            "outliers": [] if made is None else made.loc[made["outlier"] != "", "demonstration"].tolist(),
             "true": any(one.true_segments is not None for one in demonstrations),
         },
         find=Findings.of_metrics(
@@ -97,6 +100,7 @@ def cuts_section(files: TaskFiles) -> Section:
             "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
             "left_out": Table(segmentation.left_out),
             "doubts": Table(segmentation.doubts, {"number": ".2f"}),
+            **({} if made is None else {"quality": quality_table(made)}),
             "cut_points": shown(points.sort_values(["demonstration", "start_s"]), start_s=".3f", end_s=".3f"),
         },
         pictures={"cuts": [speed_panel(by_name[name], segmentation) for name in drawn]} if drawn else {},
@@ -115,6 +119,13 @@ def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Se
         durations = cuts["end_s"] - cuts["start_s"]
         rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(ways)))
     return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", "way_mm"])
+
+
+def quality_table(made: pd.DataFrame) -> Table:
+    """How well each demonstration was made, the best first; outliers stand out."""
+    ranked = made.sort_values("rank").reset_index(drop=True)
+    columns = ["rank", "demonstration", *MEASURES, "outlier"]
+    return shown(ranked[columns], frozenset(np.flatnonzero(ranked["outlier"] != "").tolist()))
 
 
 def rests_section(files: TaskFiles) -> Section | None:

@@ -12,8 +12,9 @@ Every run is followed by inverse kinematics from near the same rest configuratio
 | joint jump | 0.1 rad (m) between two samples, which no arm follows |
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -24,7 +25,7 @@ from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
 from structlearn.primitives.vector import sample_count
@@ -34,8 +35,10 @@ from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.movement.check_results import (
     CORRECTIONS,
     GOALS,
+    NO,
     NOMINAL,
     NOT_TESTED,
+    NOTHING_TRIED,
     STARTS,
     THIN,
     SkillCheck,
@@ -58,23 +61,26 @@ class Unroll:
     orientation: np.ndarray | None  # (T, 4) unit quaternions
 
 
-def unrolls(skill: ReactiveSkill, rate_hz: float) -> Iterator[Unroll]:
-    """The nominal run, 8 starts, 8 goals per primitive, and two runs per axis with feedback."""
-    silent = replace(skill, networks={})
+def unrolls(skill: ReactiveSkill, rate_hz: float, slower: float = 1.0) -> Iterator[Unroll]:
+    """The nominal run, 8 starts, 8 goals per primitive, and two runs per axis with feedback.
+
+    `slower`: factor of all durations.
+    """
+    silent, run = replace(skill, networks={}), partial(_run, rate_hz=rate_hz, slower=slower)
     start, goals = default_start(skill.primitives), default_goals(skill.primitives)
-    yield _run(silent, rate_hz, NOMINAL, "as demonstrated", start, goals)
+    yield run(silent, NOMINAL, "as demonstrated", start, goals)
     for name, corner in _corners(skill):
-        yield _run(silent, rate_hz, STARTS, f"start {name}", PoseGoal(corner, start.orientation), goals)
+        yield run(silent, STARTS, f"start {name}", PoseGoal(corner, start.orientation), goals)
     for place, (primitive, goal) in enumerate(zip(skill.primitives, goals, strict=True)):
         for name, corner in _corners(skill):
             changed = [*goals[:place], PoseGoal(corner, goal.orientation), *goals[place + 1 :]]
-            yield _run(silent, rate_hz, GOALS, f"end of {primitive.name} {name}", start, changed)
+            yield run(silent, GOALS, f"end of {primitive.name} {name}", start, changed)
     for axis, sign in product(skill.axes, (1.0, -1.0)):
         pushing = open_loop(np.full(KERNEL_COUNT, sign * BEYOND_ALL_BOUNDS))
         networks = {name: {axis: pushing} for name, its in skill.networks.items() if axis in its}
         pushed = replace(skill, networks=networks)
         # the phase velocity, with which networks are modulated, is negative
-        yield _run(pushed, rate_hz, CORRECTIONS, f"{axis} {'-' if sign > 0 else '+'}", start, goals)
+        yield run(pushed, CORRECTIONS, f"{axis} {'-' if sign > 0 else '+'}", start, goals)
 
 
 def _corners(skill: ReactiveSkill) -> Iterator[tuple[str, np.ndarray]]:
@@ -88,12 +94,19 @@ def _corners(skill: ReactiveSkill) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _run(
-    skill: ReactiveSkill, rate_hz: float, kind: str, name: str, start: PoseGoal, goals: list[PoseGoal]
+    skill: ReactiveSkill,
+    kind: str,
+    name: str,
+    start: PoseGoal,
+    goals: list[PoseGoal],
+    rate_hz: float,
+    slower: float,
 ) -> Unroll:
     """What the controller gives, tick for tick."""
-    controller = Controller(skill, rate_hz, goals=goals)
+    durations = [slower * one.duration for one in skill.primitives]
+    controller = Controller(skill, rate_hz, durations, goals=goals)
     controller.start(start.position, start.orientation)
-    ticks = 1 + sum(sample_count(one.duration, 1.0 / rate_hz) - 1 for one in skill.primitives)
+    ticks = 1 + sum(sample_count(duration, 1.0 / rate_hz) - 1 for duration in durations)
     position, orientation = np.empty((ticks, 3)), np.empty((ticks, 4))
     for tick in range(ticks):
         controller.tick(None)
@@ -114,12 +127,16 @@ REACH_M, REACH_RAD = 1e-3, np.radians(0.5)
 JUMP = 0.1
 """rad or m from one sample to the next."""
 
+INSETS_M, SHARES = (0.02, 0.05), (2.0 / 3.0, 1.0 / 3.0)
+"""By how much the workspace is made smaller on every side, and what of the bounds is left, in two attempts:
+the latter is 1.5 times the largest correction that was demonstrated."""
+
 COARSE, SEED = 20, 1
 """Samples from one look at the nominal run to the next, and seed, of the search for a rest configuration."""
 
 
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
-    """Follow all runs of a skill with a robot.
+    """Follow all runs of a skill with a robot, and where some fail, try what would mend them (`changes`).
 
     Raises InputError: the URDF cannot be used, there are not as many bounds as joints, or no joint
     configuration reaches the start.
@@ -141,12 +158,60 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
         shapes, notes = None, (f"self-collision was not tested: {error}",)
     if skill.workspace is None:
         notes += ("the skill has no workspace, so starts and goals elsewhere were not tried",)
-    rows = []
-    for run in runs:
-        followed = follow(arm, run.position, run.orientation, 1.0 / RATE_HZ, rest)
-        found = margins(arm, followed, parameters, shapes)
-        rows += [{"kind": run.kind, "run": run.name, **row} for row in found]
-    return SkillCheck(pd.DataFrame(rows), dict(zip(arm.tree.names, rest.tolist(), strict=True)), notes)
+
+    def rows_of(its: Iterable[Unroll]) -> pd.DataFrame:
+        rows = []
+        for run in its:
+            followed = follow(arm, run.position, run.orientation, 1.0 / RATE_HZ, rest)
+            found = margins(arm, followed, parameters, shapes)
+            rows += [{"kind": run.kind, "run": run.name, **row} for row in found]
+        return pd.DataFrame(rows)
+
+    named_rest = dict(zip(arm.tree.names, rest.tolist(), strict=True))
+    check = SkillCheck(rows_of(runs), named_rest, notes, NOTHING_TRIED)
+    failing, tried = set(check.failing["run"]), []
+    for change, changed, slower in changes(skill, check):
+        again = (
+            in_arm_frames(run, parameters) for run in unrolls(changed, RATE_HZ, slower) if run.name in failing
+        )
+        still = rows_of(again)
+        left = int(still.loc[still["verdict"] == NO, "run"].nunique())
+        tried.append((change, len(failing), left, float(still["margin"].min())))
+        if left == 0:
+            break
+    return replace(check, tried=pd.DataFrame(tried, columns=NOTHING_TRIED.columns)) if tried else check
+
+
+def changes(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, ReactiveSkill, float]]:
+    """What might mend the runs that fail: words, the skill, and the factor of its durations.
+
+    Slower where velocity, acceleration or jerk fail; a smaller box where starts or goals do, smaller bounds
+    where corrections do; then both together.
+    """
+    kinds, stretch = set(check.failing["kind"]), 1.01 * check.stretch  # a little beyond the bound itself
+    slower = f"durations x {stretch:.2f}"
+    if not kinds:
+        return
+    if check.stretch > 1.0:
+        yield slower, skill, stretch
+    if NOMINAL in kinds:
+        return
+    for inset, share in zip(INSETS_M, SHARES, strict=True):
+        words, changed = [], skill
+        if kinds & {STARTS, GOALS} and skill.workspace is not None:
+            if np.any(skill.workspace.high - skill.workspace.low <= 2.0 * inset):
+                return
+            box = Workspace(skill.workspace.low + inset, skill.workspace.high - inset)
+            words.append(f"workspace_margin_m smaller by {inset:g} m")
+            changed = replace(changed, workspace=box)
+        if CORRECTIONS in kinds:
+            bounds = {axis: share * bound for axis, bound in skill.limits.largest_coupling.items()}
+            words.append(f"corrections of at most {share:.0%} of their bounds")
+            limits = skill.limits.model_copy(update={"largest_coupling": bounds})
+            changed = replace(changed, limits=limits)
+        yield " and ".join(words), changed, 1.0
+        if check.stretch > 1.0:
+            yield " and ".join([*words, slower]), changed, stretch
 
 
 def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:

@@ -6,9 +6,9 @@ PyBullet can move the arm between the same compiled ticks of its controller, to 
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import compiled_inside
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, model_torques

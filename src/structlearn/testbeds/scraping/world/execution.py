@@ -12,11 +12,11 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from pydantic import Field
 
 from structlearn.core import quaternion
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import compiled_inside
 from structlearn.core.params import Parameters
 from structlearn.feedback import controller_tick

@@ -9,9 +9,9 @@ centrifugal forces of the arm with its hand and tool.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import cross
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, factorise, solve, workspace
 from structlearn.testbeds.scraping.world.scraping_robot import ArmModel

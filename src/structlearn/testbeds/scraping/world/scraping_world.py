@@ -14,10 +14,10 @@ force enters as joint torques through the transposed Jacobian, which is what the
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from pydantic import Field
 
+from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import compiled_inside, cross
 from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, step, workspace
