@@ -86,6 +86,7 @@ REDUCED_TASKS = {
             "load": {"batch": 400, "iterations": 5},
         },
         "kuka_lwr4": {"iterations": 5, "draws": 100},
+        "delan_characters": {"parts": {"seeds": 2, "splits": 2, "epochs": 2}},
     },
     "touch": {
         "biotac": {

@@ -173,7 +173,7 @@ def test_lags_and_forces_are_found(learned):
     assert set(tables["force"]["press"]) == set(range(8))
     published = tables["published"].set_index(["quantity", "run"])["rms"]  # every place and depth recurs
     assert published["place_mm"].max() < 0.5
-    assert published["force_n"].max() < 1.5  # of 29 N: it knows of no lags
+    assert published["force_n"].max() < 1.5  # of 29 N
 
 
 def test_a_scale_that_says_too_little_is_left_aside(capsys):
@@ -248,7 +248,7 @@ def made_up(good=True):
         "force": both_ways(force, "c", "d"),
         "lags": pd.DataFrame(lag),
         "traces": traces.assign(learned_from="c", asked_about="d"),
-        "published": published.assign(rms=0.1 if good else 0.9, readings=200),
+        "published": published.assign(seen="counts", rms=0.1 if good else 0.9, readings=200),
     }
     return SkinRuns(tables, ("a",))
 

@@ -45,10 +45,10 @@ def read_motion(
     names = [ARRAYS[signal] for signal in signals_of(PartedLog)]
     logs = []
     for character in sorted({name.partition("/")[0] for name in arrays}):
-        its = {name: arrays.get(f"{character}/{name}") for name in ("t", *names)}
-        if missing := [name for name, values in its.items() if values is None]:
+        if missing := [name for name in ("t", *names) if f"{character}/{name}" not in arrays]:
             raise InputError(f"{path}: has no array {character}/{missing[0]}")
-        stamps = stamps_of(path, its.pop("t"))
-        joints = tuple(f"joint_{number}" for number in range(1, its["qp"].shape[-1] + 1))
-        logs.append(PartedLog(character, joints, stamps, *its.values(), provenance=provenance))
+        times, *signals = (arrays[f"{character}/{name}"] for name in ("t", *names))
+        joints = tuple(f"joint_{number}" for number in range(1, signals[0].shape[-1] + 1))
+        stamps = stamps_of(path, times)
+        logs.append(PartedLog(character, joints, stamps, *signals, provenance=provenance))
     return logs

@@ -137,5 +137,5 @@ class MotionParameters(SourceParameters):
 
 def read_logs(path: Path, parameters: MotionParameters) -> dict[str, Any]:
     """Logs by name from the table of an import, with the signals that the parameters ask for."""
-    kind = DriveLog if parameters.drives else PartedLog if parameters.parts else JointLog
+    kind: Any = DriveLog if parameters.drives else PartedLog if parameters.parts else JointLog
     return {log.name: log for log in read_log_table(path, kind)}

@@ -56,7 +56,8 @@ def learn_parts(
     }
     choices = held_out(list(logs), parameters)
     taught = [joined([motions[name] for name in logs if name not in its]) for _, _, its in choices]
-    rows, arms, joints = [], [], taught[0].joints
+    rows: list[tuple[str, str, int, str, str, float]] = []
+    arms, joints = [], taught[0].joints
     tree = planar_tree(np.zeros((joints - 1, 2)))
     for kind in parameters.hidden:
         for choice, network in zip(choices, learned_networks(kind, tree, taught, parameters), strict=True):

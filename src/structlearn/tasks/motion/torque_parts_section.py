@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, ORANGE, PINK, Look
+from structlearn.reporting.claims import Evidence
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
@@ -35,6 +36,7 @@ def parts_section(
         found = make(
             name, {part: its.item() for part, its in ratios.items()} if make == find.exact else ratios
         )
+        assert not isinstance(found, Evidence), "there is a row per part"
         for part, one in found.items():
             texts = [rounded(published[part] * one.value, ".1e")]
             if one.low < one.high:
@@ -70,6 +72,6 @@ def parts_panel(parts: pd.DataFrame, published: Mapping[str, float]) -> Figure:
         its = parts[parts["model"] == model]
         where = its["measure"].map(dict(zip(published, places, strict=True))) + shift
         axes.plot(where, its["error"], "o", color=look.colour, markersize=3.5, alpha=0.6, label=look.name)
-    axes.hlines(published.values(), places - 0.4, places + 0.4, color=BLACK, label="DeLaN, published")
+    axes.hlines(list(published.values()), places - 0.4, places + 0.4, color=BLACK, label="DeLaN, published")
     axes.set_xticks(places, list(published))
     return legend(figure)

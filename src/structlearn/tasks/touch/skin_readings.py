@@ -96,29 +96,67 @@ def within_runs(logs: Sequence[TouchLog], parameters: TouchParameters) -> pd.Dat
     """Errors of a Gaussian process on the end of each run, after its start: as the skin's authors test.
 
     Every place and depth recurs in a run, so what is tested on is known already. A run whose channels are not
-    those of the first one is of two skins, and its force is along them.
+    those of the first one is of two skins, and its force is along them. What the process sees (`SEEN`) is
+    chosen run by run, on the end of the part that is learned from.
 
     Returns:
-        `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `rms`, and the `readings` tested on.
+        `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `seen`, `rms`, and the `readings` tested on.
     """
     assert parameters.published is not None
-    rows = []
+    share, rows = parameters.published.first_share, []
     for log in logs:
-        counts, quantity, wanted = log.counts, "place_mm", log.place
+        kept, quantity, wanted = np.full(len(log.counts), True), "place_mm", log.place
         if log.force is not None:
-            weighed = np.isfinite(log.force)
-            counts, wanted = counts[weighed], log.force[weighed, None]
+            kept, wanted = np.isfinite(log.force), log.force[:, None]
             quantity = "force_n" if log.channels == logs[0].channels else "shear_n"
         elif wanted is not None:
             wanted = 1e3 * wanted[:, :PLANE]
         if wanted is None:
             continue
-        end = round(parameters.published.first_share * len(counts))
-        signals = (counts - counts[:end].mean(axis=0)) / counts[:end].std(axis=0)
-        read = gaussian_process(signals[:end], wanted[:end], parameters.rival_samples)
-        missed = np.linalg.norm(read(signals[end:]) - wanted[end:], axis=1)
-        rows.append((log.name, quantity, np.sqrt(np.mean(missed**2)), len(missed)))
-    return pd.DataFrame(rows, columns=["run", "quantity", "rms", "readings"])
+        wanted, end = wanted[kept], round(share * kept.sum())
+        candidates = SEEN if log.force is None else SEEN | SEEN_OVER_TIME
+        seen = {name: inputs(log)[kept] for name, inputs in candidates.items()}
+        tried = {
+            name: _end_errors(its[:end], wanted[:end], 1.0 - (1.0 - share) / share)
+            for name, its in seen.items()
+        }
+        best = min(tried, key=lambda name: np.mean(tried[name] ** 2))
+        missed = _end_errors(seen[best], wanted, share)
+        rows.append((log.name, quantity, best, np.sqrt(np.mean(missed**2)), len(missed)))
+    return pd.DataFrame(rows, columns=["run", "quantity", "seen", "rms", "readings"])
+
+
+def _end_errors(seen: np.ndarray, wanted: np.ndarray, share: float) -> np.ndarray:
+    """Distance of what is read from the end of a run, after its first share, to what was wanted."""
+    end = round(share * len(seen))
+    signals = (seen - seen[:end].mean(axis=0)) / np.maximum(seen[:end].std(axis=0), NEVER_VARIES)
+    read = gaussian_process(signals[:end], wanted[:end], end)
+    return np.linalg.norm(read(signals[end:]) - wanted[end:], axis=1)
+
+
+def _directions(log: TouchLog) -> np.ndarray:
+    """Counts over their norm, and its logarithm."""
+    norm = np.maximum(np.linalg.norm(log.counts, axis=1, keepdims=True), 1.0)
+    return np.hstack([log.counts / norm, np.log(norm)])
+
+
+def _earlier(log: TouchLog, seconds: float) -> np.ndarray:
+    """Counts so many seconds before each reading; before the first, those of the first."""
+    assert log.time is not None
+    return np.stack([np.interp(log.time - seconds, log.time, values) for values in log.counts.T], axis=1)
+
+
+SEEN: dict[str, Callable[[TouchLog], np.ndarray]] = {
+    "counts": lambda log: log.counts,
+    "counts over their norm": _directions,
+}
+"""What a Gaussian process may see of a run."""
+
+SEEN_OVER_TIME: dict[str, Callable[[TouchLog], np.ndarray]] = {
+    "counts and their change": lambda log: np.hstack([log.counts, log.counts - _earlier(log, 0.3)]),
+    "earlier counts": lambda log: _earlier(log, 0.1),
+}
+"""Likewise of force: skins creep, and lag behind. Of places, readings before would tell the probe's path."""
 
 
 def readings(

@@ -214,7 +214,8 @@ def skin_tables(runs: SkinRuns, published: PublishedParameters | None) -> dict[s
         rows = []
         for quantity, its in runs.tables["published"].groupby("quantity", sort=False):
             row = {"what is read": QUANTITIES[quantity], "published": getattr(published, quantity)}
-            row["by their protocol"] = ", ".join(f"{rms:.2f}" for rms in its["rms"])
+            each = (f"{rms:.2f} ({seen})" for rms, seen in zip(its["rms"], its["seen"], strict=True))
+            row["by their protocol"] = ", ".join(each)
             other = across.get(quantity, ())
             rows.append(
                 row | {"ours, on another run": f"{other.mean():.2f}" if len(other) else "one run only"}
