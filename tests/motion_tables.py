@@ -18,7 +18,7 @@ MODELS = {
     **{(kind, friction): 0.4 for kind, frictions in NETWORKS.items() for friction in frictions},
     **{(kind, "viscous"): 0.1 for kind in STRUCTURES},
     **{(kind, "coulomb"): 0.004 for kind in STRUCTURES},
-    **{(kind, "offset"): 0.0001 for kind in STRUCTURES},
+    **{(kind, friction): 0.0001 for kind in STRUCTURES for friction in ("offset", "stiffness")},
 }
 """NMSE of every joint."""
 
@@ -42,7 +42,7 @@ def made_up(name: str) -> MotionResults:
     traced = {"_".join(key).removesuffix("_none"): np.sin(np.arange(10.0 * len(joints))) for key in MODELS}
     logs = [entry.train or "exciting_traj", *parts[1:]]
     tables |= {
-        "links": pd.concat([links.assign(friction=one) for one in ("coulomb", "offset")]),
+        "links": pd.concat([links.assign(friction=one) for one in ("coulomb", "offset", "stiffness")]),
         "bodies": pd.concat(bodies).assign(half_width=0.1 if entry.body_draws else np.nan),
         "motions": rows({"start_s": 1.0, "end_s": 31.0, "length_s": 40.0, "tested_s": 30.0}, log=logs).assign(
             part="tested on", learned_s=[30.0] + [0.0] * (len(logs) - 1)

@@ -6,15 +6,14 @@ import pytest
 from readers_bags import recorded_data
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.networks.torch_settings import AdamParameters
 from structlearn.readers import delan_characters
 from structlearn.readers.joint_log import PartedLog, read_log_table, write_log_table
 from structlearn.rigid_body.dynamics_models import predicted_torques, rigid_body_torques, torque_parts
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.planar_arm import fit_planar_arm, planar_tree
 from structlearn.rigid_body.tree import LinkInertias
-from structlearn.tasks.motion.motion_parameters import PartsParameters
-from structlearn.tasks.motion.torque_parts import AUTHORS, RANDOM, held_out, learn_parts
+from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
+from structlearn.tasks.motion.torque_parts import held_out, learn_parts
 from structlearn.tasks.motion.torque_parts_section import parts_section
 
 PLACES = np.array([[0.6, -0.2]])
@@ -50,7 +49,6 @@ def test_lengths_and_torques_of_an_arm_are_found_from_its_motion():
 
 
 def test_every_model_is_scored_on_what_it_did_not_see(tmp_path):
-    adam = AdamParameters(rate=0.01, batch=64, second_moment_decay=0.999)
     published = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
     parameters = PartsParameters(
         left_out=("p",),
@@ -59,7 +57,9 @@ def test_every_model_is_scored_on_what_it_did_not_see(tmp_path):
         splits=3,
         hidden={"mlp": (4,), "delan": (4,)},
         epochs=2,
-        adam=adam,
+        rate=0.01,
+        batch=64,
+        second_moment_decay=0.999,
     )
     logs = {name: log(name, seed) for seed, name in enumerate("pqr")}
     choices = held_out(list(logs), parameters)

@@ -106,6 +106,13 @@ def shuffled_epochs(models: Learner, epochs: int) -> Iterator[int]:
         yield epoch
 
 
+def learn_annealed(models: NetworkLearner, epochs: int) -> None:
+    """Shuffled epochs, in which the rate of Adam falls to zero along a cosine."""
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(models.optimiser, epochs)
+    for _ in shuffled_epochs(models, epochs):
+        schedule.step()
+
+
 def learn_in_epochs(
     models: Learner, threshold: float, epochs: int, stride: int = 1, futility: int | None = None
 ) -> Learned:

@@ -7,11 +7,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
 
 from structlearn.core.params import Parameters
-from structlearn.networks.torch_settings import AdamParameters
 from structlearn.readers.joint_log import DriveLog, JointLog, PartedLog, read_log_table
 from structlearn.readers.source import SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]
+
+AUTHORS, RANDOM = "authors", "random"
+"""Protocols of parts of the torque: the logs that a set's authors leave out, or as many at random."""
 
 AT_REST, IN_MOTION, DELAY = "gain at rest", "gain in motion", "delay"
 """Quantities of drives, in N m/A and s."""
@@ -70,7 +72,9 @@ class PartsParameters(Parameters):
     splits: int = Field(ge=2)
     hidden: Mapping[Literal["mlp", "delan"], tuple[int, ...]]
     epochs: int = Field(ge=1)
-    adam: AdamParameters
+    rate: float = Field(gt=0)
+    batch: int = Field(ge=1)
+    second_moment_decay: float = Field(gt=0, lt=1)
 
 
 class MotionParameters(SourceParameters):

@@ -270,7 +270,8 @@ def _models(results: MotionResults) -> dict[str, Found]:
                 max((test.loc[kind, key] / test.loc[BOUNDS, key]).max() for kind in consistent),
                 count * len(better),
             )
-            for key, words in list(FRICTIONS.items())[1:]
+            for key, words in FRICTIONS.items()
+            if (BOUNDS, key) in test.index
         },
         "coulomb_errors": {
             f"joints 1 to {last - 1}": exact(first.max(), count),

@@ -10,23 +10,19 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-import torch
 
 from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
-from structlearn.networks.torch_settings import one_thread, seeded
+from structlearn.networks.torch_settings import AdamParameters, one_thread, seeded
 from structlearn.readers.joint_log import PartedLog
 from structlearn.rigid_body.base_parameters import link_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, torque_parts
-from structlearn.rigid_body.learner import SHARED, shuffled_epochs
+from structlearn.rigid_body.learner import SHARED, learn_annealed
 from structlearn.rigid_body.motion import Motion, joined
 from structlearn.rigid_body.network_models import NetworkLearner
 from structlearn.rigid_body.planar_arm import fit_planar_arm, planar_tree
 from structlearn.rigid_body.tree import KinematicTree
-from structlearn.tasks.motion.motion_parameters import PartsParameters
-
-AUTHORS, RANDOM = "authors", "random"
-"""Protocols: the logs that the set's authors leave out, or as many at random."""
+from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
 
 Choice = tuple[str, int, tuple[str, ...]]
 """A protocol, its seed or the number of its random choice, and the logs left out."""
@@ -101,13 +97,11 @@ def learned_networks(
     longest = max(map(len, motions))
     filled = [motion.part(np.arange(longest) % len(motion)) for motion in motions]
     hidden, generators = parameters.hidden[kind], [seeded(place) for place in range(len(motions))]
+    decay = parameters.second_moment_decay
+    adam = AdamParameters(rate=parameters.rate, batch=parameters.batch, second_moment_decay=decay)
     with one_thread():
-        models = NetworkLearner(
-            kind, filled, (), np.ones((1, motions[0].joints)), parameters.adam, hidden, generators
-        )
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(models.optimiser, parameters.epochs)
-        for _ in shuffled_epochs(models, parameters.epochs):
-            schedule.step()
+        models = NetworkLearner(kind, filled, (), np.ones((1, motions[0].joints)), adam, hidden, generators)
+        learn_annealed(models, parameters.epochs)
     state = models.state()
     return [
         DynamicsModels(

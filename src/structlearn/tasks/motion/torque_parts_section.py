@@ -13,8 +13,7 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
-from structlearn.tasks.motion.motion_parameters import PartsParameters
-from structlearn.tasks.motion.torque_parts import AUTHORS, RANDOM
+from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
 from structlearn.tasks.section import Section
 
 LOOKS = {"mlp": Look("MLP", ORANGE), "delan": Look("DeLaN", PINK), "cov": Look("planar arm, Cov", BLUE)}
