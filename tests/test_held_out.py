@@ -100,8 +100,8 @@ from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_bo
 ROOT = Path(__file__).parents[1]
 
 HOLDS_NOTHING_OUT = {
-    "simulates": "engines scraping/record_nominal scraping/record_corrections obstacles/demonstrate "
-    "dynamics/record_motion dynamics/track servoing/record_touch servoing/servo",
+    "simulates": "engines studies/cell scraping/record_nominal scraping/record_corrections "
+    "obstacles/demonstrate dynamics/record_motion dynamics/track servoing/record_touch servoing/servo",
     "reads recordings": "tasks/import_task scraping/import_nominal "
     "scraping/import_corrections dynamics/import_logs servoing/import_touch",
     "cuts demonstrations": "tasks/segment scraping/segment scraping/sweep",

@@ -1,13 +1,11 @@
 """The table of findings: one row per number, its interval, n and population."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from structlearn.core.artefacts import write_csv
 from structlearn.reporting.claims import Evidence, mean
 from structlearn.reporting.findings import Findings, read_findings, values_by_key
-from structlearn.reporting.studies import Study
 
 SAMPLES = np.array([1.0, 2.0, 4.0])
 
@@ -52,10 +50,3 @@ def test_rows_can_be_made_headlines_afterwards():
     find.exact("error", {"a": 1.0, "b": 2.0})
     find.mark({"error": ("b",), "gone": True})
     assert find.table().query("headline")["case"].tolist() == ["b"]
-
-
-def test_a_study_of_two_lists_both_and_of_more_has_an_interval():
-    table = pd.DataFrame({"variant": [*"aabbb"], "repeat": [0, 1, 0, 1, 2], "hits": [2.0, 0.0, *SAMPLES]})
-    shown = Study(table).summary({"hits": "most hits"}).frame["most hits"]
-    assert shown.iloc[0] == "2 and 0"
-    assert shown.iloc[1].startswith("2.33 [")

@@ -71,6 +71,13 @@ def test_a_pendulum_in_closed_form():
     assert (torque.item(), compiled.item()) == pytest.approx((expected, expected), abs=1e-12)
 
 
+def test_friction_of_another_shape_is_refused():
+    """Compiled functions would read past its end."""
+    arm = robot("odd")
+    with pytest.raises(ValueError, match=r"friction has the shape \(3, "):
+        compiled_dynamics.inverse_dynamics(arm.tree, arm.inertias, np.zeros((3, len(arm.tree.names))))
+
+
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_gradients_to_parameters_are_finite_differences_and_those_through_the_regressor(structure):
     arm = robot("odd")

@@ -35,7 +35,7 @@ def testbed(robot):
 
 @pytest.fixture(scope="module")
 def tables(testbed, robot):
-    broken = inverse_dynamics(robot.tree, robot.inertias, np.full((3, 7), np.nan))
+    broken = inverse_dynamics(robot.tree, robot.inertias, np.full((4, 7), np.nan))
     return track(testbed, [*known(testbed), Candidate("broken", TEXT, (1,), bodies_model(broken))])
 
 

@@ -53,9 +53,15 @@ def inverse_dynamics(
     """Newton-Euler inverse dynamics of one state (eq. III.1); the inertias need not be physical.
 
     Friction (4, n) of the joints is as `friction_rows` gives it; None: none.
+
+    Raises:
+        ValueError: it has another shape; compiled functions would read past its end.
     """
     numbers = (tree.gravity, inertias.mass, inertias.first_moment, inertia_about_origin(inertias))
-    rubbing = np.zeros((4, len(tree.names))) if friction is None else friction
+    expected = (len(get_args(FrictionTerm)), len(tree.names))
+    rubbing = np.zeros(expected) if friction is None else friction
+    if rubbing.shape != expected:
+        raise ValueError(f"friction has the shape {rubbing.shape}, not {expected}")
     return RigidBodies(*chain_arrays(tree), *(np.array(array, dtype=float) for array in (*numbers, rubbing)))
 
 
@@ -64,7 +70,7 @@ def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np
 
     (4, n) viscous in N m s/rad, Coulomb and offset in N m, stiffness in N m/rad; zero for other terms.
     """
-    rows = np.zeros((4, len(coefficients)))
+    rows = np.zeros((len(get_args(FrictionTerm)), len(coefficients)))
     for column, term in enumerate(terms):
         rows[get_args(FrictionTerm).index(term)] = coefficients[:, column]
     return rows
@@ -367,14 +373,14 @@ def bodies_model(bodies: RigidBodies) -> InverseDynamics:
     """Rigid bodies among all kinds of models."""
     places = np.empty(0, dtype=np.int64)
     empty = (np.empty(0), places, np.empty((0, 0), dtype=np.int64), np.empty((0, 0, 0)))
-    return InverseDynamics(BODIES, bodies, Networks(*empty, places, places, 0.0, np.empty((3, 0))))
+    return InverseDynamics(BODIES, bodies, Networks(*empty, places, places, 0.0, np.empty((4, 0))))
 
 
 def networks_model(kind: int, networks: Networks) -> InverseDynamics:
     """Networks among all kinds of models."""
     frames, vectors = np.empty((0, 3, 3)), np.empty((0, 3))
     chain = (np.empty(0, dtype=np.int64), frames, vectors, vectors, np.empty(0, dtype=bool))
-    nothing = RigidBodies(*chain, np.zeros(3), np.empty(0), vectors, frames, np.empty((3, 0)))
+    nothing = RigidBodies(*chain, np.zeros(3), np.empty(0), vectors, frames, np.empty((4, 0)))
     return InverseDynamics(kind, nothing, networks)
 
 

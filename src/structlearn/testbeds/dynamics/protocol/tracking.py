@@ -11,7 +11,12 @@ from pydantic import Field
 
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_dynamics import InverseDynamics, bodies_model, inverse_dynamics
+from structlearn.rigid_body.compiled_dynamics import (
+    InverseDynamics,
+    bodies_model,
+    friction_rows,
+    inverse_dynamics,
+)
 from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
 from structlearn.rigid_body.operational_space_velocity import tool_motion
@@ -80,7 +85,7 @@ class Testbed:
 def known(testbed: Testbed) -> list[Candidate]:
     """What is known of an arm: the truth, and the URDF where the truth is another."""
     robot, true = testbed.arm.robot, testbed.arm.mechanics
-    friction = np.stack([true.viscous, true.coulomb, np.zeros_like(true.viscous)])
+    friction = friction_rows(np.stack([true.viscous, true.coulomb], axis=-1), ("viscous", "coulomb"))
     models = {GROUND_TRUTH: inverse_dynamics(robot.tree, true.inertias, friction)}
     if true.inertias is not robot.inertias:
         models[DEFAULT] = inverse_dynamics(robot.tree, robot.inertias)
