@@ -6,6 +6,7 @@ from rigid_body_robots import carrying
 
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.compiled_dynamics import friction_rows
 from structlearn.simulation.arm import ArmParameters, Payload
 from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
@@ -49,7 +50,7 @@ def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
     parameters = committed(StandInParameters, "stand_in")
     log = stand_in_log(robot, parameters, SEED, MOTION)
     true = stand_in(robot.tree, robot.inertias, parameters, SEED)
-    friction = np.stack([true.viscous, true.coulomb, np.zeros(7)])
+    friction = friction_rows(np.column_stack([true.viscous, true.coulomb]), ["viscous", "coulomb"])
     wrong = nmse(predicted(robot, robot.inertias, log), log.torques[:-1])
     right = nmse(predicted(robot, true.inertias, log, friction), log.torques[:-1])
     assert (right < wrong).all()
