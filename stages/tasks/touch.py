@@ -22,7 +22,7 @@ def main(files: TaskFiles) -> None:
         elif parameters.transfer is not None:
             transfer(files, parameters, folder)
         else:
-            from structlearn.tasks.touch.skin_touches import learn_touch
+            from structlearn.tasks.touch.skin_protocol import learn_touch
 
             learn_touch(read_touch_logs(files.recorded / "touches.parquet"), parameters, folder)
 

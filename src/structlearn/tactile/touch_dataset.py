@@ -11,7 +11,6 @@ linear and within angular velocity, directions stay what they are.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -60,32 +59,27 @@ class TouchDataParameters(Parameters):
         return self
 
 
-class TouchSamples(Protocol):
-    """N samples of any skin, as far as a latent space is learned from them."""
+@dataclass(frozen=True)
+class TouchSamples:
+    """N samples of any skin, as far as a latent space needs them; E channels."""
 
-    @property
-    def signals(self) -> np.ndarray:
-        """(N, E) of the channels."""
+    signals: np.ndarray  # (N, E); of a BioTac counts less their offset, after the low-pass, in float32
+    pressure: np.ndarray  # (N,) contact pressure; of a BioTac p = -mean of the signals, counts
+    split: np.ndarray  # (N,) `TRAIN`, `VALIDATION` or `TEST`
 
-    @property
-    def pressure(self) -> np.ndarray:
-        """(N,) contact pressure."""
-
-    @property
-    def split(self) -> np.ndarray:
-        """(N,) `TRAIN`, `VALIDATION` or `TEST`."""
+    def __len__(self) -> int:
+        """Number of samples N."""
+        return len(self.pressure)
 
 
 @dataclass(frozen=True)
-class TouchDataset:
-    """N samples with something on a skin of E electrodes, one contact after the other.
+class TouchDataset(TouchSamples):
+    """Samples of one contact after the other, which lies between touching and lifting; numbers are float32.
 
-    A contact is what lies between touching and lifting. Its rows are successive samples of a uniform clock.
-    Splits are by contact, so that no sample of a split has its neighbour in another.
+    Rows of a contact are successive samples of a uniform clock. Splits are by contact, so that neighbouring
+    samples are in the same split.
     """
 
-    signals: np.ndarray  # (N, E) counts less their offset, after the low-pass; float32, as all numbers here
-    pressure: np.ndarray  # (N,) counts, p = -mean of the signals
     contact_point: np.ndarray  # (N, 3) m, estimated from the signals, on the skin, frame of the finger
     velocity: np.ndarray  # (N, 6) of the finger in the base frame, m/s and rad/s, after the low-pass
     orientation: np.ndarray  # (N, 4) of the finger in the base frame, unit quaternions
@@ -94,12 +88,7 @@ class TouchDataset:
     trial: np.ndarray  # (N,) number of the demonstration
     time: np.ndarray  # (N,) s since its start
     motion: np.ndarray  # (N,) `ROTATION`, `TRANSLATION` or `OTHER`
-    split: np.ndarray  # (N,) `TRAIN`, `VALIDATION` or `TEST`
     rate_hz: np.ndarray  # () samples per second
-
-    def __len__(self) -> int:
-        """Number of samples N."""
-        return len(self.pressure)
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,7 @@ FILES = {
 LARGEST_PHASE_ERROR = 0.2
 """Between the kernels of a sample, up to 4.6, and those of the nearest time. The files are within 0.05."""
 
-GRID = np.linspace(0.0, 1.05, 4201)
-"""Times of a movement of duration one at which the phase is looked for."""
+GRID = np.linspace(0.0, 1.05, 4201)  # times of a movement of duration one at which the phase is looked for
 
 
 class RecordedSamples(NamedTuple):

@@ -22,9 +22,7 @@ from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, WORLDS
 
 PACKAGE = __package__
 PIPELINE = "stages/tasks/dvc.yaml"
-
-SHOWN = 4
-"""Electrodes of a finger that have a colour; all others are grey."""
+SHOWN = 4  # electrodes of a finger that have a colour; all others are grey
 
 STATISTICS = {
     "contact_strongest": "contact, strongest electrode (counts)",

@@ -17,11 +17,8 @@ from structlearn.tasks.touch.touch_names import SLIDE_GROUPS
 
 Tables = Mapping[str, pd.DataFrame]
 
-TOO_FEW = unknown("it takes two slides over each of two materials")
-"""To tell materials apart."""
-
-FEW = 3
-"""Materials that sentences name; tables have all."""
+TOO_FEW = unknown("it takes two slides over each of two materials")  # to tell materials apart
+FEW = 3  # materials that sentences name; tables have all
 
 STREAM_UNITS = {
     "pose": "m",

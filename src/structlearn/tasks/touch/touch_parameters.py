@@ -7,7 +7,7 @@ from pydantic import Field, PositiveFloat
 from structlearn.core.params import Parameters
 from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.readers.topics import TopicMap
-from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters, SensorDescription
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 
 
 class ForceParameters(Parameters):
@@ -95,13 +95,3 @@ class TouchParameters(SourceParameters):
     def over_time(self) -> bool:
         """Whether touches are learned from as streams."""
         return self.surfaces is not None or self.transfer is not None
-
-    def sensor(self, channels: tuple[str, ...]) -> SensorDescription:
-        """The sensor that has these channels."""
-        return SensorDescription(
-            channels=channels,
-            places_mm=self.channels_mm,
-            change=self.change,
-            by_norm=self.by_norm,
-            gain_spread=self.gain_spread,
-        )

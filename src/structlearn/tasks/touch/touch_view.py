@@ -32,13 +32,10 @@ from structlearn.viewer.rrd import (
     time_column,
 )
 
-PRESS_MM, PROBE_MM = 0.3, 0.7
-"""Radii of dots."""
+PRESS_MM, PROBE_MM = 0.3, 0.7  # radii of dots
 
 MARGIN_MM = 2.5
-
-TRIALS = 12
-"""Paths that follow each other, one step a second."""
+TRIALS = 12  # paths that follow each other, one step a second
 
 IN_FRONT = 30.0
 

@@ -31,8 +31,7 @@ from structlearn.tasks.touch.touch_names import (
 
 Tables = Mapping[str, pd.DataFrame]
 
-TEXT_NMSE = 0.25
-"""Bound of the claims, drawn as a dashed line."""
+TEXT_NMSE = 0.25  # bound of the claims, drawn as a dashed line
 
 MODELS = (STRUCTURED, PLAIN, COMPONENTS)
 
