@@ -70,12 +70,25 @@ def in_sets(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
 
 
 def finger_traces(
-    group: str, recording: Recording | Demonstration, rate_hz: float, settling_s: float = 0.0
+    group: str, run: str, parts: Sequence[Recording | Demonstration], rate_hz: float, settling_s: float = 0.0
 ) -> list[FingerTrace]:
-    """Traces of the fingers of one recording; if its segments are known, the first one makes contact.
+    """Traces of the fingers in one run, whose primitives may be separate recordings.
 
-    Raises InputError: there are no electrodes, not 19 per finger, or they come slower than `rate_hz`.
+    The first primitive makes contact: the first of several recordings, or the first segment of a single one;
+    without segments a run is in contact from the start.
     """
+    fingers = [_fingers(part, rate_hz) for part in parts]
+    contact, segments = None, parts[0].true_segments
+    if len(parts) > 1:
+        contact = len(fingers[0][0]) + round(settling_s * rate_hz)
+    elif segments is not None:
+        contact = round((float(segments[0, 1]) + settling_s) * rate_hz)
+    traces = zip(FINGERS, zip(*fingers, strict=True), strict=False)
+    return [FingerTrace(group, run, finger, np.vstack(its), contact) for finger, its in traces]
+
+
+def _fingers(recording: Recording | Demonstration, rate_hz: float) -> list[np.ndarray]:
+    """Counts (T, 19) of every finger; raises InputError for other numbers of electrodes or a slower rate."""
     if isinstance(recording, Demonstration):  # has all fingers side by side
         touch = [(recording.signal("tactile"), recording.dt)]
     else:
@@ -94,21 +107,7 @@ def finger_traces(
         fingers += np.split(values[::held], count // ELECTRODES, axis=1)
     if not 1 <= len(fingers) <= len(FINGERS):
         raise InputError(f"{recording.name}: has electrodes of {len(fingers)} fingers, not of one or two")
-    segments = recording.true_segments
-    contact = None if segments is None else round((float(segments[0, 1]) + settling_s) * rate_hz)
-    named = zip(FINGERS, fingers, strict=False)
-    return [FingerTrace(group, recording.name, finger, counts, contact) for finger, counts in named]
-
-
-def joined(
-    group: str, run: str, parts: Sequence[Recording], rate_hz: float, settling_s: float = 0.0
-) -> list[FingerTrace]:
-    """Traces of one run whose primitives were recorded in separate files; the first makes contact."""
-    settled, found = round(settling_s * rate_hz), []
-    for its in zip(*(finger_traces(group, part, rate_hz) for part in parts), strict=True):
-        counts = np.vstack([one.counts for one in its])
-        found.append(FingerTrace(group, run, its[0].finger, counts, len(its[0].counts) + settled))
-    return found
+    return fingers
 
 
 def calibration_traces(
@@ -123,10 +122,11 @@ def calibration_traces(
     if not recorded.get(SCRAPING):
         raise MissingInputError("no scraping execution is recorded")
     clock = parameters.rate_hz, parameters.settling_s
-    traces = joined(REFERENCE, "execution", recorded[SCRAPING], *clock)
+    traces = finger_traces(REFERENCE, "execution", recorded[SCRAPING], *clock)
     others = {f"{name}, recorded": recorded.get(name, ()) for name in (UNSCREWING, SLIDES)}
     for group, recordings in ({CALIBRATED: simulated} | others).items():
-        traces += [trace for one in recordings for trace in finger_traces(group, one, *clock)]
+        for one in recordings:
+            traces += finger_traces(group, one.name, [one], *clock)
     return traces
 
 
