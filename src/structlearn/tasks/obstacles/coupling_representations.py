@@ -118,7 +118,7 @@ def _held_out(
     for fitted, model in _fitted(name, inputs, training, fold, parameters).items():
         known, new = (model(its.features, its.phase, its.phase_velocity) for its in (training, rest))
         error = np.square(new - rest.target).sum(axis=0) / (dataset.target.var(axis=0) * len(dataset))
-        columns = {"axis": AXES, "fold": fold, "squared": error, "train": nmse(known, training.target)}
+        columns = {"axis": list(AXES), "fold": fold, "squared": error, "train": nmse(known, training.target)}
         tables.append(pd.DataFrame({"representation": fitted, "inputs": inputs} | columns))
     return pd.concat(tables, ignore_index=True)
 
