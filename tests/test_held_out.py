@@ -87,7 +87,7 @@ from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameter
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
 from structlearn.tasks.obstacles import coupling_representations
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
-from structlearn.tasks.touch import skin_readings, skin_touches, surface_traces, touch_transfer
+from structlearn.tasks.touch import skin_protocol, skin_readings, surface_traces, touch_transfer
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
 from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
@@ -685,9 +685,9 @@ def recorded_skin(monkeypatch, tmp_path):
     def changed(run, rows):
         return swapped(data, run, with_wobbling(data[run], rows, "counts"))
 
-    learn = each(monkeypatch, skin_readings, "learn_skin", lambda logs: skin_touches.learn_touch(logs, SKIN))
+    learn = each(monkeypatch, skin_readings, "learn_skin", lambda logs: skin_protocol.learn_touch(logs, SKIN))
     yield Case(lambda its: learn(its)[0], data, changed(0, fold == 0), changed(0, fold == 1))
-    whole = each(monkeypatch, skin_touches, "learn_skin", lambda logs: skin_touches.learn_touch(logs, SKIN))
+    whole = each(monkeypatch, skin_protocol, "learn_skin", lambda logs: skin_protocol.learn_touch(logs, SKIN))
     yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), changed(0, fold == 0))
 
 

@@ -7,7 +7,7 @@ from committed import committed
 from structlearn.core.errors import InputError
 from structlearn.readers.recording import Recording, Stream
 from structlearn.tasks.touch import touch_calibration
-from structlearn.tasks.touch.touch_calibration import FingerTrace, finger_traces, joined
+from structlearn.tasks.touch.touch_calibration import FingerTrace, finger_traces
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE
 
 RATE_HZ = 100.0
@@ -103,7 +103,7 @@ def test_held_values_are_thinned_and_primitives_joined():
     own = execution(1)
     held = np.repeat(own, 3, axis=0)
     parts = [recording("a", [held[:900], held[:900]], 300.0), recording("b", [held[900:], held[900:]], 300.0)]
-    left, right = joined("set", "run", parts, RATE_HZ, settling_s=0.5)
+    left, right = finger_traces("set", "run", parts, RATE_HZ, settling_s=0.5)
     np.testing.assert_array_equal(left.counts, own)
     assert (left.finger, right.finger) == ("left", "right")
     assert (left.contact, len(left.moving)) == (350, 650)
@@ -112,7 +112,7 @@ def test_held_values_are_thinned_and_primitives_joined():
 def test_one_stream_of_both_fingers_is_split():
     counts = np.hstack([execution(1), execution(2)])
     segments = np.array([[0.0, 3.0], [3.0, 9.0]])
-    left, right = finger_traces("set", recording("run", [counts], RATE_HZ, segments), RATE_HZ)
+    left, right = finger_traces("set", "run", [recording("run", [counts], RATE_HZ, segments)], RATE_HZ)
     np.testing.assert_array_equal(right.counts, execution(2))
     assert left.contact == right.contact == 300
 
@@ -128,7 +128,7 @@ def test_one_stream_of_both_fingers_is_split():
 def test_readers_without_fingers(counts, rate_hz, message):
     empty = Recording("run", (), None, {})
     with pytest.raises(InputError, match=message):
-        finger_traces("set", recording("run", counts, rate_hz) if counts else empty, RATE_HZ)
+        finger_traces("set", "run", [recording("run", counts, rate_hz) if counts else empty], RATE_HZ)
 
 
 def traces(gain: float) -> list[FingerTrace]:

@@ -13,10 +13,11 @@ from viewer_files import contents, note
 from structlearn.core.errors import MissingInputError
 from structlearn.palette import PLATE_CORNERS, place_colours
 from structlearn.readers.touch_log import TouchLog
-from structlearn.tactile.pressed_skin import block_numbers, held_out
-from structlearn.tasks.touch import skin_force, skin_readings, skin_servoing
+from structlearn.tactile.pressed_skin import held_out
+from structlearn.tasks.touch import skin_force, skin_readings
+from structlearn.tasks.touch.skin_protocol import learn_touch, table_of
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
-from structlearn.tasks.touch.skin_touches import folds_of, gathered, learn_touch
+from structlearn.tasks.touch.skin_touches import folds_of, gathered
 from structlearn.tasks.touch.touch_names import (
     CORRECTED,
     FORCE_MODELS,
@@ -90,16 +91,13 @@ def learned():
 
 def test_no_two_neighbours_are_held_out_at_once():
     block, fold = held_out(grid(31), 5e-3, 4)
-    assert len(np.unique(block)) == 36
-    assert np.unique(block, return_counts=True)[1].max() == 36  # the last row belongs to the last blocks
-    column, row = block_numbers(grid(31), 5e-3)
-    by_block = pd.DataFrame({"fold": fold, "column": column, "row": row}).drop_duplicates()
-    assert len(by_block) == 36
-    squares = by_block.pivot_table(index="column", columns="row", values="fold").to_numpy()
-    for first, second in ((squares[1:], squares[:-1]), (squares[:, 1:], squares[:, :-1])):
-        assert (first != second).all()
-    corners = [squares[0, 0], squares[0, -1], squares[-1, 0], squares[-1, -1]]
-    assert len(set(corners)) == 4
+    numbers, first, sizes = np.unique(block, return_index=True, return_counts=True)
+    assert (len(numbers), sizes.max()) == (36, 36)  # the last row belongs to the last blocks
+    squares = fold[first].reshape(6, 6)
+    assert (fold == fold[first][block]).all()
+    assert (np.diff(squares, axis=0) != 0).all()
+    assert (np.diff(squares, axis=1) != 0).all()
+    assert len({squares[0, 0], squares[0, -1], squares[-1, 0], squares[-1, -1]}) == 4
 
 
 def test_readings_of_places_are_those_of_known_functions():
@@ -133,7 +131,7 @@ def test_the_map_is_the_skin_and_rivals_have_none(learned):
 def held_out_errors(log, parameters):
     """Errors on all folds of one recording."""
     work = folds_of([touches(log, parameters)], parameters)
-    return pd.concat([skin_readings.fold_errors(one, parameters)[0] for one in work], ignore_index=True)
+    return pd.concat([skin_readings.errors_of_fold(one, parameters)[0] for one in work], ignore_index=True)
 
 
 def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
@@ -141,7 +139,7 @@ def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
     assert len(skins["a"].units.action_scale) == 3
     assert len(skins["b"].units.action_scale) == 2
     runs = touches(toy_run("b", 2)), touches(toy_run("a", 1, depth_mm=1.0))
-    one_depth = skin_servoing.table_of(*runs, SMALL)
+    one_depth = table_of(*runs, 1e-3 * SMALL.servo.depth_mm)
     assert 0 < len(one_depth.pressure) < 288
     assert np.abs(one_depth.place[:, 2]).max() <= 0.5e-3
     servo = tables["servo"]
