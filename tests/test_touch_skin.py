@@ -39,7 +39,7 @@ SMALL = committed_entry(
     folds=2,
     copies=2,
     rival_samples=150,
-    spaces=BRIEF | {"training": {"steps": 200, "evaluate_every": 200}},
+    spaces=BRIEF | {"training": {"steps": 150, "evaluate_every": 150}},
     servo={"walks": 500, "trials": 8, "steps": 10},
 )
 
@@ -64,9 +64,9 @@ def toy_run(name, seed, depth_mm=0.0, size=10):
     return TouchLog(name, CHANNELS, counts, place, np.arange(len(place)) * 4.0)
 
 
-def toy_strokes(name, presses=8, gain=1.0):
+def toy_strokes(name, presses=5, gain=1.0):
     """Depth, channels that follow it 0.35 s later, and a scale 0.6 s later that reads every other row."""
-    time = np.arange(0, 20.0 * presses, 0.1)
+    time = np.arange(0, 20.0 * presses, 0.2)
 
     def depth(at):
         return 6e-3 * (1 - np.cos(2 * np.pi * np.maximum(at, 0) / 20.0))
@@ -168,7 +168,7 @@ def test_lags_and_forces_are_found(learned):
     np.testing.assert_allclose(tables["lags"][["signals_s", "force_s"]], [[0.35, 0.6]] * 2, atol=0.03)
     errors = tables["force"].groupby(["new", "model"])["rms_n"].mean()
     assert errors[NEW_RUN, QUADRATIC] < 0.5
-    assert set(tables["force"]["press"]) == set(range(8))
+    assert set(tables["force"]["press"]) == set(range(5))
     published = tables["published"].set_index(["quantity", "run"])["rms"]  # every place and depth recurs
     assert published["place_mm"].max() < 0.5
     assert published["force_n"].max() < 1.5  # of 29 N
