@@ -35,7 +35,7 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.corrected_paths import CorrectedPaths, unrolled_error
 from structlearn.feedback.coupling_model import Jobs, Trained, TrainingParameters, UnrolledTrainingParameters
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.supervised_training import scaled_targets, standardised, train_stack
+from structlearn.feedback.supervised_training import Stack, scaled_targets, standardised, train_stack
 from structlearn.networks.stacked_layers import Dropout, RowLayers
 from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.primitives import canonical, kernels
@@ -139,7 +139,10 @@ def train_networks(
             [initial] * models, scales, parameters.dropout, generator
         )
     return train_stack(
-        stack, data, parameters, lambda index: stack.to_network(index, *units[index], scales[index])
+        Stack(stack.parameters(), stack.forward),
+        data,
+        parameters,
+        lambda index: stack.to_network(index, *units[index], scales[index]),
     )
 
 
@@ -162,10 +165,9 @@ def train_unrolled(
 ) -> PhaseModulatedNetwork:
     """Train a feedback model such that the unrolled path follows the corrected demonstrations.
 
-    Of all steps looked at, the initial network included, the one with the smallest mean squared unrolled
-    error on the validation demonstrations is kept. That is honest only if the initial network has not seen
-    them. The initial network's standardisation of the input is kept. Raises InputError: nothing was corrected
-    in the demonstrations.
+    The network with the smallest mean squared unrolled error on the validation demonstrations is kept, the
+    initial one included, whose standardisation stays. That is honest only if the initial network has not seen
+    them. Raises InputError: nothing was corrected in the demonstrations.
     """
     target_scale, path_scale = (
         float(np.sqrt(np.mean(values**2))) for values in (training.target, training.correction)
