@@ -51,7 +51,8 @@ def split(
     for motion, one in zip(moved, recordings, strict=True):
         candidates.append(_candidates(motion, thresholds, one.dt, round(parameters.bridge_s / one.dt)))
         runs += [_candidates(motion, (threshold,), one.dt, 0) for threshold in thresholds]
-    pattern = _best_pattern(candidates, runs, _most_moves(parameters))
+    shown = sum(primitive.axis not in ("rot", BETWEEN) for primitive in parameters.primitives)
+    pattern = _best_pattern(candidates, runs, max(1, shown))  # or fewer: two primitives may be one run
     moves, longest = pattern.way.shape[1], float(pattern.way.max())
     found = [_repeats(one, pattern) for one in candidates]
     covered = sum(float(one.way[chains].sum()) for one, chains in zip(candidates, found, strict=True))
@@ -82,11 +83,6 @@ def split(
     return parts, pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _most_moves(parameters: SegmentParameters) -> int:
-    """Moves of a repeat at most: primitives that the position shows; two of them may be one run."""
-    return max(1, sum(primitive.axis not in ("rot", BETWEEN) for primitive in parameters.primitives))
-
-
 def _candidates(motion: Motion, thresholds: Sequence[float], dt: float, bridge: int) -> Candidates:
     return motion_runs.candidates(motion, Search(thresholds, dt, bridge, most=len(motion.path)))
 
@@ -95,29 +91,22 @@ def _best_pattern(candidates: Sequence[Candidates], runs: Sequence[Candidates], 
     """The moves in a row that explain the most of the way in all recordings; the first of equal ones."""
     best, least = None, np.inf
     for moves in range(1, most + 1):
-        rows = [(one, first) for one in runs for first in range(len(one.first) - moves + 1)]
+        rows = [
+            [(one, at) for at in range(first, first + moves)]
+            for one in runs
+            for first in range(len(one.first) - moves + 1)
+        ]
         if not rows:
             break
         rows = [rows[at] for at in np.linspace(0, len(rows) - 1, min(PATTERNS, len(rows))).astype(int)]
-        patterns = _patterns(rows, moves)
+        patterns = Pattern.of(rows)
         unexplained = np.sum([_explain(one, patterns)[0] for one in candidates], axis=0)
         chosen = int(np.argmin(unexplained))
         if unexplained[chosen] < least:
-            least, best = float(unexplained[chosen]), _patterns(rows[chosen : chosen + 1], moves)
+            least, best = float(unexplained[chosen]), Pattern.of(rows[chosen : chosen + 1])
     if best is None:
         raise InputError("repeats: the recordings have no run of motion")
     return best
-
-
-def _patterns(rows: Sequence[tuple[Candidates, int]], moves: int) -> Pattern:
-    windows = [(one, slice(first, first + moves)) for one, first in rows]
-    displacement = np.array([one.path[one.last[at]] - one.path[one.first[at]] for one, at in windows])
-    return Pattern(
-        np.array([one.duration[at] for one, at in windows]),
-        np.array([one.way[at] for one, at in windows]),
-        list(displacement.swapaxes(0, 1)),
-        np.zeros(moves, dtype=bool),
-    )
 
 
 def _explain(one: Candidates, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
