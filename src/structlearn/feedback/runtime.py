@@ -132,8 +132,9 @@ class Controller:
         """
         if not self._started:
             raise RuntimeError("start() comes before the first tick()")
-        fresh = counts is not None and len(self._sample) > 0
-        if fresh:
+        fresh = False
+        if counts is not None and len(self._sample) > 0:
+            fresh = True
             if np.shape(counts) != self._sample.shape:
                 raise InputError(
                     f"a sensor sample has {len(self._sample)} channels, got shape {np.shape(counts)}"

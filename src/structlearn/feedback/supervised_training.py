@@ -9,6 +9,7 @@ lowest error on the left-out demonstration itself, which is what the dissertatio
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -26,7 +27,7 @@ CHOOSING = ("validation", "generalization")
 DECAY = 0.9  # Of RMSProp's running mean of squared gradients, per step: the value with which it was published
 
 
-Forward = Callable[[Tensor, Tensor | None, bool], Tensor]
+Forward = Callable[[Tensor, Any, bool], Tensor]
 """Outputs (M, B) or (M, B, D) at inputs (M, B, D) and phase features (M, B, N), which are None for networks
 without; True lets nodes drop out."""
 
@@ -109,14 +110,16 @@ def train_stack(
     `model`: exports the network of an index with the weights that the stack has now.
     """
     curves, count = train(stack, data, parameters), len(data.folds)
-    found, steps = {}, {}
+    found: dict[str, list[Model]] = {}
+    steps: dict[str, list[int]] = {}
     for part in CHOOSING:
         if all(len(getattr(fold, part)) for fold in data.folds):
             restore(stack, curves.weights[part])
             found[part] = [model(index) for index in range(count)]
             steps[part] = curves.steps[curves.best(part)].tolist()
     return [
-        Trained(*({part: of[part][index] for part in of} for of in (found, steps))) for index in range(count)
+        Trained({part: found[part][index] for part in found}, {part: steps[part][index] for part in steps})
+        for index in range(count)
     ]
 
 

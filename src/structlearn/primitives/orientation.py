@@ -48,8 +48,10 @@ def fit_quaternion(
     """
     targets = [forcing_target(path, canonical.time_constant(path.duration)) for path in demonstrations]
     weights = kernels.forcing_weights(targets, None, method, kernel_count)
-    ends = (quaternion.mean(np.array([path.orientation[at] for path in demonstrations])) for at in (0, -1))
-    return QuaternionPrimitive(weights, *ends, *mean_initial_state(demonstrations))
+    start, goal = (
+        quaternion.mean(np.array([path.orientation[at] for path in demonstrations])) for at in (0, -1)
+    )
+    return QuaternionPrimitive(weights, start, goal, *mean_initial_state(demonstrations))
 
 
 def initial_goal(

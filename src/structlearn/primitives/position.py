@@ -74,11 +74,14 @@ def fit_position(
     """
     start, goal = (np.mean([path.position[at] for path in demonstrations], axis=0) for at in (0, -1))
     kind = frame_kind(goal - start, SHORTEST_REACH)
-    local = [
-        from_start(path, local_frame(path.position[0], path.position[-1], kind)) for path in demonstrations
-    ]
+    local = [in_local_frame(path, kind) for path in demonstrations]
     axes = scaled if kind != "world" else (False, False, False)
     return PositionPrimitive(fit_vector(local, axes, method, kernel_count), kind, start, goal)
+
+
+def in_local_frame(trajectory: Trajectory, kind: FrameKind) -> Trajectory:
+    """A position path relative to its start, in the local frame from its start to its end."""
+    return from_start(trajectory, local_frame(trajectory.position[0], trajectory.position[-1], kind))
 
 
 def from_start(trajectory: Trajectory, axes: np.ndarray) -> Trajectory:
