@@ -1,9 +1,9 @@
 """Repeats of a task within one recording, e.g. a teleoperation session, found by its moves.
 
-Nobody says where a repeat begins, and a pause between two repeats is like one between two moves. What tells
-them apart is that the same moves come again in the same order: some moves in a row are the pattern, and what
-best explains the way that the hand goes, in all recordings, is taken. Between repeats the hand may move as it
-likes (the way back, a second grip), at a price.
+Nothing marks where a repeat begins, and a pause between two repeats is like one between two moves. But the
+same moves come again in the same order: the pattern is the row of moves that best explains the way of the
+hand in all recordings. Between repeats the hand may move as it likes (the way back, a second grip), at a
+price.
 """
 
 from collections.abc import Sequence
@@ -20,10 +20,10 @@ from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
 from structlearn.segmentation.run_assignment import LEFT_OUT, RESTED, Pattern, unlike
 
 PATTERNS = 300
-"""Moves in a row that are tried as the pattern in all; the work grows with their number."""
+"""Rows of moves that are tried as the pattern; the work grows with their number."""
 
 COVERED = 0.4
-"""Least part of the way that repeats cover: of back and forth where one move is the task, it is half."""
+"""Least share of the way that repeats cover; if the task is one move there, the way back is half."""
 
 REST_S = 1.0
 """Longest rest that is kept before and after a repeat."""
@@ -32,8 +32,8 @@ MOVED = 0.05
 """Shortest way of a run, in ways of the longest move, at which the rest beside a repeat ends."""
 
 COLUMNS = ["recording", "demonstration", "start_s", "end_s", "unlike"]
-"""Of the table: the recording, the name of the repeat as a demonstration of its own, where it lies in the
-recording, and how unlike the pattern it is (`run_assignment.unlike`, mean of its moves)."""
+"""Recording, name of the repeat as a demonstration, its place in the recording, and how unlike the pattern it
+is (`run_assignment.unlike`, mean of its moves)."""
 
 
 def split(
@@ -110,14 +110,14 @@ def _best_pattern(candidates: Sequence[Candidates], runs: Sequence[Candidates], 
 
 
 def _explain(one: Candidates, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
-    """Way that repeats of K patterns leave unexplained at least, and how they do so for the first pattern.
+    """Least way that repeats of K patterns leave unexplained, and for the first pattern by which candidates.
 
-    A move between repeats costs its way, one within a repeat or before the first `LEFT_OUT` times that; one
-    that is a pattern's costs how unlike it is, times the way of a mean move or its own. As the former are
+    A move between repeats costs its way, one within a repeat or before the first `LEFT_OUT` times that; a
+    move of the pattern costs how unlike it is, times the way of a mean move or its own. As the former are
     sums along the way, the best predecessor of a candidate is a running minimum.
 
     Returns (K,) m.   (P + 1, G) candidate before each as the pattern's move, -1 for none; in the last row
-    that which ends the last repeat.
+    the one that ends the last repeat.
     """
     moves, count = len(pattern.displacement), len(one.first)
     way = np.maximum(pattern.mean_way[:, :1], one.way)

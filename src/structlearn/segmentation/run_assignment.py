@@ -1,10 +1,10 @@
-"""Runs of motion are assigned to the primitives of a task, by one choice over all demonstrations.
+"""Assignment of runs of motion to the primitives of a task, by one choice over all demonstrations.
 
-The primitives are known by their order alone, so what they look like is learned from the demonstrations:
-one of them, cut in one way, is the pattern, and a candidate costs more the less it is like the pattern's
-primitive in duration, way and direction. For a pattern, the cheapest chain of candidates in every
-demonstration is found by dynamic programming. Every demonstration in every way that it could be cut is tried
-as the pattern; the one that is cheapest over all demonstrations is taken, and is the reference.
+Only the order of the primitives is known, so their looks are learned from the demonstrations: one of them,
+cut in one way, is the pattern, and a candidate costs the more, the less it is like the pattern's primitive in
+duration, way and direction. For a pattern, the cheapest chain of candidates in every demonstration is found
+by dynamic programming. Every demonstration in every way that it could be cut is tried as the pattern; the
+cheapest over all demonstrations is taken, and is the reference.
 
 Motion may be left out (a twitch) and dips may be bridged (a hesitation), both at a price.
 """
@@ -19,24 +19,24 @@ from structlearn.segmentation.motion_runs import Candidates
 
 LEFT_OUT = 1.5  # Price of motion that belongs to no primitive, per mean way of a primitive
 DISPLACED = 2.0
-"""How much more that motion counts which leads elsewhere: who twitches comes back, and what leads on to where
-the next primitive starts is probably part of one."""
+"""Further price of left-out motion per way of its displacement: a twitch comes back, and motion that leads on
+to where the next primitive starts is probably part of one."""
 
 HASTE = 0.5  # Weight of the duration: people repeat where they go more exactly than how fast
 RESTED = 1.0
-"""Price per s of a dip that is taken for a hesitation: the longer it is, the more likely it is a pause."""
+"""Price per s of a dip taken for a hesitation: the longer it is, the more likely it is a pause."""
 
 MISSING = 3.0
-"""Cost of a candidate that is not the pattern's primitive, whatever else it is: a twitch in place of a move,
-or one of opposite direction and of another length."""
+"""Cost beyond which a candidate is not the pattern's primitive: a twitch in place of a move, or one of
+opposite direction and of another length."""
 
 OVERLAP = 0.3
-"""Part of the shorter of two neighbours that are shown by different axes in which both may move: who turns
-the hand seldom waits until it has arrived. Motion along one axis belongs to one primitive."""
+"""Share of the shorter of two neighbours on different axes in which both may move: the hand often turns
+before it has arrived. Motion along one axis belongs to one primitive."""
 
 PATTERNS, FEWEST = 1200, 10
-"""Ways to cut that are tried as the pattern in all, and at least of each demonstration: the cheapest ones by
-the prices above. The work grows with their number times that of the demonstrations."""
+"""Ways to cut that are tried as the pattern in total, and at least of each demonstration: the cheapest ones
+by the prices above. The work grows with their number times that of the demonstrations."""
 
 
 @dataclass(frozen=True)
