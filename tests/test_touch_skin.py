@@ -128,12 +128,6 @@ def test_the_map_is_the_skin_and_rivals_have_none(learned):
     assert not known.loc["b"].any()  # it knows one depth only
 
 
-def held_out_errors(log, parameters):
-    """Errors on all folds of one recording."""
-    work = folds_of([touches(log, parameters)], parameters)
-    return pd.concat([skin_readings.errors_of_fold(one, parameters)[0] for one in work], ignore_index=True)
-
-
 def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
     skins, tables = learned
     assert len(skins["a"].units.action_scale) == 3
@@ -191,30 +185,32 @@ def test_a_run_in_one_block_has_nothing_held_out():
     narrow = toy_run("narrow", 2)
     strip = narrow.place[:, 0] < 4e-3
     cut = {name: getattr(narrow, name)[strip] for name in ("time", "place", "counts")}
-    errors = held_out_errors(replace(narrow, **cut), quick)  # two blocks, of folds 0 and 2
+    folds = folds_of([touches(replace(narrow, **cut), quick)], quick)  # two blocks, of folds 0 and 2
+    errors = pd.concat([skin_readings.errors_of_fold(one, quick)[0] for one in folds])
     assert errors.groupby("model")["block"].nunique().eq(2).all()
+
+
+def both_ways(table, first, second):
+    ways = (first, second), (second, first)
+    its = [table.assign(learned_from=one, asked_about=other) for one, other in ways]
+    return pd.concat(its, ignore_index=True)
 
 
 @lru_cache
 def made_up(good=True):
     """Results in which every claim holds, or none does."""
-    runs, wiggle = ("a", "b"), np.linspace(-0.01, 0.01, 6)
+    wiggle = 1 + np.linspace(-0.01, 0.01, 6)
     errors = []
-    for model in SPACES:
+    for model, first, second in product(SPACES, "ab", "ab"):
         ours = (model == "structured") == good
-        level = 0.01 if ours else 0.5
-        for first in runs:
-            for second in runs:
-                new = NEW_BLOCKS if first == second else NEW_RUN
-                table = pd.DataFrame({"block": range(6), "presses": 20, "model": model, "seed": 0})
-                table = table.assign(learned_from=first, asked_about=second, new=new)
-                for name in ("map_nmse", "pressure_nmse", "signal_nmse", "depth_nmse"):
-                    table[name] = level * (1 + wiggle)
-                table["latent_mm"] = table["laid_mm"] = (0.5 if ours else 2.0) * (1 + wiggle)
-                errors.append(table)
-    place = grid(5)
-    maps = pd.DataFrame({"x_m": place[:, 0], "y_m": place[:, 1], "z_m": 0.0, "pressure": 0.0})
-    maps = maps.assign(map_x_m=place[:, 0], map_y_m=place[:, 1])
+        new = NEW_BLOCKS if first == second else NEW_RUN
+        names = ("map_nmse", "pressure_nmse", "signal_nmse", "depth_nmse")
+        columns = dict.fromkeys(names, (0.01 if ours else 0.5) * wiggle)
+        columns |= dict.fromkeys(("latent_mm", "laid_mm"), (0.5 if ours else 2.0) * wiggle)
+        columns |= {"learned_from": first, "asked_about": second, "new": new, "model": model, "seed": 0}
+        errors.append(pd.DataFrame({"block": range(6), "presses": 20} | columns))
+    x, y = grid(5).T
+    maps = pd.DataFrame({"x_m": x, "y_m": y, "z_m": 0.0, "pressure": 0.0, "map_x_m": x, "map_y_m": y})
     path = pd.DataFrame({"trial": np.repeat(range(3), 4), "step": np.tile(range(4), 3), "x_m": 0.0})
     path = path.assign(y_m=0.0, target_x_m=1e-3, target_y_m=1e-3)
     controllers, ratio = (*TEXT_SERVO, CORRECTED), 1.05 if good else 2.0
@@ -224,8 +220,6 @@ def made_up(good=True):
     ]
     servo = pd.DataFrame(servo, columns=["model", "controller", "trial", "arrived", "length_ratio"])
     servo = servo.assign(left_mm=0.5, seed=0, straight_mm=9.0)
-    if not good:  # a trial that never arrives has no way
-        servo.loc[servo["model"] == "structured", "arrived"] = False
     force = [
         (new, model, press, (0.3 if good else 3.0) + 0.01 * press, 1.0)
         for new, model, press in product((NEW_PRESSES, NEW_RUN), FORCE_MODELS, range(4))
@@ -233,19 +227,15 @@ def made_up(good=True):
     force = pd.DataFrame(force, columns=["new", "model", "press", "rms_n", "worst_n"])
     published = pd.DataFrame({"run": list("ace"), "quantity": ["place_mm", "force_n", "shear_n"]})
     lag = {"run": ["c"], "signals_s": [0.4], "force_s": [0.5], "readings": [9], "presses": [4]}
-    traces = pd.DataFrame({"time_s": np.arange(9.0), "force_n": 1.0, "read_n": 1.1})
-
-    def both_ways(table, first, second):
-        ways = (first, second), (second, first)
-        its = [table.assign(learned_from=one, asked_about=other) for one, other in ways]
-        return pd.concat(its, ignore_index=True)
-
-    tables = {"maps": maps, "paths": path, "servo": servo}
-    tables = {name: both_ways(table, "a", "b") for name, table in tables.items()} | {
+    traces = {"time_s": np.arange(9.0), "force_n": 1.0, "read_n": 1.1, "learned_from": "c"}
+    tables = {
+        "maps": both_ways(maps, "a", "b"),
+        "paths": both_ways(path, "a", "b"),
+        "servo": both_ways(servo, "a", "b"),
         "errors": pd.concat(errors, ignore_index=True),
         "force": both_ways(force, "c", "d"),
         "lags": pd.DataFrame(lag),
-        "traces": traces.assign(learned_from="c", asked_about="d"),
+        "traces": pd.DataFrame(traces | {"asked_about": "d"}),
         "published": published.assign(seen="counts", rms=0.1 if good else 0.9, readings=200),
     }
     return SkinRuns(tables, ("a",))
