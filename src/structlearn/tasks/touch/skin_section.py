@@ -247,11 +247,7 @@ def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> d
         "depth_runs": "no run",
         "tuned": listing((runs.numbers.get(name, name) for name in runs.tuned_on), ""),
         "judged": "map_nmse" in find.numbers(),
-        "crossed": "maps" in runs.tables,
-        "served": "paths" in runs.tables,
-        "weighed": "traces" in runs.tables,
-        "forces": "force" in runs.tables,
-        "reported": "published" in runs.tables,
+        "there": set(runs.tables),
         "settings": parameters,
     }
     if "errors" in runs.tables:
