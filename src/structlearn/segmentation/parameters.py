@@ -96,6 +96,9 @@ class SegmentParameters(Parameters):
     crossing_weight: float = Field(ge=0)
     crossing_tolerance_s: float = Field(gt=0)
     skip_failures: bool
+    # where a movement starts and ends: at its zero-velocity crossing, as published, or at its extrapolated
+    # onset (`onsets`), the choice for tasks on recorded data
+    ends: Literal["crossing", "onset"] = "crossing"
 
     @model_validator(mode="after")
     def _between_has_neighbours(self) -> "SegmentParameters":
