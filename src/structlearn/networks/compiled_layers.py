@@ -11,6 +11,8 @@ import numpy as np
 
 from structlearn.core.compilation import numba
 
+Array = np.ndarray  # in signatures of compiled functions
+
 Layers = Sequence[tuple[np.ndarray, np.ndarray]]
 """Weights (after, before) and biases (after,) of each layer, e.g. `StackedLayers.layers_of`."""
 
@@ -43,9 +45,7 @@ def layer_values(sizes: np.ndarray) -> np.ndarray:
 
 
 @numba.njit(cache=True, fastmath={"contract"})
-def hidden_layers(
-    values: np.ndarray, begin: int, layers: int, sizes: np.ndarray, inputs: np.ndarray, work: np.ndarray
-) -> int:
+def hidden_layers(values: Array, begin: int, layers: int, sizes: Array, inputs: Array, work: Array) -> int:
     """Write the standardised inputs and the values of the first `layers` layers, all tanh, into rows of work.
 
     `values`: of packed networks; `begin`: where the network begins; `layers`: how many of its layers; `sizes`
@@ -65,9 +65,7 @@ def hidden_layers(
 
 
 @numba.njit(cache=True, fastmath={"contract"})
-def affine(
-    values: np.ndarray, at: int, inputs: int, width: int, layer_in: np.ndarray, layer_out: np.ndarray
-) -> int:
+def affine(values: Array, at: int, inputs: int, width: int, layer_in: Array, layer_out: Array) -> int:
     """Write W x + b of the layer that begins at `at`; return where the next one begins."""
     biases = at + inputs * width
     for j in range(width):

@@ -17,6 +17,8 @@ from scipy.linalg import expm
 from structlearn.core.compilation import numba
 from structlearn.primitives.trajectory import Trajectory
 
+Array = np.ndarray  # in signatures of compiled functions
+
 ALPHA = 25.0
 BETA = ALPHA / 4.0
 ALPHA_G = ALPHA / 2.0
@@ -135,13 +137,13 @@ def _advance(
     b: int,
     k: int,
     d: int,
-    matrix: np.ndarray,
+    matrix: Array,
     tau: float,
-    goal: np.ndarray,
-    state: np.ndarray,
-    forcing: np.ndarray,
+    goal: Array,
+    state: Array,
+    forcing: Array,
     coupling: float,
-    path: np.ndarray,
+    path: Array,
 ) -> None:
     """Record sample k of axis d of movement b in the path (3, B, T, D), then advance its state in place.
 
@@ -165,14 +167,7 @@ def _advance(
 
 @numba.njit(cache=True)
 def step_batch(
-    k: int,
-    matrix: np.ndarray,
-    tau: float,
-    goal: np.ndarray,
-    state: np.ndarray,
-    forcing: np.ndarray,
-    coupling: np.ndarray,
-    path: np.ndarray,
+    k: int, matrix: Array, tau: float, goal: Array, state: Array, forcing: Array, coupling: Array, path: Array
 ) -> None:
     """One step of the whole batch with its coupling (B, D)."""
     batch, _, axes = forcing.shape
@@ -184,14 +179,14 @@ def step_batch(
 @numba.njit(cache=True)
 def _step_and_show(
     k: int,
-    matrix: np.ndarray,
+    matrix: Array,
     tau: float,
-    goal: np.ndarray,
-    state: np.ndarray,
-    forcing: np.ndarray,
-    coupling: np.ndarray,
-    path: np.ndarray,
-    due: np.ndarray,
+    goal: Array,
+    state: Array,
+    forcing: Array,
+    coupling: Array,
+    path: Array,
+    due: Array,
 ) -> None:
     """A step of the whole batch, and position and velocity (2, B, D) at the next sample, for the coupling."""
     step_batch(k, matrix, tau, goal, state, forcing, coupling, path)
@@ -203,9 +198,7 @@ def _step_and_show(
 
 
 @numba.njit(cache=True)
-def _unroll(
-    matrix: np.ndarray, tau: float, goal: np.ndarray, state: np.ndarray, forcing: np.ndarray, path: np.ndarray
-) -> None:
+def _unroll(matrix: Array, tau: float, goal: Array, state: Array, forcing: Array, path: Array) -> None:
     """All steps without feedback, one movement after the other: they are contiguous in memory."""
     batch, samples, axes = forcing.shape
     for b in range(batch):
@@ -215,9 +208,7 @@ def _unroll(
 
 
 @numba.njit(cache=True)
-def _write_forcing_target(
-    times: np.ndarray, x: np.ndarray, xd: np.ndarray, xdd: np.ndarray, tau: float, target: np.ndarray
-) -> None:
+def _write_forcing_target(times: Array, x: Array, xd: Array, xdd: Array, tau: float, target: Array) -> None:
     """Write `forcing_target` of times (T,) and signals (T, D) without numpy's arrays in between."""
     samples, axes = x.shape
     first = np.empty(axes)
