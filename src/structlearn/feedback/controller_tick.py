@@ -211,7 +211,7 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
 
 @_part_of_a_tick
 def _coupling(plan: Plan, state: State, row: int, primitive: int, place: int, sensor_flags: int) -> float:
-    """What the network of an axis asks for; 0 without network or without a sensor that it needs."""
+    """Output of the network of an axis; 0 without network or without a sensor that it needs."""
     kernel = plan.kernels[primitive, place]
     blind = sensor_flags & (WAITING | NO_OFFSET | STALE)
     if kernel == 0 or (plan.inputs[primitive, place] > 0 and blind):

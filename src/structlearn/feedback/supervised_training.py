@@ -1,10 +1,10 @@
 """Training of feedback models: RMSProp on the squared error of the coupling term (IV.6.2, eq. IV.31).
 
-All models of a stack train at once, each on its own draws. Every so many steps the normalised mean squared
-error of the parts that may choose a step is taken without dropout, and the weights that did best are kept.
+All models of a stack train at once, each on batches of its own. At intervals, the normalised mean squared
+error of the parts that may choose a step is evaluated without dropout, and the best weights are kept.
 
-Two steps can be named in the end: the one that validation chooses, which is honest, and the one with the
-lowest error on the left-out demonstration itself, which is what the dissertation reports and is optimistic.
+Two steps are kept in the end: the one that validation chooses, which is honest, and the one with the lowest
+error on the left-out demonstration itself, which is what the dissertation reports and is optimistic.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

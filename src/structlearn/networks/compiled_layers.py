@@ -26,7 +26,7 @@ class PackedNetworks(NamedTuple):
 
 
 def pack(networks: Sequence[tuple[np.ndarray, np.ndarray, Layers]]) -> PackedNetworks:
-    """Pack networks: of each, what is taken off its inputs (D,), what divides them (D,), and its layers."""
+    """Pack networks, of each mean (D,) and scale (D,) of its inputs, and its layers."""
     sizes = np.zeros((len(networks), 1 + max(len(pairs) for *_, pairs in networks)), dtype=np.int64)
     values: list[np.ndarray] = []
     first = np.zeros(len(networks), dtype=np.int64)
@@ -46,11 +46,10 @@ def layer_values(sizes: np.ndarray) -> np.ndarray:
 
 @numba.njit(cache=True, fastmath={"contract"})
 def hidden_layers(values: Array, begin: int, layers: int, sizes: Array, inputs: Array, work: Array) -> int:
-    """Write the standardised inputs and the values of the first `layers` layers, all tanh, into rows of work.
+    """Write the standardised inputs (D,) and the values of the first layers, all tanh, into rows of work.
 
-    `values`: of packed networks; `begin`: where the network begins; `layers`: how many of its layers; `sizes`
-    (L + 1,) its sizes; `inputs` (D,) a sample; `work`: of `layer_values`; row k is layer k's. Returns where
-    the next layer begins in `values`.
+    `values`: of packed networks; the network, of `sizes` (L + 1,), begins at `begin`. `work`: of
+    `layer_values`; row k is layer k's. Returns where the next layer begins in `values`.
     """
     count = sizes[0]
     for i in range(count):
@@ -59,7 +58,7 @@ def hidden_layers(values: Array, begin: int, layers: int, sizes: Array, inputs: 
     for layer in range(layers):
         out = work[layer + 1]
         at = affine(values, at, sizes[layer], sizes[layer + 1], work[layer], out)
-        for j in range(sizes[layer + 1]):  # tanh, three times faster than the library's and as good beside 1
+        for j in range(sizes[layer + 1]):  # tanh, three times faster than the library's
             out[j] = 1.0 - 2.0 / (math.exp(2.0 * out[j]) + 1.0)
     return at
 
