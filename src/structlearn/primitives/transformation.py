@@ -90,9 +90,8 @@ def unroll(
     batch = np.broadcast(start, goal, forcing[..., 0, :]).shape
     samples, axes = forcing.shape[-2:]
     forcing = np.ascontiguousarray(np.broadcast_to(forcing, (*batch[:-1], samples, axes)), dtype=float)
-    steady, due, state = np.empty(batch), np.empty((2, *batch)), np.empty((3, *batch))
-    steady[...], due[0], due[1] = goal, start, velocity
-    x, xd = due
+    (steady, x, xd), state = np.empty((3, *batch)), np.empty((3, *batch))
+    steady[...], x[...], xd[...] = goal, start, velocity
     first = 0.0 if coupling is None else coupling(0, x, xd)
     state[0], state[1] = x - steady, tau * xd
     state[2] = initial_goal(x, xd, acceleration, tau, forcing[..., 0, :] + first) - steady
@@ -109,10 +108,11 @@ def unroll(
         _unroll(*arguments, flat_path)
     else:
         held = np.empty(batch)
-        flat_held, flat_due = held.reshape(-1, axes), due.reshape(2, -1, axes)
         for k in range(samples):
             held[...] = first if k == 0 else coupling(k, x, xd)
-            _step_and_show(k, *arguments, flat_held, flat_path, flat_due)
+            step_batch(k, *arguments, held.reshape(-1, axes), flat_path)
+            np.add(state[0], steady, out=x)
+            np.divide(state[1], tau, out=xd)
     return Trajectory(dt * np.arange(samples), *path)
 
 
@@ -174,27 +174,6 @@ def step_batch(
     for b in range(batch):
         for d in range(axes):
             _advance(b, k, d, matrix, tau, goal, state, forcing, coupling[b, d], path)
-
-
-@numba.njit(cache=True)
-def _step_and_show(
-    k: int,
-    matrix: Array,
-    tau: float,
-    goal: Array,
-    state: Array,
-    forcing: Array,
-    coupling: Array,
-    path: Array,
-    due: Array,
-) -> None:
-    """A step of the whole batch, and position and velocity (2, B, D) at the next sample, for the coupling."""
-    step_batch(k, matrix, tau, goal, state, forcing, coupling, path)
-    batch, _, axes = forcing.shape
-    for b in range(batch):
-        for d in range(axes):
-            due[0, b, d] = state[0, b, d] + goal[b, d]
-            due[1, b, d] = state[1, b, d] / tau
 
 
 @numba.njit(cache=True)
