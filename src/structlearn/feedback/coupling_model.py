@@ -201,8 +201,8 @@ class Trained(Generic[Model]):
 
     # by the part whose error chose the step: `validation`, which is honest, and where a demonstration is left
     # out `generalization`, which the dissertation reports and is optimistic
-    models: Mapping[str, Model]
-    steps: Mapping[str, int]  # gradient steps done, likewise; 0 where there are none
+    models: dict[str, Model]
+    steps: dict[str, int]  # gradient steps done, likewise; 0 where there are none
     code: float = np.nan  # to how many dimensions the deviations are compressed first; NaN where they are not
 
     @classmethod
