@@ -1,9 +1,9 @@
 """Start and end of every primitive by zero-velocity crossing, before refinement.
 
-There are two ways. Where each primitive has an axis of its own and a threshold, it is the largest movement
-along its axis after the one before, demonstration by demonstration, and the first demonstration is the
-reference. Otherwise runs of motion are assigned to the primitives by one choice over all demonstrations
-(`run_assignment`), which chooses the reference too.
+If each primitive has a different axis and a threshold, it is the largest movement along its axis after the
+previous one, demonstration by demonstration, and the first demonstration is the reference. Otherwise runs of
+motion are assigned to the primitives by one choice over all demonstrations (`run_assignment`), which chooses
+the reference too.
 """
 
 from collections.abc import Mapping, Sequence
