@@ -19,7 +19,7 @@ from structlearn.core.errors import InputError
 from structlearn.readers import OWN_TOPICS, Recording, Stream, read_recording, write_recording
 from structlearn.readers.bag import LARGEST_CHUNK
 from structlearn.readers.messages import MESSAGE_TYPES
-from structlearn.readers.topics import OptionalTopicMap
+from structlearn.readers.source import OptionalTopicMap
 
 STAMPS = [10**9 + row * 10**7 for row in range(4)]
 POSES = pose_messages(STAMPS, pose_rows(4))

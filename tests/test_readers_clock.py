@@ -10,7 +10,7 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers import Recording, Stream, synchronise
 from structlearn.readers.clock import shared_stamps
-from structlearn.readers.recording import at_row, check_recording
+from structlearn.readers.demonstration import at_row, check_recording
 
 UNIX = 1581238055_716234152
 

@@ -3,16 +3,8 @@ import pytest
 from readers_bags import write_bag
 
 from structlearn.core.errors import InputError
-from structlearn.readers.joint_log import (
-    JOINT_STATES,
-    DriveLog,
-    JointLog,
-    read_joint_log,
-    read_log_table,
-    signals_of,
-    write_joint_log,
-    write_log_table,
-)
+from structlearn.readers.bag_recording import JOINT_STATES, read_joint_log, write_joint_log
+from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table, signals_of, write_log_table
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 NAMES = ["shoulder", "elbow"]

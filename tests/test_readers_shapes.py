@@ -12,8 +12,8 @@ from readers_bags import header, make_recording, ros_pose
 
 from structlearn.core.errors import InputError
 from structlearn.readers import read_recording, synchronise, write_recording
-from structlearn.readers.recording import NamedShape
-from structlearn.readers.topics import SceneTopicMap
+from structlearn.readers.demonstration import NamedShape
+from structlearn.readers.source import SceneTopicMap
 
 SHAPES = (
     NamedShape(

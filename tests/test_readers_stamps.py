@@ -12,7 +12,8 @@ from readers_bags import joint_messages, pose_messages, pose_rows, write_bag
 from structlearn.core.errors import InputError
 from structlearn.readers import StampPolicy, read_demonstrations, read_recording
 from structlearn.readers.bag import read_bag
-from structlearn.readers.clock import AS_WRITTEN, in_order, longest_increase
+from structlearn.readers.clock import in_order, longest_increase
+from structlearn.readers.source import AS_WRITTEN
 from structlearn.tasks.inspection import clocks as survey
 
 DROP, SORT, LOG = (

@@ -24,22 +24,16 @@ from structlearn.core.params import read_parameters
 from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
 from structlearn.readers import kuka_lwr4, read_demonstrations, read_recording, write_recording
+from structlearn.readers.bag_recording import read_joint_log, write_joint_log
 from structlearn.readers.clock import synchronise
+from structlearn.readers.demonstration import NamedShape
 from structlearn.readers.eflesh import CHANNELS, FOLDERS, PRESSES, read_run
-from structlearn.readers.joint_log import (
-    DriveLog,
-    JointLog,
-    read_joint_log,
-    read_log_table,
-    write_joint_log,
-    write_log_table,
-)
+from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table, write_log_table
 from structlearn.readers.lerobot import read_movement
 from structlearn.readers.reaches_past_boxes import TRIALS, read_obstacles
-from structlearn.readers.recording import NamedShape
-from structlearn.readers.text_log import read_stamped_table
-from structlearn.readers.touch_log import read_touch_table
+from structlearn.readers.tables import read_stamped_table
 from structlearn.readers.ur10e import read_motion
+from structlearn.readers.user_tables import read_touch_table
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.task_entry import read_task

@@ -2,15 +2,13 @@
 
 from bisect import bisect_left
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.core.params import Parameters
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import (
+from structlearn.readers.demonstration import (
+    Demonstration,
     Kind,
     Recording,
     Stream,
@@ -19,6 +17,7 @@ from structlearn.readers.recording import (
     check_speed,
     disorder,
 )
+from structlearn.readers.source import StampPolicy
 
 MAX_GAP_S = 0.2
 """Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
@@ -26,21 +25,6 @@ recorders drop out for 0.15 s now and then, a hole of more than that hides a mov
 
 FASTEST_HZ = 10_000.0
 """No robot reports its pose more often; a faster clock is one whose stamps say nothing."""
-
-
-class StampPolicy(Parameters):
-    """How the stamps of a user's messages are taken."""
-
-    # `header`: when a sample was taken; the log time where no message of a topic says so. `log`: when the
-    # recorder got it
-    clock: Literal["header", "log"]
-    # where a stamp repeats or runs back, `error`: refuse the recording; `drop`: leave out as few samples as
-    # possible; `sort`: put them in order. Of several with one stamp the first stays
-    disorder: Literal["error", "drop", "sort"]
-
-
-AS_WRITTEN = StampPolicy(clock="header", disorder="error")
-"""How our own files are read: whoever wrote them had the stamps in order."""
 
 
 def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:
@@ -65,7 +49,7 @@ def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.nd
 def longest_increase(stamps: np.ndarray) -> np.ndarray:
     """Places (M,) of the longest strictly increasing subsequence of (T,) numbers, by patience sorting.
 
-    Dropping all that is not later than the latest so far would lose everything behind one far stamp.
+    Dropping all that is not later than the latest so far would lose everything after one far stamp.
     """
     ends: list[int] = []  # smallest last stamp of an increase of each length ...
     places: list[int] = []  # ... and where it is
@@ -75,12 +59,10 @@ def longest_increase(stamps: np.ndarray) -> np.ndarray:
         if length:
             before[place] = places[length - 1]
         ends[length : length + 1], places[length : length + 1] = [stamp], [place]
-    rows = np.empty(len(ends), dtype=int)
-    place = places[-1]
-    for row in reversed(range(len(rows))):
-        rows[row] = place
-        place = before[place]
-    return rows
+    rows = [places[-1]]
+    while before[rows[-1]] >= 0:
+        rows.append(before[rows[-1]])
+    return np.array(rows[::-1])
 
 
 def synchronise(
@@ -99,13 +81,15 @@ def synchronise(
     neighbouring samples `gap` apart the error is at most gap^2 / 8 * max|x''|: at 150 Hz and 10 m/s^2 that is
     0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied: a signal sampled down keeps its noise.
 
-    `rate_hz`: ticks per second; None: one over the median step of the pose stream. `max_gap_s`: longest step
-    between neighbouring samples of a stream within the clock's time. `refuse_jumps`: False for whoever looks
-    at speeds himself, and leaves out what the sensor lost.
+    Args:
+        recording: streams with a clock each.
+        rate_hz: ticks per second; None: one over the median step of the pose stream.
+        max_gap_s: longest step between neighbouring samples of a stream within the clock's time.
+        refuse_jumps: False if the caller checks speeds itself, and leaves out what the sensor lost.
 
     Returns:
         All signals at (T,) ticks. Orientations have unit norm and no jumps between Q and -Q. Several tactile
-        streams, and joint signals of several sources, stand side by side in the order of the streams. True
+        streams, and joint signals of several sources, are put side by side in the order of the streams. True
         segments are counted from the new start and clipped to the clock. Where provenance says that the
         orientation was not recorded (`"orientation": "not recorded"`), it and angular velocity are None.
 
@@ -127,8 +111,9 @@ def synchronise(
             signals["position"] = linear(ticks, stamps, stream.values[:, :3])
             signals["orientation"] = slerp(ticks, stamps, stream.values[:, 3:])
         elif stream.kind == "twist":
-            twist = linear(ticks, stamps, stream.values)
-            signals["velocity"], signals["angular_velocity"] = twist[:, :3], twist[:, 3:]
+            signals["velocity"], signals["angular_velocity"] = np.split(
+                linear(ticks, stamps, stream.values), 2, axis=1
+            )
         elif stream.kind == "tool_to_board":
             signals["tool_to_board"] = slerp(ticks, stamps, stream.values)
         else:
@@ -159,13 +144,9 @@ def synchronise(
 def on_one_clock(
     name: str, streams: Sequence[Stream], rate_hz: float, max_gap_s: float = MAX_GAP_S
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Sample streams without orientations, of which none need be a pose, as `synchronise` does.
+    """Sample streams without orientations as `synchronise` does; none need be a pose, no value is checked.
 
-    Returns:
-        Times (T,) of the ticks in s since the start, and each stream's values (T, D).
-
-    Raises:
-        InputError: as `synchronise`, but that values are not looked at.
+    Returns times (T,) of the ticks in s since the start, and each stream's values (T, D).
     """
     start, duration = _shared_time(name, streams, max_gap_s)
     ticks = _ticks(name, duration, streams[0], rate_hz)
@@ -178,10 +159,7 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
 
     The gaps that are bridged here are twice the stream's own, so a smooth signal suffers up to four times the
     error of `synchronise`; noise of the sensor counts in full. Needs three samples; of a pose only the
-    position is taken.
-
-    Returns:
-        Root mean squared error and largest error, in the unit of the signal, over all columns.
+    position is taken. Returns the root mean squared and the largest error over all columns.
     """
     stamps = (stream.stamps - stream.stamps[0]).astype(float)
     values = stream.values[:, :3] if stream.kind == "pose" else stream.values
@@ -241,9 +219,9 @@ def _ticks(name: str, duration: int, pose: Stream, rate_hz: float | None) -> np.
 
 
 def _shared_time(name: str, streams: Sequence[Stream], max_gap_s: float) -> tuple[int, int]:
-    """First ns that all streams cover, and for how many ns; raise if a step that is crossed is too long.
+    """First ns that all streams cover, and for how many ns; an InputError where a gap in it is too long.
 
-    Gaps are looked at before there are ticks: one far stamp would ask for terabytes of them.
+    Gaps are checked before there are ticks: one far stamp would ask for terabytes of them.
     """
     late = max(streams, key=lambda stream: int(stream.stamps[0]))
     early = min(streams, key=lambda stream: int(stream.stamps[-1]))

@@ -18,11 +18,10 @@ import pandas as pd
 from structlearn.core.artefacts import holding
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.computed_pose import joint_pose
+from structlearn.readers.demonstration import Kind, Recording, Stream, check_recording
 from structlearn.readers.joint_log import JointSeries
-from structlearn.readers.parquet_table import read_parquet
-from structlearn.readers.recording import Kind, Recording, Stream, check_recording
-from structlearn.readers.text_log import read_text
-from structlearn.readers.topics import JointPose
+from structlearn.readers.source import JointPose
+from structlearn.readers.tables import read_parquet, read_text
 
 VERSION = "v3."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")

@@ -1,16 +1,16 @@
-"""Runs: a set of demonstrations or executions on one clock, as every stage behind the reading has them.
+"""Runs: a set of demonstrations or executions on one clock, as every stage after the import reads them.
 
 One stage per source reads what was recorded, checks it and puts it on the clock (`clock.synchronise`); all
 others read its runs from here. Where a protocol needs streams on clocks of their own, the stage writes those.
 
 All are sets of time series in one Parquet file: a long table keyed by run, units in its schema. What differs
-from run to run and is no series (provenance, shapes, names of joints) stands as JSON in the schema's
-metadata, in the order of the runs. In the columns that a run did not record it is null. The same set gives
-the same bytes, and a damaged file is an error (`core.artefacts`).
+from run to run and is no series (provenance, shapes, names of joints) is JSON in the schema's metadata, in
+the order of the runs. In the columns that a run did not record it is null. The same set gives the same bytes,
+and a damaged file is an error (`core.artefacts`).
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,7 @@ import pyarrow
 
 from structlearn.core.artefacts import read_arrow, write_arrow
 from structlearn.core.errors import InputError
-from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration
-from structlearn.readers.recording import NamedShape, Recording, Stream
+from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration, NamedShape, Recording, Stream
 
 PARTS: Mapping[str, Sequence[str]] = {
     **dict.fromkeys(("position", "velocity", "angular_velocity"), "xyz"),
@@ -46,10 +45,15 @@ class Series:
         return np.stack([self.columns[name] for name in names], axis=1)
 
 
+def columns_of(signal: str, values: np.ndarray, parts: Iterable[Any]) -> dict[str, np.ndarray]:
+    """Columns SIGNAL.PART of a signal (T, D) with names of its parts."""
+    return {f"{signal}.{part}": column for part, column in zip(parts, values.T, strict=True)}
+
+
 def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str | Path) -> None:
     """Publish a set of runs, maybe none, with different names as a Parquet file.
 
-    Units are those of each column's name up to its first point (`position` of `position.x`), "" without one.
+    Units are those of each column's name or of its part up to the first point (`position` of `position.x`).
     """
     names = list(dict.fromkeys(name for run in runs for name in run.columns))
     lengths = [len(next(iter(run.columns.values()))) for run in runs]
@@ -64,7 +68,8 @@ def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str |
             for run, length in zip(runs, lengths, strict=True)
         ]
         arrays.append(pyarrow.concat_arrays(parts))
-        fields.append(pyarrow.field(name, kind, metadata={UNIT: units[name.partition(".")[0]].encode()}))
+        unit = units[name if name in units else name.partition(".")[0]]
+        fields.append(pyarrow.field(name, kind, metadata={UNIT: unit.encode()}))
     about = json.dumps({run.name: dict(run.about) for run in runs})
     schema = pyarrow.schema(fields, metadata={RUNS: about.encode()})
     table = pyarrow.Table.from_arrays(arrays, schema=schema)
@@ -104,16 +109,15 @@ def write_runs(runs: Sequence[Demonstration], target: str | Path) -> None:
         for signal in SIGNAL_UNITS:
             values = getattr(run, signal)
             if values is not None:
-                names = PARTS.get(signal, range(values.shape[1]))
-                columns |= {f"{signal}.{name}": values[:, place] for place, name in enumerate(names)}
+                columns |= columns_of(signal, values, PARTS.get(signal, range(values.shape[1])))
+        shapes = [
+            {key: np.asarray(value).tolist() for key, value in vars(shape).items()} for shape in run.shapes
+        ]
         about = {
             "provenance": dict(run.provenance),
             "joint_names": list(run.joint_names),
             "true_segments": None if run.true_segments is None else run.true_segments.tolist(),
-            "shapes": [
-                {key: np.asarray(value).tolist() for key, value in vars(shape).items()}
-                for shape in run.shapes
-            ],
+            "shapes": shapes,
         }
         series.append(Series(run.name, columns, about))
     write_series(series, {"time": "s", **SIGNAL_UNITS}, target)
@@ -126,26 +130,19 @@ def read_runs(path: str | Path) -> list[Demonstration]:
     """
     runs = []
     for run in read_series(path):
-        signals = {}
+        signals: dict[str, Any] = {}
         for signal in SIGNAL_UNITS:
             if names := [name for name in run.columns if name.partition(".")[0] == signal]:
                 signals[signal] = run.stacked(names)
-        segments = run.about["true_segments"]
-        shapes: Iterator[dict[str, Any]] = (
+        if (segments := run.about["true_segments"]) is not None:
+            signals["true_segments"] = np.array(segments, dtype=float).reshape(-1, 2)
+        shapes = [
             {key: np.array(value) if isinstance(value, list) else value for key, value in shape.items()}
             for shape in run.about["shapes"]
-        )
-        runs.append(
-            Demonstration(
-                name=run.name,
-                time=run.columns["time"],
-                true_segments=None if segments is None else np.array(segments, dtype=float).reshape(-1, 2),
-                provenance=run.about["provenance"],
-                joint_names=tuple(run.about["joint_names"]),
-                shapes=tuple(NamedShape(**shape) for shape in shapes),
-                **signals,
-            )
-        )
+        ]
+        signals |= {"shapes": tuple(NamedShape(**shape) for shape in shapes)}
+        signals |= {"provenance": run.about["provenance"], "joint_names": tuple(run.about["joint_names"])}
+        runs.append(Demonstration(run.name, run.columns["time"], **signals))
     return runs
 
 
@@ -154,20 +151,13 @@ def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
 
     Shapes, names of joints and true segments are not kept.
     """
-    series = [
-        Series(
-            f"{one.name} {place}",
-            {"stamp": stream.stamps} | {f"value.{n}": column for n, column in enumerate(stream.values.T)},
-            {
-                "recording": one.name,
-                "topic": stream.topic,
-                "kind": stream.kind,
-                "provenance": dict(one.provenance),
-            },
-        )
-        for one in recordings
-        for place, stream in enumerate(one.streams)
-    ]
+    series = []
+    for one in recordings:
+        for place, stream in enumerate(one.streams):
+            columns = columns_of("value", stream.values, range(stream.values.shape[1]))
+            about = {"recording": one.name, "topic": stream.topic, "kind": stream.kind}
+            about |= {"provenance": dict(one.provenance)}
+            series.append(Series(f"{one.name} {place}", {"stamp": stream.stamps} | columns, about))
     write_series(series, {"stamp": "ns", "value": "as `recording.Stream` has it"}, target)
 
 
