@@ -9,8 +9,7 @@ from readers_bags import make_recording, pose_rows
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers import Recording, Stream, synchronise
-from structlearn.readers.clock import shared_stamps
-from structlearn.readers.demonstration import at_row, check_recording
+from structlearn.readers.clock import at_row, check_recording, shared_stamps
 
 UNIX = 1581238055_716234152
 

@@ -28,10 +28,10 @@ from structlearn.readers.bag_recording import read_joint_log, write_joint_log
 from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import NamedShape
 from structlearn.readers.eflesh import CHANNELS, FOLDERS, PRESSES, read_run
+from structlearn.readers.foreign_tables import read_stamped_table
 from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table, write_log_table
 from structlearn.readers.lerobot import read_movement
 from structlearn.readers.reaches_past_boxes import TRIALS, read_obstacles
-from structlearn.readers.tables import read_stamped_table
 from structlearn.readers.ur10e import read_motion
 from structlearn.readers.user_tables import read_touch_table
 from structlearn.rigid_body.tree import read_urdf

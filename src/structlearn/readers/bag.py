@@ -103,7 +103,7 @@ def joined(bags: Sequence[Bag]) -> Bag:
     if len(bags) == 1:
         return bags[0]
     types = ((topic, one) for bag in bags for topic, its in bag.topics.items() for one in its)
-    rows = defaultdict(list)
+    rows: dict[str, list[Row]] = defaultdict(list)
     for bag in bags:
         for topic, its in bag.messages.items():
             rows[topic] += zip(its.log_times.tolist(), its.schemas, its.data, strict=True)
@@ -360,7 +360,7 @@ def _read_older(
     """Content of an open reader; `stores` know the types, `to_cdr` turns content and type into CDR."""
     wanted = [connection for connection in reader.connections if connection.topic in topics]
     schemas = {name: _schema(name, stores) for name in dict.fromkeys(one.msgtype for one in wanted)}
-    rows = defaultdict(list)
+    rows: dict[str, list[Row]] = defaultdict(list)
     for connection, log_time, raw in reader.messages(connections=wanted) if wanted else ():
         budget.take(PER_MESSAGE)
         content = bytes(to_cdr(raw, connection.msgtype))

@@ -19,9 +19,9 @@ from structlearn.readers.bag import (
     read_ros1_bag,
     write_bag,
 )
-from structlearn.readers.clock import MAX_GAP_S, synchronise
+from structlearn.readers.clock import MAX_GAP_S, check_recording, synchronise
 from structlearn.readers.computed_pose import joint_pose, transform_pose
-from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, Recording, Stream, check_recording
+from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, NamedShape, Recording, Stream
 from structlearn.readers.joint_log import JointLog, JointSeries, chosen, joint_series
 from structlearn.readers.messages import (
     check_readable,
@@ -127,7 +127,7 @@ def read_recording(
         segments = None if known is None else np.array(known, dtype=float).reshape(-1, 2)
     read = _Reading(file.path, bag, topics, stamps)
     streams = read.streams()
-    shapes = ()
+    shapes: tuple[NamedShape, ...] = ()
     for topic, role in topics.roles():
         if role == "obstacles" and (messages := read.messages(topic, role)) is not None:
             shapes += to_shapes(read.where(topic), messages)

@@ -13,7 +13,7 @@ import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.demonstration import Recording, Stream
-from structlearn.readers.tables import (
+from structlearn.readers.foreign_tables import (
     PublicSet,
     natural_order,
     read_each,

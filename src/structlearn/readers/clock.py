@@ -1,22 +1,14 @@
-"""Stamps of messages put in order, and streams with clocks of their own put on one uniform clock."""
+"""Recordings checked, their stamps put in order, and their streams put on one uniform clock."""
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.readers.demonstration import (
-    Demonstration,
-    Kind,
-    Recording,
-    Stream,
-    at_row,
-    check_recording,
-    check_speed,
-    disorder,
-)
+from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, Kind, Recording, Stream
 from structlearn.readers.source import StampPolicy
 
 MAX_GAP_S = 0.2
@@ -25,6 +17,119 @@ recorders drop out for 0.15 s now and then, a hole of more than that hides a mov
 
 FASTEST_HZ = 10_000.0
 """No robot reports its pose more often; a faster clock is one whose stamps say nothing."""
+
+WIDTHS: Mapping[str, int] = {"pose": 7, "twist": 6, "wrench": 6, "tool_to_board": 4}
+"""Columns of each kind of stream; others have any number, constant within the stream."""
+
+NORM_TOLERANCE = 1e-3
+"""How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
+rotation given in another form does not."""
+
+FASTEST = {"position": (10.0, "m/s"), "orientation": (100.0, "rad/s")}
+"""No arm and no hand that demonstrates a movement is so fast; a faster step is a jump of the sensor."""
+
+
+def check_recording(recording: Recording) -> None:
+    """Check streams one by one and together.
+
+    Raises:
+        InputError: there is no pose stream, or several streams of a kind other than tactile and signals of
+            different joints; kinds of joint signals have different joints; a stream has fewer than two
+            samples, the wrong number of columns, a stamp that repeats or runs back, a value that is not
+            finite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two shapes have one
+            name. The message names recording, topic and row (counted from 0).
+    """
+    counts = Counter(stream.kind for stream in recording.streams)
+    if counts["pose"] == 0:
+        raise InputError(f"{recording.name}: has no pose stream")
+    for kind, count in counts.items():
+        streams = [stream for stream in recording.streams if stream.kind == kind]
+        names = recording.joints_of(kind)
+        different = all(stream.joints for stream in streams) and len(set(names)) == len(names)
+        if count > 1 and kind != "tactile" and not different:
+            topics = ", ".join(stream.topic for stream in streams)
+            raise InputError(f"{recording.name}: {kind} comes from several topics: {topics}")
+    for stream in recording.streams:
+        width = stream.values.shape[-1]
+        if stream.joints and len(stream.joints) != width:
+            named = f"names {len(stream.joints)} joints, has {width} columns"
+            raise InputError(f"{recording.name}: {stream.topic}: {named}")
+    for kind in JOINT_KINDS:
+        names = recording.joints_of(kind)
+        if names and set(names) != set(recording.joint_names):
+            raise InputError(
+                f"{recording.name}: {kind} are of the joints {', '.join(names)}, other signals of "
+                f"{', '.join(recording.joint_names)}"
+            )
+    shapes = Counter(shape.name for shape in recording.shapes)
+    if repeated := [name for name, count in shapes.items() if count > 1]:
+        raise InputError(f"{recording.name}: several shapes have the name {', '.join(repeated)}")
+    for stream in recording.streams:
+        if fault := _fault(stream):
+            raise InputError(f"{recording.name}: {stream.topic}: {fault}")
+
+
+def at_row(row: int, stamps: np.ndarray) -> str:
+    """A place in a stream for messages: row from 0, and its stamp in s, without rounding."""
+    stamp = int(stamps[row])
+    sign, stamp = ("-", -stamp) if stamp < 0 else ("", stamp)
+    return f"row {row} (stamp {sign}{stamp // 10**9}.{stamp % 10**9:09d} s)"
+
+
+def disorder(stamps: np.ndarray) -> str | None:
+    """The first of (T,) stamps that does not come after the one before it, in words; None: all do."""
+    steps = np.diff(stamps)
+    if (steps > 0).all():
+        return None
+    row = int(np.argmax(steps <= 0)) + 1
+    fault = "repeats the stamp before it" if steps[row - 1] == 0 else "runs back in time"
+    return f"{at_row(row, stamps)} {fault}"
+
+
+def check_speed(name: str, stream: Stream) -> None:
+    """Raise an InputError that names the row where a pose jumps, faster than `FASTEST`, from one to the next.
+
+    Bursts of messages are no jumps: a step counts as no shorter than the mean one. A turn in one step may lie
+    between two touches of a surface; a reading is off where the next one turns back.
+    """
+    steps_s = 1e-9 * np.diff(stream.stamps)
+    steps_s = np.maximum(steps_s, np.mean(steps_s))
+    with np.errstate(over="ignore"):
+        distances = np.linalg.norm(np.diff(stream.values[:, :3], axis=0), axis=1)
+    cosines = np.abs(np.sum(stream.values[1:, 3:] * stream.values[:-1, 3:], axis=1))
+    turns = 2.0 * np.arccos(np.minimum(cosines, 1.0))
+    turns[:-1] = np.minimum(turns[:-1], turns[1:])
+    for changes, (signal, (fastest, unit)) in zip((distances, turns), FASTEST.items(), strict=True):
+        speeds = changes / steps_s
+        if (speeds > fastest).any():
+            row = int(np.argmax(speeds > fastest)) + 1
+            raise InputError(
+                f"{name}: {stream.topic}: {at_row(row, stream.stamps)}: {signal} jumps at "
+                f"{speeds[row - 1]:.3g} {unit}, more than {fastest:g} {unit}"
+            )
+
+
+def _fault(stream: Stream) -> str | None:
+    """The first fault of a stream in words, or None."""
+    count, values = len(stream.stamps), stream.values
+    if values.ndim != 2 or values.shape[1] == 0 or count != len(values):
+        return f"needs a table with one row per stamp, has shape {values.shape} and {count} stamps"
+    if values.shape[1] != (width := WIDTHS.get(stream.kind, values.shape[1])):
+        return f"{stream.kind} needs {width} columns, has {values.shape[1]}"
+    if count < 2:
+        return f"needs at least two samples, has {count}"
+    if fault := disorder(stream.stamps):
+        return fault
+    if not (finite := np.isfinite(values)).all():
+        row, column = np.argwhere(~finite)[0]
+        return f"{at_row(row, stream.stamps)}, column {column}: value is {values[row, column]}"
+    if stream.kind in ("pose", "tool_to_board"):
+        norm = np.linalg.norm(values[:, -4:], axis=1)
+        off = np.abs(norm - 1) > NORM_TOLERANCE
+        if off.any():
+            row = int(np.argmax(off))
+            return f"{at_row(row, stream.stamps)}: quaternion has norm {norm[row]:.6g}, not 1"
+    return None
 
 
 def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:

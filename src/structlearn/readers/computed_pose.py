@@ -23,8 +23,8 @@ from structlearn.core.params import home_path
 from structlearn.core.reading import require_file
 from structlearn.readers.bag import RawMessages
 from structlearn.readers.cdr import decoded
-from structlearn.readers.clock import in_order, linear, shared_stamps, slerp
-from structlearn.readers.demonstration import NORM_TOLERANCE, Stream
+from structlearn.readers.clock import NORM_TOLERANCE, in_order, linear, shared_stamps, slerp
+from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_log import MOST_JOINTS, JointSeries
 from structlearn.readers.messages import fields_named, nanoseconds, numbers
 from structlearn.readers.source import JointPose, StampPolicy, TransformPose

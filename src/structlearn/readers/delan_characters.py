@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.core.errors import InputError
+from structlearn.readers.foreign_tables import PublicSet, read_arrays, stamps_of
 from structlearn.readers.joint_log import PartedLog, signals_of
-from structlearn.readers.tables import PublicSet, read_arrays, stamps_of
 
 SOURCE = PublicSet("https://github.com/milutter/deep_lagrangian_networks", "not stated", "MIT")
 ARRAYS = {  # signals and the names of their arrays

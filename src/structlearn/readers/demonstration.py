@@ -1,33 +1,44 @@
-"""Recordings as they came, with a clock for each stream, and demonstrations with all signals on one clock."""
+"""Recordings with a clock for each stream, demonstrations with all signals on one clock, and tables of both.
 
-from collections import Counter
-from collections.abc import Mapping
+One stage per source reads what was recorded, checks it and puts it on the clock (`clock.synchronise`); all
+others read its runs: a set of demonstrations or executions. Where a protocol needs streams on clocks of their
+own, the stage writes those.
+
+All are sets of time series in one Parquet file: a long table keyed by run, units in its schema. What differs
+from run to run and is no series (provenance, shapes, names of joints) is JSON in the schema's metadata, in
+the order of the runs. In the columns that a run did not record it is null. The same set gives the same bytes,
+and a damaged file is an error (`core.artefacts`).
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from pathlib import Path
+from typing import Any, Literal, get_args
 
 import numpy as np
+import pyarrow
 
+from structlearn.core.artefacts import read_arrow, write_arrow
 from structlearn.core.errors import InputError
 
-JointKind = Literal["joint_positions", "joint_velocities", "joint_torques"]
-Kind = Literal["pose", "twist", JointKind, "wrench", "tactile", "tool_to_board"]
+Kind = Literal[
+    "pose",
+    "twist",
+    "joint_positions",
+    "joint_velocities",
+    "joint_torques",
+    "wrench",
+    "tactile",
+    "tool_to_board",
+]
 
-JOINT_KINDS: tuple[JointKind, ...] = get_args(JointKind)
+JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
 """Kinds of stream that the fields position, velocity and effort of a joint state give."""
-
-WIDTHS: Mapping[str, int] = {"pose": 7, "twist": 6, "wrench": 6, "tool_to_board": 4}
-"""Columns of each kind of stream; others have any number, constant within the stream."""
 
 Form = Literal["cube", "sphere", "cylinder"]
 FORMS: tuple[Form, ...] = get_args(Form)
 """What a shape is; a cuboid is a cube of unequal sides, as in ROS."""
-
-NORM_TOLERANCE = 1e-3
-"""How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
-rotation given in another form does not."""
-
-FASTEST = {"position": (10.0, "m/s"), "orientation": (100.0, "rad/s")}
-"""No arm and no hand that demonstrates a movement is so fast; a faster step is a jump of the sensor."""
 
 SIGNAL_UNITS = {
     "position": "m",
@@ -42,6 +53,16 @@ SIGNAL_UNITS = {
     "tool_to_board": "",
 }
 """Sampled signals of a demonstration; quaternions w, x, y, z have no unit, a wrench is force, then torque."""
+
+
+PARTS: Mapping[str, Sequence[str]] = {
+    **dict.fromkeys(("position", "velocity", "angular_velocity"), "xyz"),
+    **dict.fromkeys(("orientation", "tool_to_board"), "wxyz"),
+    "wrench": ("fx", "fy", "fz", "tx", "ty", "tz"),
+}
+"""Names of a signal's columns; those of joints and electrodes are numbered from 0."""
+
+RUN, UNIT, RUNS = "run", b"unit", b"runs"
 
 
 @dataclass(frozen=True)
@@ -148,104 +169,147 @@ class Demonstration:
         return self.provenance.get("origin") == "simulated"
 
 
-def check_recording(recording: Recording) -> None:
-    """Check streams one by one and together.
+@dataclass(frozen=True)
+class Series:
+    """The time series of one run."""
 
-    Raises:
-        InputError: there is no pose stream, or several streams of a kind other than tactile and signals of
-            different joints; kinds of joint signals have different joints; a stream has fewer than two
-            samples, the wrong number of columns, a stamp that repeats or runs back, a value that is not
-            finite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two shapes have one
-            name. The message names recording, topic and row (counted from 0).
+    name: str  # unique within its set
+    columns: Mapping[str, np.ndarray]  # (T,) each, finite
+    about: Mapping[str, Any] = field(default_factory=dict)  # what else is known of the run, as JSON has it
+
+    def stacked(self, names: Sequence[str]) -> np.ndarray:
+        """(T, D) of some columns, in C order."""
+        return np.stack([self.columns[name] for name in names], axis=1)
+
+
+def columns_of(signal: str, values: np.ndarray, parts: Iterable[Any]) -> dict[str, np.ndarray]:
+    """Columns SIGNAL.PART of a signal (T, D) with names of its parts."""
+    return {f"{signal}.{part}": column for part, column in zip(parts, values.T, strict=True)}
+
+
+def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str | Path) -> None:
+    """Publish a set of runs, maybe none, with different names as a Parquet file.
+
+    Units are those of each column's name or of its part up to the first point (`position` of `position.x`).
     """
-    counts = Counter(stream.kind for stream in recording.streams)
-    if counts["pose"] == 0:
-        raise InputError(f"{recording.name}: has no pose stream")
-    for kind, count in counts.items():
-        streams = [stream for stream in recording.streams if stream.kind == kind]
-        names = recording.joints_of(kind)
-        different = all(stream.joints for stream in streams) and len(set(names)) == len(names)
-        if count > 1 and kind != "tactile" and not different:
-            topics = ", ".join(stream.topic for stream in streams)
-            raise InputError(f"{recording.name}: {kind} comes from several topics: {topics}")
-    for stream in recording.streams:
-        width = stream.values.shape[-1]
-        if stream.joints and len(stream.joints) != width:
-            named = f"names {len(stream.joints)} joints, has {width} columns"
-            raise InputError(f"{recording.name}: {stream.topic}: {named}")
-    for kind in JOINT_KINDS:
-        names = recording.joints_of(kind)
-        if names and set(names) != set(recording.joint_names):
-            raise InputError(
-                f"{recording.name}: {kind} are of the joints {', '.join(names)}, other signals of "
-                f"{', '.join(recording.joint_names)}"
-            )
-    shapes = Counter(shape.name for shape in recording.shapes)
-    if repeated := [name for name, count in shapes.items() if count > 1]:
-        raise InputError(f"{recording.name}: several shapes have the name {', '.join(repeated)}")
-    for stream in recording.streams:
-        if fault := _fault(stream):
-            raise InputError(f"{recording.name}: {stream.topic}: {fault}")
+    names = list(dict.fromkeys(name for run in runs for name in run.columns))
+    lengths = [len(next(iter(run.columns.values()))) for run in runs]
+    index = pyarrow.array(np.repeat(np.arange(len(runs), dtype=np.int32), lengths))
+    run_names = pyarrow.array([run.name for run in runs], pyarrow.string())
+    keys = pyarrow.DictionaryArray.from_arrays(index, run_names)
+    arrays, fields = [keys], [pyarrow.field(RUN, keys.type)]
+    for name in names:
+        kind = next(pyarrow.array(run.columns[name][:0]).type for run in runs if name in run.columns)
+        parts = [
+            pyarrow.array(run.columns[name]) if name in run.columns else pyarrow.nulls(length, kind)
+            for run, length in zip(runs, lengths, strict=True)
+        ]
+        arrays.append(pyarrow.concat_arrays(parts))
+        unit = units[name if name in units else name.partition(".")[0]]
+        fields.append(pyarrow.field(name, kind, metadata={UNIT: unit.encode()}))
+    about = json.dumps({run.name: dict(run.about) for run in runs})
+    schema = pyarrow.schema(fields, metadata={RUNS: about.encode()})
+    table = pyarrow.Table.from_arrays(arrays, schema=schema)
+    write_arrow(table, target, use_dictionary=[RUN], use_byte_stream_split=names)  # noise: 0.7 of the size
 
 
-def at_row(row: int, stamps: np.ndarray) -> str:
-    """A place in a stream for messages: row from 0, and its stamp in s, without rounding."""
-    stamp = int(stamps[row])
-    sign, stamp = ("-", -stamp) if stamp < 0 else ("", stamp)
-    return f"row {row} (stamp {sign}{stamp // 10**9}.{stamp % 10**9:09d} s)"
+def read_series(path: str | Path) -> list[Series]:
+    """Read a set of runs, in the order in which they were written.
 
-
-def disorder(stamps: np.ndarray) -> str | None:
-    """The first of (T,) stamps that does not come after the one before it, in words; None: all do."""
-    steps = np.diff(stamps)
-    if (steps > 0).all():
-        return None
-    row = int(np.argmax(steps <= 0)) + 1
-    fault = "repeats the stamp before it" if steps[row - 1] == 0 else "runs back in time"
-    return f"{at_row(row, stamps)} {fault}"
-
-
-def check_speed(name: str, stream: Stream) -> None:
-    """Raise an InputError that names the row where a pose jumps, faster than `FASTEST`, from one to the next.
-
-    Bursts of messages are no jumps: a step counts as no shorter than the mean one. A turn in one step may lie
-    between two touches of a surface; a reading is off where the next one turns back.
+    Raises InputError: the file is missing, damaged, of another kind, or a run is not in one piece.
     """
-    steps_s = 1e-9 * np.diff(stream.stamps)
-    steps_s = np.maximum(steps_s, np.mean(steps_s))
-    with np.errstate(over="ignore"):
-        distances = np.linalg.norm(np.diff(stream.values[:, :3], axis=0), axis=1)
-    cosines = np.abs(np.sum(stream.values[1:, 3:] * stream.values[:-1, 3:], axis=1))
-    turns = 2.0 * np.arccos(np.minimum(cosines, 1.0))
-    turns[:-1] = np.minimum(turns[:-1], turns[1:])
-    for changes, (signal, (fastest, unit)) in zip((distances, turns), FASTEST.items(), strict=True):
-        speeds = changes / steps_s
-        if (speeds > fastest).any():
-            row = int(np.argmax(speeds > fastest)) + 1
-            raise InputError(
-                f"{name}: {stream.topic}: {at_row(row, stream.stamps)}: {signal} jumps at "
-                f"{speeds[row - 1]:.3g} {unit}, more than {fastest:g} {unit}"
+    table = read_arrow(path)
+    about = (table.schema.metadata or {}).get(RUNS)
+    if about is None:
+        raise InputError(f"{path}: holds no runs")
+    known = json.loads(about)
+    keys = table[RUN].combine_chunks()
+    index = keys.indices.to_numpy()
+    names = keys.dictionary.to_pylist()
+    starts = np.searchsorted(index, np.arange(len(names) + 1)).tolist()
+    if names != list(known) or (np.diff(index) < 0).any():
+        raise InputError(f"{path}: damaged: its rows are not those of its runs")
+    columns = {name: table[name].combine_chunks() for name in table.column_names if name != RUN}
+    runs = []
+    for name, start, end in zip(names, starts[:-1], starts[1:], strict=True):
+        mine = {key: column.slice(start, end - start) for key, column in columns.items()}
+        arrays = {key: part.to_numpy() for key, part in mine.items() if not part.null_count}
+        runs.append(Series(name, arrays, known[name]))
+    return runs
+
+
+def write_runs(runs: Sequence[Demonstration], target: str | Path) -> None:
+    """Publish a set of runs as a Parquet table, a column per component, e.g. `position.x` in m."""
+    series = []
+    for run in runs:
+        columns = {"time": run.time}
+        for signal in SIGNAL_UNITS:
+            values = getattr(run, signal)
+            if values is not None:
+                columns |= columns_of(signal, values, PARTS.get(signal, range(values.shape[1])))
+        shapes = [
+            {key: np.asarray(value).tolist() for key, value in vars(shape).items()} for shape in run.shapes
+        ]
+        about = {
+            "provenance": dict(run.provenance),
+            "joint_names": list(run.joint_names),
+            "true_segments": None if run.true_segments is None else run.true_segments.tolist(),
+            "shapes": shapes,
+        }
+        series.append(Series(run.name, columns, about))
+    write_series(series, {"time": "s", **SIGNAL_UNITS}, target)
+
+
+def read_runs(path: str | Path) -> list[Demonstration]:
+    """Read a set of runs, in the order in which they were written.
+
+    Raises InputError: the file is missing, damaged or holds something else.
+    """
+    runs = []
+    for run in read_series(path):
+        signals: dict[str, Any] = {}
+        for signal in SIGNAL_UNITS:
+            if names := [name for name in run.columns if name.partition(".")[0] == signal]:
+                signals[signal] = run.stacked(names)
+        if (segments := run.about["true_segments"]) is not None:
+            signals["true_segments"] = np.array(segments, dtype=float).reshape(-1, 2)
+        signals["shapes"] = tuple(
+            NamedShape(
+                one["name"], one["form"], *(np.array(one[key]) for key in ("position", "orientation", "size"))
             )
+            for one in run.about["shapes"]
+        )
+        signals |= {"provenance": run.about["provenance"], "joint_names": tuple(run.about["joint_names"])}
+        runs.append(Demonstration(run.name, run.columns["time"], **signals))
+    return runs
 
 
-def _fault(stream: Stream) -> str | None:
-    """The first fault of a stream in words, or None."""
-    count, values = len(stream.stamps), stream.values
-    if values.ndim != 2 or values.shape[1] == 0 or count != len(values):
-        return f"needs a table with one row per stamp, has shape {values.shape} and {count} stamps"
-    if values.shape[1] != (width := WIDTHS.get(stream.kind, values.shape[1])):
-        return f"{stream.kind} needs {width} columns, has {values.shape[1]}"
-    if count < 2:
-        return f"needs at least two samples, has {count}"
-    if fault := disorder(stream.stamps):
-        return fault
-    if not (finite := np.isfinite(values)).all():
-        row, column = np.argwhere(~finite)[0]
-        return f"{at_row(row, stream.stamps)}, column {column}: value is {values[row, column]}"
-    if stream.kind in ("pose", "tool_to_board"):
-        norm = np.linalg.norm(values[:, -4:], axis=1)
-        off = np.abs(norm - 1) > NORM_TOLERANCE
-        if off.any():
-            row = int(np.argmax(off))
-            return f"{at_row(row, stream.stamps)}: quaternion has norm {norm[row]:.6g}, not 1"
-    return None
+def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
+    """Publish recordings whose streams keep their own clocks: a series per stream, stamps in ns.
+
+    Shapes, names of joints and true segments are not kept.
+    """
+    series = []
+    for one in recordings:
+        for place, stream in enumerate(one.streams):
+            columns = columns_of("value", stream.values, range(stream.values.shape[1]))
+            about = {"recording": one.name, "topic": stream.topic, "kind": stream.kind}
+            known = about | {"provenance": dict(one.provenance)}
+            series.append(Series(f"{one.name} {place}", {"stamp": stream.stamps} | columns, known))
+    write_series(series, {"stamp": "ns", "value": "as `recording.Stream` has it"}, target)
+
+
+def read_streams(path: str | Path) -> list[Recording]:
+    """Read what `write_streams` wrote.
+
+    Raises InputError: the file is missing, damaged or holds something else.
+    """
+    streams: dict[str, list[Stream]] = {}
+    provenance = {}
+    for one in read_series(path):
+        about = one.about
+        values = one.stacked([name for name in one.columns if name != "stamp"])
+        stream = Stream(about["topic"], about["kind"], one.columns["stamp"], values)
+        streams.setdefault(about["recording"], []).append(stream)
+        provenance[about["recording"]] = about["provenance"]
+    return [Recording(name, tuple(its), provenance=provenance[name]) for name, its in streams.items()]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.tables import PublicSet, check_rising, read_each, read_stamped_table
+from structlearn.readers.foreign_tables import PublicSet, check_rising, read_each, read_stamped_table
 from structlearn.readers.user_tables import TouchLog
 
 SOURCE = PublicSet("https://github.com/notvenky/eFlesh", "ab5ca56a87df7cbf59264138998bf74efc216b13", "MIT")

@@ -19,10 +19,17 @@ import numpy as np
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages
 from structlearn.readers.cdr import Decoded, decoded
-from structlearn.readers.clock import in_order
-from structlearn.readers.demonstration import JOINT_KINDS, Kind, Stream, at_row
+from structlearn.readers.clock import at_row, in_order
+from structlearn.readers.demonstration import (
+    JOINT_KINDS,
+    Kind,
+    Series,
+    Stream,
+    columns_of,
+    read_series,
+    write_series,
+)
 from structlearn.readers.messages import FIELDS, fields_named, sample_stamps, sequence, table
-from structlearn.readers.runs import Series, columns_of, read_series, write_series
 from structlearn.readers.source import StampPolicy
 
 UNITS = {

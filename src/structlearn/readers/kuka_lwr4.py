@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.core.errors import InputError
+from structlearn.readers.foreign_tables import PublicSet, read_arrays, read_each, stamps_of
 from structlearn.readers.joint_log import JointLog, signals_of
-from structlearn.readers.tables import PublicSet, read_arrays, read_each, stamps_of
 
 SOURCE = PublicSet(
     "https://github.com/kjyv/FloBaRoID",

@@ -17,11 +17,12 @@ import pandas as pd
 
 from structlearn.core.artefacts import holding
 from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.clock import check_recording
 from structlearn.readers.computed_pose import joint_pose
-from structlearn.readers.demonstration import Kind, Recording, Stream, check_recording
+from structlearn.readers.demonstration import Kind, Recording, Stream
+from structlearn.readers.foreign_tables import read_parquet, read_text
 from structlearn.readers.joint_log import JointSeries
 from structlearn.readers.source import JointPose
-from structlearn.readers.tables import read_parquet, read_text
 
 VERSION = "v3."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")

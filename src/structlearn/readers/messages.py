@@ -29,8 +29,8 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
 from structlearn.readers.bag import RawMessages, of_one_type
 from structlearn.readers.cdr import Decoded, columns, decoded, short_name
-from structlearn.readers.clock import in_order
-from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream, at_row
+from structlearn.readers.clock import at_row, in_order
+from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream
 from structlearn.readers.source import Role, StampPolicy
 
 FRAME = "base"
@@ -253,16 +253,18 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     with fields_named(where):
         found = []
         for one in getattr(message, "markers", [message]):
-            values = numbers(one, "pose.position", "pose.orientation", "scale")
-            number, kind, *values = (float(np.ravel(value)[0]) for value in (one.id, one.type, *values))
+            fields = (one.id, one.type, *numbers(one, "pose.position", "pose.orientation", "scale"))
+            number, kind, *values = (
+                float(np.ravel(value)[0]) for value in fields
+            )  # maybe columns of one row
             if kind in SOLIDS:
                 found.append((one.ns, int(number), SOLIDS[int(kind)], np.array(values)))
     spaces = [space for space, *_ in found]
     shapes = []
-    for space, number, form, values in found:
+    for space, number, form, row in found:
         name = space if spaces.count(space) == 1 else f"{space} {number}"
-        position, orientation, size = np.split(values, (3, 7))
-        if not (np.isfinite(values).all() and (size > 0).all()):
+        position, orientation, size = np.split(row, (3, 7))
+        if not (np.isfinite(row).all() and (size > 0).all()):
             raise InputError(f"{where}: shape '{name}' needs a finite pose and a positive size")
         length = np.linalg.norm(orientation)
         if not length > 0:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.core.errors import InputError
+from structlearn.readers.foreign_tables import PublicSet, read_each, read_stamped_table, read_table
 from structlearn.readers.joint_log import JointLog
-from structlearn.readers.tables import PublicSet, read_each, read_stamped_table, read_table
 
 SOURCE = PublicSet(
     "https://github.com/marcocognetti/FrankaEmikaPandaDynModel",

@@ -14,7 +14,7 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.demonstration import Form, NamedShape, Recording, Stream
-from structlearn.readers.tables import (
+from structlearn.readers.foreign_tables import (
     PublicSet,
     check_rising,
     finite_numbers,

@@ -13,8 +13,8 @@ from structlearn.core import quaternion
 from structlearn.core.errors import MissingInputError
 from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import Recording, Stream
+from structlearn.readers.foreign_tables import PublicSet, natural_order, read_each, read_stamped_table
 from structlearn.readers.joint_log import JointLog
-from structlearn.readers.tables import PublicSet, natural_order, read_each, read_stamped_table
 
 SOURCE = PublicSet(
     "https://github.com/dexrob/BioTac_slide_20_50",

@@ -23,7 +23,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import NAME, Name, Parameters, home_path, read_values
-from structlearn.readers.tables import natural_order
+from structlearn.readers.foreign_tables import natural_order
 
 # Parameters of a source
 

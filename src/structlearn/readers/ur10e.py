@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.foreign_tables import PublicSet, check_rising, read_each, read_stamped_table
 from structlearn.readers.joint_log import DriveLog, signals_of
 from structlearn.readers.source import check_names
-from structlearn.readers.tables import PublicSet, check_rising, read_each, read_stamped_table
 
 SOURCE = PublicSet(
     "https://github.com/shamilmamedov/dynamic_calibration",

@@ -37,11 +37,17 @@ from structlearn.core import quaternion
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import Bag
-from structlearn.readers.demonstration import FORMS, NORM_TOLERANCE, Demonstration, NamedShape, Stream
-from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
-from structlearn.readers.runs import Series, read_series, write_series
-from structlearn.readers.source import METADATA, SHAPE_FILE
-from structlearn.readers.tables import (
+from structlearn.readers.clock import NORM_TOLERANCE
+from structlearn.readers.demonstration import (
+    FORMS,
+    Demonstration,
+    NamedShape,
+    Series,
+    Stream,
+    read_series,
+    write_series,
+)
+from structlearn.readers.foreign_tables import (
     finite_numbers,
     natural_order,
     read_parquet,
@@ -49,6 +55,8 @@ from structlearn.readers.tables import (
     read_stamped_table,
     read_text,
 )
+from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
+from structlearn.readers.source import METADATA, SHAPE_FILE
 
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
 """Topics of a table of poses as a bag, those of the columns that it has."""

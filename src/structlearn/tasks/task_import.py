@@ -28,11 +28,10 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import home_path
 from structlearn.readers import Recording, read_recordings, synchronise
 from structlearn.readers.bag_recording import read_joint_logs
-from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration, write_runs, write_streams
+from structlearn.readers.foreign_tables import read_each
 from structlearn.readers.joint_log import JointLog, write_log_table
-from structlearn.readers.runs import write_runs, write_streams
 from structlearn.readers.source import ClockParameters, SourceParameters, recording_files, setting_label
-from structlearn.readers.tables import read_each
 from structlearn.readers.user_tables import (
     TouchLog,
     read_touch_table,
