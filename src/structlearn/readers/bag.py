@@ -30,20 +30,14 @@ from structlearn.core.errors import InputError
 from structlearn.core.reading import PER_MESSAGE, Budget, require_file
 from structlearn.readers.source import COMPRESSED
 
-METADATA = "structlearn"
-"""Name of the metadata record of our own files."""
+METADATA = "structlearn"  # name of the metadata record of our own files
 
-LARGEST_CHUNK = 2**28
-"""Bytes of an unpacked chunk; writers begin a new one after a few million."""
+# Bytes of an unpacked chunk; writers begin a new one after a few million, those of ROS 1 after one million.
+LARGEST_CHUNK, LARGEST_OF_ROS1 = 2**28, 2**27
 
-LARGEST_OF_ROS1 = 2**27
-"""Bytes of an unpacked chunk of ROS 1; recorders begin a new one after less than one million."""
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # begin of a zstd frame; the first byte of a message is 0
 
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-"""How a zstd frame begins; no message does, its first byte is 0."""
-
-Row = tuple[int, Schema | None, bytes]
-"""Log time in ns, definition and content of a message."""
+Row = tuple[int, Schema | None, bytes]  # log time in ns, definition and content of a message
 
 
 @dataclass(frozen=True)
@@ -53,12 +47,6 @@ class RawMessages:
     log_times: np.ndarray  # (T,) int64 ns
     schemas: Sequence[Schema | None]  # definition of each; None where the file has none
     data: Sequence[bytes]  # content of each
-
-
-def in_time_order(rows: Iterable[Row]) -> RawMessages:
-    """Messages of one topic, those of equal times in the order in which they come."""
-    log_times, schemas, data = zip(*sorted(rows, key=itemgetter(0)), strict=True)
-    return RawMessages(np.array(log_times, dtype=np.int64), schemas, data)
 
 
 def of_one_type(message_type: str, definition: str, stamps: np.ndarray, content: np.ndarray) -> RawMessages:
@@ -76,17 +64,6 @@ class Bag:
     messages: Mapping[str, RawMessages]  # of each topic that was wanted, unless there are none
     metadata: Mapping[str, str] | None = None  # our own metadata record; None where the file is not ours
 
-    @classmethod
-    def of(
-        cls, types: Iterable[tuple[str, str]], rows: Mapping[str, list[Row]], metadata: Any = None
-    ) -> "Bag":
-        """From pairs of topic and type, which may repeat, and the messages of each topic."""
-        topics: dict[str, dict[str, None]] = {}  # in their order
-        for topic, message_type in types:
-            topics.setdefault(topic, {})[message_type] = None
-        messages = {topic: in_time_order(its) for topic, its in rows.items() if its}
-        return cls({topic: list(its) for topic, its in topics.items()}, messages, metadata)
-
     def provenance(self, path: Path) -> dict[str, str]:
         """Origin according to our own metadata; a file without them was recorded."""
         if self.metadata is None:
@@ -98,6 +75,19 @@ class Bag:
         return found
 
 
+def _bag(types: Iterable[tuple[str, str]], rows: Mapping[str, list[Row]], metadata: Any = None) -> Bag:
+    """From pairs of topic and type, which may repeat, and the messages of each topic, here put in order."""
+    topics: dict[str, dict[str, None]] = {}
+    for topic, message_type in types:
+        topics.setdefault(topic, {})[message_type] = None
+    messages = {}
+    for topic, its in rows.items():
+        if its:  # those of equal times in the order in which they come
+            log_times, schemas, data = zip(*sorted(its, key=itemgetter(0)), strict=True)
+            messages[topic] = RawMessages(np.array(log_times, dtype=np.int64), schemas, data)
+    return Bag({topic: list(its) for topic, its in topics.items()}, messages, metadata)
+
+
 def joined(bags: Sequence[Bag]) -> Bag:
     """The parts of a bag that is split over several files, with the metadata of the first that has any."""
     if len(bags) == 1:
@@ -107,16 +97,15 @@ def joined(bags: Sequence[Bag]) -> Bag:
     for bag in bags:
         for topic, its in bag.messages.items():
             rows[topic] += zip(its.log_times.tolist(), its.schemas, its.data, strict=True)
-    return Bag.of(types, rows, next((bag.metadata for bag in bags if bag.metadata is not None), None))
+    return _bag(types, rows, next((bag.metadata for bag in bags if bag.metadata is not None), None))
 
 
 def write_bag(
     path: str | Path, metadata: Mapping[str, str], messages: Iterable[tuple[str, RawMessages]]
 ) -> None:
-    """Write messages of ROS 2 with their topics as an MCAP file; the same ones give the same bytes.
+    """Write messages of ROS 2 as an MCAP file in place; the same ones give the same bytes.
 
-    Messages of a topic have one type. They are ordered by log time, at equal times by topic. The file is
-    written in place; its folder exists.
+    Messages of a topic have one type. They are ordered by log time, at equal times by topic.
     """
     with open(path, "wb") as file:
         writer = Writer(file, enable_data_crcs=True)
@@ -164,10 +153,7 @@ def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
 
 
 def read_bag(path: Path, topics: Collection[str]) -> Bag:
-    """Read the messages of some topics of an MCAP file, as `ros2 bag record -s mcap` or `write_bag` left it.
-
-    Raises InputError: the file is missing, not an MCAP file, cut off or damaged; the message names it.
-    """
+    """Some topics of an MCAP file of `ros2 bag record -s mcap` or `write_bag`; InputError if damaged."""
     with damage_named(path):
         require_file(path, whole=False)
         budget, size = Budget(path), len(MCAP0_MAGIC)
@@ -185,10 +171,7 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
 
 @contextmanager
 def unpacked_file(path: Path, budget: Budget) -> Iterator[Path]:
-    """The file, or a temporary one with its content where it is a single zstd frame, as of `ros2 bag`.
-
-    Raises InputError: the frame is damaged, cut off, or unpacks to more than the budget.
-    """
+    """The file, or a temporary one with its content where it is a single zstd frame, as of `ros2 bag`."""
     if path.suffix != COMPRESSED:
         yield path
         return
@@ -246,7 +229,7 @@ def _read_mcap(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
     rows = {
         topic: [(time, of[number], data) for time, number, data in its] for topic, its in messages.items()
     }
-    return Bag.of(types, rows, metadata.get(METADATA))
+    return _bag(types, rows, metadata.get(METADATA))
 
 
 def _type_name(channel: Channel, schema: Schema | None) -> str:
@@ -305,10 +288,7 @@ def unpacked_message(data: bytes, budget: Budget) -> bytes:
 
 
 def read_db3(path: Path, topics: Collection[str]) -> Bag:
-    """Read a .db3 file; files older than ROS 2 Iron lack definitions, those of the library are used instead.
-
-    Raises InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
-    """
+    """Some topics of a .db3 file; the library defines types of those older than ROS 2 Iron."""
     with damage_named(path, "bag"), unpacked_file(path, budget := Budget(path)) as plain:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -320,7 +300,7 @@ def read_db3(path: Path, topics: Collection[str]) -> Bag:
 
 
 def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
-    """Read a .bag file of ROS 1; raises as `read_db3`."""
+    """Some topics of a .bag file of ROS 1."""
     with damage_named(path, "bag"):
         from rosbags.rosbag1 import Reader
         from rosbags.rosbag1.reader import decompressors
@@ -365,7 +345,7 @@ def _read_older(
         budget.take(PER_MESSAGE)
         content = bytes(to_cdr(raw, connection.msgtype))
         rows[connection.topic].append((log_time, schemas[connection.msgtype], content))
-    return Bag.of(((one.topic, one.msgtype) for one in reader.connections), rows)
+    return _bag(((one.topic, one.msgtype) for one in reader.connections), rows)
 
 
 def _schema(name: str, stores: Collection[Any]) -> Schema:

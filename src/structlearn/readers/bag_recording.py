@@ -46,18 +46,14 @@ from structlearn.readers.source import (
 )
 from structlearn.readers.user_tables import read_pose_table, read_shapes, shape_file
 
-JOINT_STATES = "/joint_states"
-"""Where drivers publish joint states unless told otherwise."""
+JOINT_STATES = "/joint_states"  # where drivers publish joint states unless told otherwise
 
 _TOPICS: dict[str, str] = {role: topic for topic, role in OWN_TOPICS.roles()}
 _TOPICS.update(zip(JOINT_KINDS, OWN_TOPICS.joint_states, strict=True))
 
 
 def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
-    """Topics with their types, and messages (ROS 2, CDR) of those that are wanted, of a file of any format.
-
-    Raises InputError: the file cannot be read, is damaged, or needs the extra `bags`, which is not installed.
-    """
+    """Topics with their types, and messages (CDR) of those that are wanted, of a file of any format."""
     for path in file.paths:
         if path.exists():
             require_file(path, whole=False)
@@ -127,18 +123,14 @@ def read_recording(
         segments = None if known is None else np.array(known, dtype=float).reshape(-1, 2)
     read = _Reading(file.path, bag, topics, stamps)
     streams = read.streams()
-    shapes: tuple[NamedShape, ...] = ()
-    for topic, role in topics.roles():
-        if role == "obstacles" and (messages := read.messages(topic, role)) is not None:
-            shapes += to_shapes(read.where(topic), messages)
-    if table := shape_file(file.path, file.name):
-        shapes += read_shapes(table)
     remarks = {
         "stamps": "; ".join(f"{topic}: {note}" for topic, note in read.mended.items() if note),
         "clock": "log" if stamps.clock == "log" else "",
         "joints": "; ".join(read.left_out),
     }
     provenance = bag.provenance(file.path) | {key: remark for key, remark in remarks.items() if remark}
+    table = shape_file(file.path, file.name)
+    shapes = read.shapes() + (read_shapes(table) if table else ())
     return Recording(file.name, tuple(streams), segments, provenance, shapes)
 
 
@@ -192,8 +184,7 @@ def read_recordings(
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
     """Write recordings as folder/NAME.mcap; numbers as names are padded with zeros to equal length.
 
-    The folder is made if missing. Publish it as a whole. Raises InputError: names repeat or are no file
-    names, or a recording fails `write_recording`.
+    The folder is made if missing; publish it as a whole.
     """
     names = [recording.name for recording in recordings]
     digits = max((len(name) for name in names if name.isdecimal()), default=0)
@@ -205,10 +196,7 @@ def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> Non
 
 
 def write_joint_log(log: JointLog, path: str | Path) -> None:
-    """Write a log as an MCAP file, which gives the log its name; the caller publishes it.
-
-    Raises InputError: a stamp is negative or after 2^31 s.
-    """
+    """Write a log as an MCAP file, which gives the log its name; the caller publishes it."""
     values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
     messages = joint_messages(f"{log.name}: {JOINT_STATES}", log.joints, log.stamps, values)
     provenance = json.dumps(dict(log.provenance), sort_keys=True)
@@ -234,19 +222,11 @@ def read_joint_log(
     """Read a log, named after its file, from one of any format, ours or a robot's.
 
     Columns are those of the joints that are named, or of all joints of the publisher that has the most, in
-    the order of its first message. Raises InputError: the file is missing, cut off or of another kind; it
-    lacks the topic, or the topic is of another type; joints have no names, one is missing, or they come at
-    different times; positions, velocities or efforts are not filled, or not finite.
+    the order of its first message. An InputError says what a dynamics model cannot do without.
     """
     file = path if isinstance(path, RecordingFile) else as_recording_file(Path(path))
-    where = f"{file.path}: topic '{topic}'"
-    bag = open_bag(file, [topic])
-    if topic not in bag.messages:
-        raise InputError(
-            f"{file.path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}"
-        )
-    check_readable(where, "joint_states", bag.topics[topic])
-    series, note = joint_series(where, topic, bag.messages[topic], stamps)
+    where, bag = f"{file.path}: topic '{topic}'", open_bag(file, [topic])
+    series, note = joint_series(where, topic, readable(file.path, bag, topic, "joint_states"), stamps)
     if not series[0].names:
         raise InputError(f"{where} does not name the joints")
     series, others = chosen(where, series, joints)
@@ -268,6 +248,18 @@ def read_joint_log(
     return JointLog(file.name, one.names, one.stamps, *signals, provenance=provenance)
 
 
+def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"]) -> RawMessages:
+    """Messages of a topic; an InputError unless it is there, can be read in its role, and has messages."""
+    if topic not in bag.topics:
+        present = sorted(bag.topics.items())
+        listing = ", ".join(f"{name} ({' and '.join(its)})" for name, its in present) or "no topics"
+        raise InputError(f"{path}: has no topic '{topic}' for {role}; it has {listing}")
+    check_readable(f"{path}: topic '{topic}'", role, bag.topics[topic])
+    if topic not in bag.messages:
+        raise InputError(f"{path}: topic '{topic}' has no messages")
+    return bag.messages[topic]
+
+
 class _Reading:
     """Streams of a bag, with remarks: stamps that were `mended` by topic, joints that were `left_out`."""
 
@@ -283,49 +275,43 @@ class _Reading:
         joints: list[JointSeries] = []
         place = 0
         for topic, role in self._topics.roles():
-            if role == "obstacles" or (messages := self.messages(topic, role)) is None:
+            if role == "obstacles" or self._is_absent(topic, role):
                 continue
             if role == "joint_states":
                 place = place if joints else len(streams)
                 joints += self._joints(topic)
             else:
-                where = self.where(topic)
+                messages = readable(self._path, self._bag, topic, role)
+                where = f"{self._path}: topic '{topic}'"
                 stream, self.mended[topic] = to_stream(where, topic, role, messages, self._policy)
                 streams.append(stream)
         if joints:
             streams[place:place] = self._joint_streams(joints)
         return streams
 
-    def messages(self, topic: str, role: Role | Literal["transforms"]) -> RawMessages | None:
-        """Messages of a topic that can be read in a role; None where it is missing and may be.
+    def shapes(self) -> tuple[NamedShape, ...]:
+        """Solids on the topic that is named for them."""
+        for topic, role in self._topics.roles():
+            if role == "obstacles" and not self._is_absent(topic, role):
+                return to_shapes(
+                    f"{self._path}: topic '{topic}'", readable(self._path, self._bag, topic, role)
+                )
+        return ()
 
-        A pose, and what it is computed from, is never optional.
-        """
-        types = self._bag.topics.get(topic)
-        if types is None:
-            if not self._topics.must_exist and role not in ("pose", "transforms"):
-                return None
-            present = sorted(self._bag.topics.items())
-            listing = ", ".join(f"{name} ({' and '.join(its)})" for name, its in present) or "no topics"
-            raise InputError(f"{self._path}: has no topic '{topic}' for {role}; it has {listing}")
-        check_readable(self.where(topic), role, types)
-        if topic not in self._bag.messages:
-            raise InputError(f"{self.where(topic)} has no messages")
-        return self._bag.messages[topic]
-
-    def where(self, topic: str) -> str:
-        """The file and a topic, for messages."""
-        return f"{self._path}: topic '{topic}'"
+    def _is_absent(self, topic: str, role: Role) -> bool:
+        """Whether a topic is not there and need not be."""
+        return not self._topics.must_exist and role != "pose" and topic not in self._bag.topics
 
     def _computed_pose(self) -> list[Stream]:
         pose = self._topics.pose
         if isinstance(pose, str):
             return []
         if isinstance(pose, JointPose):
-            return [joint_pose(self.where(pose.topic), self._joint_series(pose.topic), pose)]
+            where = f"{self._path}: topic '{pose.topic}'"
+            return [joint_pose(where, self._joint_series(pose.topic), pose)]
         for topic in pose.topics:
             if topic == pose.topic or topic in self._bag.messages:
-                self.messages(topic, "transforms")
+                readable(self._path, self._bag, topic, "transforms")
         stream, self.mended[pose.topic] = transform_pose(
             str(self._path), self._bag.messages, pose, self._policy
         )
@@ -334,21 +320,17 @@ class _Reading:
     def _joint_series(self, topic: str) -> list[JointSeries]:
         """All joint states of a topic, which may give the pose too."""
         if topic not in self._series:
-            messages = self.messages(topic, "joint_states")
-            assert messages is not None  # topic maps that compute a pose are of a user's bags
-            found = joint_series(self.where(topic), topic, messages, self._policy)
+            messages = readable(self._path, self._bag, topic, "joint_states")
+            found = joint_series(f"{self._path}: topic '{topic}'", topic, messages, self._policy)
             self._series[topic], self.mended[topic] = found
         return self._series[topic]
 
     def _joints(self, topic: str) -> list[JointSeries]:
-        """Joint states of a topic; of several publishers those of the largest, unless joints are named.
-
-        Our own files have what was wanted when they were written.
-        """
+        """Joint states of a topic; of a user's publishers those of the largest, unless joints are named."""
         series = self._joint_series(topic)
         if not self._topics.must_exist or self._topics.joints is not None or not series[0].names:
             return series
-        series, others = chosen(self.where(topic), series, None)
+        series, others = chosen(f"{self._path}: topic '{topic}'", series, None)
         if others:
             self.left_out.append(f"{topic}: without {', '.join(others)}")
         return series

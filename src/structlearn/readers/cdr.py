@@ -18,11 +18,8 @@ from mcap.well_known import MessageEncoding
 
 from structlearn.readers.bag import RawMessages, damage_named
 
-MOST_LAYOUTS = 50
-"""Layouts of messages of one length: several frames of a robot need some, texts that change any number."""
-
-LITTLE_ENDIAN = 1
-"""Second byte of a message in plain little-endian CDR, which x86 and ARM robots send."""
+MOST_LAYOUTS = 50  # of messages of one length: several frames of a robot need some, changing texts any number
+LITTLE_ENDIAN = 1  # second byte of a message in plain little-endian CDR, which x86 and ARM robots send
 
 SCALARS = {
     name: np.dtype(name).newbyteorder("<")
@@ -98,13 +95,11 @@ def columns(
     """Views of all fields of messages (T, L) uint8, in C order, by the layout of the first one.
 
     The definition is the text of the type with those of all nested types, as in the encoding `ros2msg`.
-
-    Returns:
-        Fields by name, nested as in the definition: numbers as (T,), sequences of numbers as (T, n) views of
-        the bytes, so that writing them writes the messages; a string, or list of strings, is that of the
-        first message. And which messages (T,) have that layout: the others differ in a length or a string,
-        and their fields mean nothing. None where the first message is big-endian, or its definition has
-        anything but numbers, strings, sequences and nested types.
+    Fields are nested as in the definition: numbers as (T,), sequences of numbers as (T, n) views of the
+    bytes, so that writing them writes the messages; a string, or list of strings, is that of the first
+    message. Also returns which messages (T,) have that layout: the others differ in a length or a string, and
+    their fields mean nothing. None where the first message is big-endian, or its definition has anything but
+    numbers, strings, sequences and nested types.
     """
     if messages.shape[1] < 4 or messages[0, 1] != LITTLE_ENDIAN:
         return None

@@ -72,8 +72,7 @@ def read_reaches(
 def read_unscrewing(folder: str | Path, left_out: dict[str, str] | None = None) -> list[Recording]:
     """Robot logs of unscrewing by one full turn, 300 Hz: pose, twist, wrench, left finger's electrodes.
 
-    Times are printed with five digits, up to 0.03 ms off the 300 Hz at which the robot ran; the exact times
-    are restored; other times are an error.
+    Times are printed with five digits, up to 0.03 ms off 300 Hz, and restored; other times are an error.
     """
     logs = Path(folder) / "quat_dmp_unscrewing"
     files = sorted(logs.rglob("*.txt"), key=lambda path: natural_order(path.stem))

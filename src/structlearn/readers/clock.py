@@ -11,22 +11,21 @@ from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, Kind, Recording, Stream
 from structlearn.readers.source import StampPolicy
 
+# Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
+# recorders drop out for 0.15 s now and then, a hole of more than that hides a movement.
 MAX_GAP_S = 0.2
-"""Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
-recorders drop out for 0.15 s now and then, a hole of more than that hides a movement."""
 
-FASTEST_HZ = 10_000.0
-"""No robot reports its pose more often; a faster clock is one whose stamps say nothing."""
+FASTEST_HZ = 10_000.0  # no robot reports its pose more often; the stamps of a faster clock say nothing
 
+# Columns of each kind of stream; others have any number, constant within the stream.
 WIDTHS: Mapping[str, int] = {"pose": 7, "twist": 6, "wrench": 6, "tool_to_board": 4}
-"""Columns of each kind of stream; others have any number, constant within the stream."""
 
+# How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
+# rotation given in another form does not.
 NORM_TOLERANCE = 1e-3
-"""How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
-rotation given in another form does not."""
 
+# No arm and no hand that demonstrates a movement is so fast; a faster step is a jump of the sensor.
 FASTEST = {"position": (10.0, "m/s"), "orientation": (100.0, "rad/s")}
-"""No arm and no hand that demonstrates a movement is so fast; a faster step is a jump of the sensor."""
 
 
 def check_recording(recording: Recording) -> None:
@@ -133,10 +132,7 @@ def _fault(stream: Stream) -> str | None:
 
 
 def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:
-    """Rows (M,) of samples whose stamps (T,) in ns increase, and what was done in words; None: nothing was.
-
-    Raises InputError: the stamps do not increase and the policy is `error`; the message names the row.
-    """
+    """Rows (M,) whose stamps, of (T,) ns, increase, and in words what the policy changed, or None."""
     fault = disorder(stamps)
     if fault is None:
         return np.arange(len(stamps)), None
@@ -326,7 +322,7 @@ def _ticks(name: str, duration: int, pose: Stream, rate_hz: float | None) -> np.
 def _shared_time(name: str, streams: Sequence[Stream], max_gap_s: float) -> tuple[int, int]:
     """First ns that all streams cover, and for how many ns; an InputError where a gap in it is too long.
 
-    Gaps are checked before there are ticks: one far stamp would ask for terabytes of them.
+    Checked before there are ticks: one far stamp would ask for terabytes of them.
     """
     late = max(streams, key=lambda stream: int(stream.stamps[0]))
     early = min(streams, key=lambda stream: int(stream.stamps[-1]))

@@ -29,8 +29,7 @@ from structlearn.readers.joint_log import MOST_JOINTS, JointSeries
 from structlearn.readers.messages import fields_named, nanoseconds, numbers
 from structlearn.readers.source import JointPose, StampPolicy, TransformPose
 
-Edge = tuple[str, str]
-"""Parent and child frame."""
+Edge = tuple[str, str]  # parent and child frame
 
 
 @dataclass(frozen=True)
@@ -49,11 +48,7 @@ class TransformSeries:
 
 
 def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> dict[Edge, TransformSeries]:
-    """Every transform on a topic in the order in which they came; frames without the slash of ROS 1.
-
-    Raises InputError: a message cannot be decoded or lacks a field of its type, or a quaternion is not of
-    unit norm; frames are named.
-    """
+    """Every transform on a topic in the order in which they came; frames without the slash of ROS 1."""
     pieces = defaultdict(list)
     with fields_named(where):
         for group in decoded(where, messages):
@@ -78,10 +73,7 @@ def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> 
 
 
 def chain(where: str, edges: Sequence[Edge], parent: str, child: str) -> list[Edge]:
-    """The transforms on the way from one frame to another, in its order; either may be above the other.
-
-    Raises InputError: a frame is in none of them, none leads on, or a frame on the way has two parents.
-    """
+    """The transforms on the way from one frame to another, in its order; either may be above the other."""
     parent, child = parent.lstrip("/"), child.lstrip("/")
     frames = sorted({frame for edge in edges for frame in edge})
     for frame in (parent, child):
@@ -111,9 +103,7 @@ def transform_pose(
 ) -> tuple[Stream, str | None]:
     """Stream of the pose of one frame in another, and what was done about stamps of its transforms.
 
-    `messages` are those of each of `pose.topics` that the file has. Raises InputError: as `transform_series`
-    and `chain`; stamps of a transform do not increase; nothing on the way moves; or what moves is not all
-    there at one time.
+    `messages` are those of each of `pose.topics` that the file has.
     """
     found = [
         transform_series(f"{where}: topic '{topic}'", messages[topic], policy) if topic in messages else {}
@@ -162,12 +152,7 @@ def _named(edge: Edge) -> str:
 
 
 def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> Stream:
-    """Stream of the pose of a link, on the clock of the slowest of its joints (`clock.shared_stamps`).
-
-    Raises InputError: the URDF is missing or no URDF, has no such link, or a joint on the way to it is not
-    revolute, continuous or prismatic; nothing moves it; the log lacks a joint on the way or its position; or
-    its joints are not all there at one time.
-    """
+    """Stream of the pose of a link, on the clock of the slowest of its joints (`clock.shared_stamps`)."""
     model, frame, joints = _kinematics(home_path(pose.urdf), pose.tip)
     its = [one for one in (part.of_joints(list(joints)) for part in series) if one is not None]
     present = [name for one in its for name in one.names]
@@ -236,10 +221,7 @@ def _poses(model: Any, frame: int, joints: Sequence[Any], positions: np.ndarray)
 
 
 def robot_element(path: Path) -> ElementTree.Element:
-    """The root of a URDF.
-
-    Raises InputError: the file is missing, a pipe, no URDF, or a xacro file that is not expanded yet.
-    """
+    """The root of a URDF; an InputError if it is missing, none, or a xacro file that is not expanded."""
     try:
         require_file(path)
         root = ElementTree.parse(path).getroot()

@@ -188,10 +188,7 @@ def columns_of(signal: str, values: np.ndarray, parts: Iterable[Any]) -> dict[st
 
 
 def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str | Path) -> None:
-    """Publish a set of runs, maybe none, with different names as a Parquet file.
-
-    Units are those of each column's name or of its part up to the first point (`position` of `position.x`).
-    """
+    """Publish a set of runs, maybe none; units by column, or by its name up to the first point."""
     names = list(dict.fromkeys(name for run in runs for name in run.columns))
     lengths = [len(next(iter(run.columns.values()))) for run in runs]
     index = pyarrow.array(np.repeat(np.arange(len(runs), dtype=np.int32), lengths))
@@ -214,10 +211,7 @@ def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str |
 
 
 def read_series(path: str | Path) -> list[Series]:
-    """Read a set of runs, in the order in which they were written.
-
-    Raises InputError: the file is missing, damaged, of another kind, or a run is not in one piece.
-    """
+    """Read a set of runs in their order; an InputError if it is missing, damaged or holds something else."""
     table = read_arrow(path)
     about = (table.schema.metadata or {}).get(RUNS)
     if about is None:
@@ -261,10 +255,7 @@ def write_runs(runs: Sequence[Demonstration], target: str | Path) -> None:
 
 
 def read_runs(path: str | Path) -> list[Demonstration]:
-    """Read a set of runs, in the order in which they were written.
-
-    Raises InputError: the file is missing, damaged or holds something else.
-    """
+    """Read a set of runs, in the order in which they were written."""
     runs = []
     for run in read_series(path):
         signals: dict[str, Any] = {}
@@ -285,10 +276,7 @@ def read_runs(path: str | Path) -> list[Demonstration]:
 
 
 def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
-    """Publish recordings whose streams keep their own clocks: a series per stream, stamps in ns.
-
-    Shapes, names of joints and true segments are not kept.
-    """
+    """Publish the streams of recordings, a series each, stamps in ns; shapes and joints' names are lost."""
     series = []
     for one in recordings:
         for place, stream in enumerate(one.streams):
@@ -300,10 +288,7 @@ def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
 
 
 def read_streams(path: str | Path) -> list[Recording]:
-    """Read what `write_streams` wrote.
-
-    Raises InputError: the file is missing, damaged or holds something else.
-    """
+    """Read what `write_streams` wrote."""
     streams: dict[str, list[Stream]] = {}
     provenance = {}
     for one in read_series(path):

@@ -65,10 +65,7 @@ def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: dict[s
 
 
 def read_text(path: Path) -> str:
-    """A whole text file, without a mark of its byte order.
-
-    Raises InputError: the file is missing, a pipe, too large, or no text.
-    """
+    """A whole text file, without a mark of its byte order."""
     try:
         require_file(path)
         return path.read_text(encoding="utf-8-sig")
@@ -81,11 +78,7 @@ def read_text(path: Path) -> str:
 def read_table(
     path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
 ) -> np.ndarray:
-    """(T, columns) float64 of a text file; blank lines are skipped, None separates by white space.
-
-    A line may end with a separator. Raises InputError: the file is missing, no text or has no rows; a line
-    has another number of columns, or something that is not a finite number.
-    """
+    """(T, columns) float64 of a text file; separator None: white space. Blank lines are skipped."""
     return _numbers(path, _lines(path, separator, header_lines), columns, separator)
 
 
@@ -105,10 +98,7 @@ def read_stamped_table(
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """All arrays of an .npz archive, in double precision.
-
-    Raises InputError: it is missing, damaged or too large, or an array holds no numbers.
-    """
+    """All arrays of an .npz archive, in double precision."""
     try:
         require_file(path)
         budget = Budget(path)
@@ -123,10 +113,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFrame:
-    """Some columns of a Parquet table, by default all; words become categories, since few may stand for many.
-
-    Raises InputError: the file is missing, damaged, or too large in memory; a column is missing or repeats.
-    """
+    """Some columns of a Parquet table, by default all; words become categories, which take less memory."""
     try:
         require_file(path, whole=False)
         schema = pyarrow.parquet.read_schema(path)
@@ -154,10 +141,7 @@ def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFram
 
 
 def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
-    """Rows of a CSV file with headings, as words, each with its file and line.
-
-    Raises InputError: the file is missing, no text, or lacks a column; a line is longer or shorter.
-    """
+    """Rows of a CSV file with headings, as words, each with its file and line."""
     try:
         header, *rows = list(csv.reader(read_text(path).splitlines(keepends=True))) or [[]]
     except csv.Error as error:

@@ -44,11 +44,9 @@ UNITS = {
     "inertial": "N m",
     "coriolis": "N m",
     "gravity": "N m",
-}
-"""Of the signals of revolute joints."""
+}  # of the signals of revolute joints
 
-MOST_JOINTS = 1000
-"""Of a topic or a robot; humanoids with both hands have a hundred."""
+MOST_JOINTS = 1000  # of a topic or a robot; humanoids with both hands have a hundred
 
 
 @dataclass(frozen=True)
@@ -140,10 +138,7 @@ def read_log_table(
     path: str | Path,
     kind: type[Log] = JointLog,  # type: ignore[assignment]  # mypy binds no default to a type variable
 ) -> list[Log]:
-    """Read a set of logs in the order in which they were written.
-
-    Raises InputError: the table is missing, damaged or not of this kind of logs.
-    """
+    """Read a set of logs in the order in which they were written; InputError if of another kind."""
     logs = []
     for run in read_series(path):
         try:
@@ -185,11 +180,6 @@ def joint_series(
 
     A field that is NaN throughout counts as not filled, since drivers put NaN for what they do not measure.
     Joints are in the order in which a message first had them.
-
-    Raises:
-        InputError: a message cannot be decoded or lacks a field; messages of the same joints differ in their
-            number of values, or have another number than of names; a joint is named twice in a message, or
-            some messages name joints and some do not; nothing is filled; stamps of a series do not increase.
     """
     groups = decoded(where, messages)
     tables: dict[Kind, tuple[np.ndarray, np.ndarray]] = {}
@@ -229,8 +219,7 @@ def chosen(
 ) -> tuple[list[JointSeries], list[str]]:
     """The series of the joints that are wanted, in their order, and the joints that are left out.
 
-    Without names these are the joints of the publisher that has the most, of several the first. Raises
-    InputError: a joint that is wanted is in none of them.
+    Without names these are the joints of the publisher that has the most, of several the first.
     """
     present = [name for one in series for name in one.names]
     if joints is None:

@@ -27,49 +27,36 @@ from structlearn.readers.source import JointPose
 VERSION = "v3."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 GROUPED_BY = "episode_index"
-
+# Streams that features become, by the role of their topic, without the pose.
 KINDS: Mapping[str, Kind] = {"joint_states": "joint_positions", "wrench": "wrench", "tactile": "tactile"}
-"""Streams that features become, by the role of their topic; the pose apart."""
 
 
 def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
-    """Every episode with the signals of the entry's topics, named by its number.
-
-    Raises:
-        MissingInputError: the folder holds no dataset.
-        InputError: it is of another version, a file is damaged, or a feature is missing or has other columns.
-    """
+    """Every episode with the signals of the entry's topics, named by its number."""
+    topics, found = entry.topics, []
     with holding(folder, "LeRobotDataset that can be read"):
-        return _episodes(folder, entry)
-
-
-def _episodes(folder: Path, entry: Any) -> list[Recording]:
-    info = read_info(folder)
-    features = info["features"]
-    topics = entry.topics
-    for name in topics.topics:
-        if name not in features:
-            raise InputError(f"{folder}: has no feature {name}; it has {', '.join(features)}")
-    signals = [(KINDS[role], name) for name, role in topics.roles() if role in KINDS]
-    frames = read_frames(folder, topics.topics)
-    digits = len(str(info["total_episodes"] - 1))
-    found = []
-    for number, its in frames.groupby(GROUPED_BY, sort=True):
-        name = f"episode {number:0{digits}d}"
-        stamps = np.round(1e9 * its["frame_index"].to_numpy() / float(info["fps"])).astype(np.int64)
-        columns = {feature: np.stack(its[feature].to_numpy()).astype(float) for feature in topics.topics}
-        provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
-        pose = _pose(f"{folder}: {name}", topics.pose, columns, features, stamps)
-        if pose.shape[1] == 3:
-            pose = np.hstack([pose, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
-            provenance["orientation"] = "not recorded"
-        streams = [Stream("pose", "pose", stamps, pose)]
-        for kind, feature in signals:
-            joints = _joints(features[feature]) if kind == "joint_positions" else ()
-            streams.append(Stream(feature, kind, stamps, columns[feature], joints))
-        one = Recording(name, tuple(streams), provenance=provenance)
-        check_recording(one)
-        found.append(one)
+        info = read_info(folder)
+        features = info["features"]
+        for name in topics.topics:
+            if name not in features:
+                raise InputError(f"{folder}: has no feature {name}; it has {', '.join(features)}")
+        signals = [(KINDS[role], name) for name, role in topics.roles() if role in KINDS]
+        digits = len(str(info["total_episodes"] - 1))
+        for number, its in read_frames(folder, topics.topics).groupby(GROUPED_BY, sort=True):
+            name = f"episode {number:0{digits}d}"
+            stamps = np.round(1e9 * its["frame_index"].to_numpy() / float(info["fps"])).astype(np.int64)
+            columns = {feature: np.stack(its[feature].to_numpy()).astype(float) for feature in topics.topics}
+            provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
+            pose = _pose(f"{folder}: {name}", topics.pose, columns, features, stamps)
+            if pose.shape[1] == 3:
+                pose = np.hstack([pose, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
+                provenance["orientation"] = "not recorded"
+            streams = [Stream("pose", "pose", stamps, pose)]
+            for kind, feature in signals:
+                joints = _joints(features[feature]) if kind == "joint_positions" else ()
+                streams.append(Stream(feature, kind, stamps, columns[feature], joints))
+            found.append(Recording(name, tuple(streams), provenance=provenance))
+            check_recording(found[-1])
     return found
 
 

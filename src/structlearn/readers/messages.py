@@ -33,16 +33,13 @@ from structlearn.readers.clock import at_row, in_order
 from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream
 from structlearn.readers.source import Role, StampPolicy
 
-FRAME = "base"
-"""Frame of what we write: the robot's base."""
+FRAME = "base"  # of what we write: the robot's base
+LAST_STAMP = 2**31 * 10**9 - 1  # ns: seconds of a header are int32
 
-LAST_STAMP = 2**31 * 10**9 - 1
-"""ns: seconds of a header are int32."""
-
+# Field of a joint state that each kind of stream comes from.
 FIELDS: Mapping[Kind, str] = dict(zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True))
-"""Field of a joint state that each kind of stream comes from."""
 
-MESSAGE_TYPES: Mapping[Kind, str] = {
+MESSAGE_TYPES: Mapping[Kind, str] = {  # in which each kind of stream is written
     **dict.fromkeys(JOINT_KINDS, "sensor_msgs/msg/JointState"),
     "pose": "geometry_msgs/msg/PoseStamped",
     "twist": "geometry_msgs/msg/TwistStamped",
@@ -50,18 +47,11 @@ MESSAGE_TYPES: Mapping[Kind, str] = {
     "tactile": "std_msgs/msg/Float32MultiArray",
     "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
 }
-"""Type in which each kind of stream is written."""
-
-SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"
-"""Type in which named shapes are written, one message for all: rviz, Foxglove and rerun draw it."""
-
-SOLIDS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}
-"""Markers' types that are solids."""
+SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"  # one message for all: rviz, Foxglove and rerun draw it
+SOLIDS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}  # by the type of the marker
 
 _ARRAYS = [f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")]
-
 WITHOUT_HEADER = {"geometry_msgs/Pose", *_ARRAYS}
-"""Understood types that have no header."""
 
 READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]]] = {
     "pose": {
@@ -101,11 +91,7 @@ def check_readable(where: str, role: Role | Literal["transforms"], types: Sequen
 def to_stream(
     where: str, topic: str, role: Kind, messages: RawMessages, policy: StampPolicy
 ) -> tuple[Stream, str | None]:
-    """Stream of one topic, neither of joint states nor of shapes, and what was done about its stamps.
-
-    Raises InputError: a message cannot be decoded, lacks a field of its type or has another length than the
-    first one, or stamps do not increase; the error names the row.
-    """
+    """Stream of one topic, neither of joint states nor of shapes, and what was done about its stamps."""
     groups = decoded(where, messages)
     schema = messages.schemas[0]
     assert schema is not None  # `check_readable` lets none pass
@@ -179,9 +165,7 @@ def table(
 ) -> np.ndarray:
     """(T, D) float64 of the `numbers` of all groups; of several joints NaN where a message lacks one.
 
-    `orders`: joints that each group names, if any; `joints`: those of the columns; `kind`: of signal. Raises
-    InputError: a message has another number of values than the first one of the same joints, or than of
-    names.
+    `orders`: joints that each group names, if any; `joints`: those of the columns; `kind`: of signal.
     """
     values = np.full((len(stamps), len(joints) or len(fields[0])), np.nan)
     place_of = {name: place for place, name in enumerate(joints)}
@@ -202,9 +186,7 @@ def table(
 def to_messages(where: str, stream: Stream) -> RawMessages:
     """Messages of a stream, one per row, with its stamps in headers where the type has one.
 
-    Counts of tactile sensors are float32: whole numbers up to 2^24 are exact. All other values keep their 64
-    bits. Raises InputError: a stamp is negative or beyond what a header holds, a tactile count beyond
-    float32.
+    Counts of tactile sensors are float32: whole numbers up to 2^24 are exact. All other values keep 64 bits.
     """
     values = stream.values
     if stream.kind in JOINT_KINDS:
@@ -229,10 +211,7 @@ def to_messages(where: str, stream: Stream) -> RawMessages:
 def joint_messages(
     where: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
 ) -> RawMessages:
-    """Joint states, one per row: (T,) int64 ns, and (T, J) of each kind that is filled.
-
-    Raises InputError: a stamp is negative or beyond what a header holds.
-    """
+    """Joint states, one per row: (T,) int64 ns, and (T, J) of each kind that is filled."""
     message_type = MESSAGE_TYPES["joint_positions"]
     lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
     content, fields = _blank(where, message_type, stamps, names, lengths)
@@ -245,8 +224,7 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     """Shapes of the first message of a topic of markers, in their order.
 
     A marker is named by its namespace, followed by its number where several have the same. Markers of other
-    types (arrows, text, meshes) are ignored. Raises InputError: a message cannot be decoded or lacks a field
-    of its type, or a shape is not finite, has no extent, or no orientation.
+    types (arrows, text, meshes) are ignored.
     """
     first = RawMessages(messages.log_times[:1], messages.schemas[:1], messages.data[:1])
     ((_, message),) = decoded(where, first)

@@ -44,9 +44,9 @@ BOUNDARIES = {f"{side}Boundary": f"{BOUNDARY} {side.lower()}" for side in ("Left
 def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str] | None = None) -> list[Recording]:
     """Trials of all people in natural order: the hand's pose, boxes, walls and target as named shapes.
 
-    A trial is recorded as a whole, named like "sub_01_T012"; provenance says when the hand had moved and when
-    the target was reached (s since the first stamp), with person, trial and type. The folder may be any part
-    of the data set: trials whose folder is missing are ignored.
+    Trials are named like "sub_01_T012"; provenance says when the hand had moved and when the target was
+    reached (s since the first stamp), with person, trial and type. Trials whose folder is missing are
+    ignored.
     """
     if not (folder / TRIALS).is_file():
         raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")

@@ -46,8 +46,7 @@ class StampPolicy(Parameters):
     disorder: Literal["error", "drop", "sort"]
 
 
-AS_WRITTEN = StampPolicy(clock="header", disorder="error")
-"""How our own files are read: their writer put the stamps in order."""
+AS_WRITTEN = StampPolicy(clock="header", disorder="error")  # our own files, written with stamps in order
 
 
 class SourceParameters(Parameters):
@@ -88,8 +87,7 @@ Topics = Annotated[
     BeforeValidator(lambda value: (value,) if isinstance(value, str) else value),  # a single topic is a list
 ]
 
-MAX_FINGERS = 10
-"""Tactile streams that our own files may have: two hands."""
+MAX_FINGERS = 10  # tactile streams that our own files may have: two hands
 
 
 class TransformPose(Parameters):
@@ -209,8 +207,8 @@ clock of its own; a file has those of the topics that were recorded."""
 
 # Files
 
-COMPRESSED = ".zstd"
-"""Suffix of a file that is compressed as a whole."""
+COMPRESSED = ".zstd"  # suffix of a file that is compressed as a whole
+METADATA = "metadata.yaml"  # its presence makes a folder a ROS 2 bag
 
 Format = Literal["mcap", "db3", "bag", "table"]
 SUFFIXES: dict[str, Format] = {
@@ -224,9 +222,6 @@ SUFFIXES |= {f".mcap{COMPRESSED}": "mcap", f".db3{COMPRESSED}": "db3"}
 
 SHAPE_FILE = "obstacles.csv"
 """Of all recordings in its folder, or in the bag whose folder it is; `NAME.obstacles.csv` is of one only."""
-
-METADATA = "metadata.yaml"
-"""Its presence makes a folder a ROS 2 bag."""
 
 
 class RecordingFile(NamedTuple):

@@ -58,8 +58,8 @@ from structlearn.readers.foreign_tables import (
 from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
 from structlearn.readers.source import METADATA, SHAPE_FILE
 
+# Topics of a table of poses as a bag, those of the columns that it has.
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
-"""Topics of a table of poses as a bag, those of the columns that it has."""
 
 TIME, POSITION = "time_s", ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
@@ -73,11 +73,7 @@ UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys(PLACE, "m")
 
 
 def read_pose_table(path: Path) -> Bag:
-    """Read a table of poses.
-
-    Raises InputError: the file is missing, or is no CSV or Parquet file; a column is missing, unknown or
-    repeats, joints have not the same fields, or a value is no finite number or time.
-    """
+    """Read a table of poses as a bag; an InputError names file and row of what is wrong."""
     names, stamps, values = (_of_parquet if path.suffix == ".parquet" else _of_csv)(path)
     if (wrong := (stamps < 0) | (stamps > LAST_STAMP)).any():
         row = int(np.argmax(wrong))
@@ -184,11 +180,7 @@ def shape_file(path: Path, name: str) -> Path | None:
 
 
 def read_shapes(path: Path) -> tuple[NamedShape, ...]:
-    """Read a table of shapes.
-
-    Raises InputError: the file is no text or lacks a column, or a line has a form that is not known,
-    something that is no finite number, no unit quaternion, or no positive size; the message names the line.
-    """
+    """Read a table of shapes; an InputError names file and line of what is wrong."""
     shapes = []
     columns = (*POSITION, *ORIENTATION, *SIZE)
     for where, row in read_rows(path, ("name", "form", *columns)):
@@ -265,10 +257,9 @@ def read_touch_logs(path: str | Path) -> list[TouchLog]:
 
 
 def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLog]:
-    """Read the recordings of one table; channels None: all columns but place, time, force and run.
+    """Read the recordings of a table of touches; channels None: all columns but place, time, force and run.
 
-    Raises InputError: it cannot be read, lacks a channel or has none, or holds something that is not a finite
-    number; the message names file, row (from 0) and column.
+    An InputError names file, row (from 0) and column of what is wrong.
     """
     table = read_csv(path) if path.suffix == ".csv" else read_parquet(path)
     own = tuple(name for name in table.columns if name not in (*UNITS, RUN))
