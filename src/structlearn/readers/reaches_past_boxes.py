@@ -86,7 +86,8 @@ def unity_rotation(degrees: np.ndarray) -> np.ndarray:
 def _trial(folder: Path, trial: Path, row: dict[str, str], times: list[float]) -> Recording:
     """Times in s when the hand had moved, and when the target was reached, on the clock of the stamps."""
     names = ("HandTracker_movement", "grid_objects_layout", "scene_layout")
-    hand, boxes, scene = (_within(trial, f"{name}_{trial.name}.csv") for name in names)
+    files = [f"{name}_{trial.name}.csv" for name in names]  # in `movement/`, `scene/`, or the trial's folder
+    hand, boxes, scene = (next(iter(sorted(trial.rglob(name))), trial / name) for name in files)
     stamps, values = read_stamped_table(hand, HAND_COLUMNS, separator=",", header_lines=1)
     check_rising(hand, stamps)
     pose = np.hstack([unity_to_base(values[:, :3]), unity_rotation(values[:, 3:])])
@@ -94,39 +95,29 @@ def _trial(folder: Path, trial: Path, row: dict[str, str], times: list[float]) -
     provenance |= {"person": row["participant"], "trial": row["trial"], "type": row["type"]}
     for key, at in zip(("moved_s", "reached_s"), times, strict=True):
         provenance[key] = f"{at - stamps[0] * 1e-9:.4f}"
-    shapes = (*_layout(boxes), *_walls(scene))
+    shapes = (*_shapes(boxes, in_grid=True), *_shapes(scene, in_grid=False))
     streams = (Stream("/pose", "pose", stamps, pose),)
     return Recording(f"{row['participant']}_{trial.name}", streams, provenance=provenance, shapes=shapes)
 
 
-def _within(trial: Path, name: str) -> Path:
-    """A file of a trial: `movement/NAME`, `scene/NAME`, or NAME, which need not exist."""
-    return next(iter(sorted(trial.rglob(name))), trial / name)
-
-
-def _layout(path: Path) -> list[NamedShape]:
-    """The target, a cylinder, and the boxes."""
+def _shapes(path: Path, in_grid: bool) -> list[NamedShape]:
+    """The target and the boxes of the grid, or the walls of the scene."""
     shapes = []
     for where, row in read_rows(path, SHAPE_COLUMNS):
-        if row["object"] == SOURCE_TARGET:
-            shapes.append(_shape(where, row, TARGET, "cylinder"))
-        elif row["object"].startswith(SOURCE_BOX):
-            shapes.append(_shape(where, row, f"{BOX} {row['object'].removeprefix(SOURCE_BOX)}", "cube"))
-        else:
+        form: Form = "cube"
+        name = BOUNDARIES.get(row["object"], "")
+        if in_grid and row["object"] == SOURCE_TARGET:
+            name, form = TARGET, "cylinder"
+        elif in_grid and row["object"].startswith(SOURCE_BOX):
+            name = f"{BOX} {row['object'].removeprefix(SOURCE_BOX)}"
+        elif in_grid:
             raise InputError(f"{where}: unknown object {row['object']!r}")
-    if [shape.name for shape in shapes].count(TARGET) != 1:
+        if name:
+            numbers = finite_numbers(where, [row[column] for column in SHAPE_COLUMNS[1:]])
+            position, size = unity_to_base(np.reshape(numbers, (2, 3)))
+            if not (size > 0).all():
+                raise InputError(f"{where}: a size must be positive, is {size.tolist()}")
+            shapes.append(NamedShape(name, form, position, np.array([1.0, 0.0, 0.0, 0.0]), size))
+    if in_grid and [shape.name for shape in shapes].count(TARGET) != 1:
         raise InputError(f"{path}: needs one object '{SOURCE_TARGET}'")
     return shapes
-
-
-def _walls(path: Path) -> list[NamedShape]:
-    rows = [one for one in read_rows(path, SHAPE_COLUMNS) if one[1]["object"] in BOUNDARIES]
-    return [_shape(where, row, BOUNDARIES[row["object"]], "cube") for where, row in rows]
-
-
-def _shape(where: str, row: dict[str, str], name: str, form: Form) -> NamedShape:
-    numbers = finite_numbers(where, [row[column] for column in SHAPE_COLUMNS[1:]])
-    position, size = unity_to_base(np.reshape(numbers, (2, 3)))
-    if not (size > 0).all():
-        raise InputError(f"{where}: a size must be positive, is {size.tolist()}")
-    return NamedShape(name, form, position, np.array([1.0, 0.0, 0.0, 0.0]), size)

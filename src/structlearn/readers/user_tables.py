@@ -65,6 +65,8 @@ TIME, POSITION = "time_s", ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 SIZE = ("sx", "sy", "sz")
+UNDERSTOOD = ", ".join((*POSITION, *ORIENTATION, *WRENCH, *(f"{field}.NAME" for field in FIELDS.values())))
+UNDERSTOOD = f"columns may be {UNDERSTOOD}, comma-separated"
 MOST_COLUMNS = 1000
 
 PLACE, FORCE, RUN = ("x_m", "y_m", "z_m"), "force_n", "run"
@@ -78,7 +80,6 @@ def read_pose_table(path: Path) -> Bag:
     if (wrong := (stamps < 0) | (stamps > LAST_STAMP)).any():
         row = int(np.argmax(wrong))
         raise InputError(f"{path}: row {row}: {TIME} is {stamps[row] * 1e-9:.9g}, not between 0 and 2^31")
-    joints = _joints(path, names)
     columns = dict(zip(names, values.T, strict=True))
     for group in (ORIENTATION, WRENCH):
         missing = [name for name in group if name not in columns]
@@ -94,12 +95,15 @@ def read_pose_table(path: Path) -> Bag:
     messages = {"pose": to_messages(str(path), pose)}
     if WRENCH[0] in columns:
         messages["wrench"] = to_messages(str(path), Stream("", "wrench", stamps, block(WRENCH)))
+    fields = {}
+    joints = list(dict.fromkeys(name for one in FIELDS.values() for name in _joints(names, one)))
+    for kind, one in FIELDS.items():
+        its = _joints(names, one)
+        if its and (missing := [name for name in joints if name not in its]):
+            raise InputError(f"{path}: has {one}.{its[0]}, but not {one}.{missing[0]}")
+        if its:
+            fields[kind] = block(f"{one}.{joint}" for joint in joints)
     if joints:
-        fields = {
-            kind: block(f"{field}.{joint}" for joint in joints)
-            for kind, field in FIELDS.items()
-            if f"{field}.{joints[0]}" in columns
-        }
         messages["joint_states"] = joint_messages(str(path), joints, stamps, fields)
     provenance = {"origin": "recorded", "source": path.name}
     if not oriented:
@@ -115,7 +119,7 @@ def _of_csv(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Names of the columns without the time, (T,) ns, and (T, D) values."""
     names = [name.strip() for name in read_text(path).partition("\n")[0].split(",")]
     if names[0] != TIME:
-        raise InputError(f"{path}: the first column is '{names[0]}', not {TIME}; behind it {_understood()}")
+        raise InputError(f"{path}: the first column is '{names[0]}', not {TIME}; behind it {UNDERSTOOD}")
     _check_names(path, names[1:])
     return names[1:], *read_stamped_table(path, columns=len(names), separator=",", header_lines=1)
 
@@ -137,6 +141,11 @@ def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     return list(table), np.round(time * 1e9).astype(np.int64), table.to_numpy(float)
 
 
+def _joints(names: Sequence[str], of: str) -> list[str]:
+    """Joints of which there is a field."""
+    return [name.removeprefix(f"{of}.") for name in names if name.startswith(f"{of}.")]
+
+
 def _check_names(path: Path, names: Sequence[str]) -> None:
     if len(names) > MOST_COLUMNS:
         raise InputError(f"{path}: has {len(names)} columns, more than {MOST_COLUMNS}")
@@ -144,30 +153,11 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
     for name in names:
         joint = name.startswith(prefixes) and not name.endswith(".")
         if name not in (*POSITION, *ORIENTATION, *WRENCH) and not joint:
-            raise InputError(f"{path}: column '{name}' is not understood; {_understood()}")
+            raise InputError(f"{path}: column '{name}' is not understood; {UNDERSTOOD}")
         if names.count(name) > 1:
             raise InputError(f"{path}: column '{name}' stands {names.count(name)} times")
     if missing := [name for name in POSITION if name not in names]:
         raise InputError(f"{path}: has no column {', '.join(missing)}")
-
-
-def _understood() -> str:
-    joints = (f"{field}.NAME" for field in FIELDS.values())
-    return f"columns may be {', '.join((*POSITION, *ORIENTATION, *WRENCH, *joints))}, comma-separated"
-
-
-def _joints(path: Path, names: Sequence[str]) -> list[str]:
-    """Joints in the order of their first columns; an InputError where one has a field that another lacks."""
-    of_field = {
-        field: [name.removeprefix(f"{field}.") for name in names if name.startswith(f"{field}.")]
-        for field in FIELDS.values()
-    }
-    joints = list(dict.fromkeys(name for its in of_field.values() for name in its))
-    for one, its in of_field.items():
-        missing = [name for name in joints if name not in its]
-        if its and missing:
-            raise InputError(f"{path}: has {one}.{its[0]}, but not {one}.{missing[0]}")
-    return joints
 
 
 def shape_file(path: Path, name: str) -> Path | None:
