@@ -339,18 +339,16 @@ def _read_older(
 ) -> Bag:
     """Content of an open reader; `stores` know the types, `to_cdr` turns content and type into CDR."""
     wanted = [connection for connection in reader.connections if connection.topic in topics]
-    schemas = {name: _schema(name, stores) for name in dict.fromkeys(one.msgtype for one in wanted)}
+    schemas = {}
+    for name in dict.fromkeys(connection.msgtype for connection in wanted):
+        store = next((store for store in stores if name in store.fielddefs), None)
+        if store is None:
+            raise LookupError(f"the type {name} is not defined")
+        text, _ = store.generate_msgdef(name, ros_version=2)
+        schemas[name] = Schema(id=0, name=name, encoding=SchemaEncoding.ROS2, data=text.encode())
     rows: dict[str, list[Row]] = defaultdict(list)
     for connection, log_time, raw in reader.messages(connections=wanted) if wanted else ():
         budget.take(PER_MESSAGE)
         content = bytes(to_cdr(raw, connection.msgtype))
         rows[connection.topic].append((log_time, schemas[connection.msgtype], content))
     return _bag(((one.topic, one.msgtype) for one in reader.connections), rows)
-
-
-def _schema(name: str, stores: Collection[Any]) -> Schema:
-    store = next((store for store in stores if name in store.fielddefs), None)
-    if store is None:
-        raise LookupError(f"the type {name} is not defined")
-    text, _ = store.generate_msgdef(name, ros_version=2)
-    return Schema(id=0, name=name, encoding=SchemaEncoding.ROS2, data=text.encode())

@@ -47,8 +47,18 @@ def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Re
             stamps = np.round(1e9 * its["frame_index"].to_numpy() / float(info["fps"])).astype(np.int64)
             columns = {feature: np.stack(its[feature].to_numpy()).astype(float) for feature in topics.topics}
             provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
-            pose = _pose(f"{folder}: {name}", topics.pose, columns, features, stamps)
-            if pose.shape[1] == 3:
+            where = f"{folder}: {name}"
+            if isinstance(topics.pose, JointPose):
+                angles = {"joint_positions": columns[topics.pose.topic]}
+                joints = _joints(features[topics.pose.topic])
+                series = JointSeries(topics.pose.topic, joints, 0, stamps, angles)
+                pose = joint_pose(where, [series], topics.pose).values  # noqa: PD011 - of a stream
+            elif (axes := tuple(features[topics.pose]["names"] or ())) in (POSE, POSE[:3]):
+                pose = columns[topics.pose]
+            else:
+                listing = f"{topics.pose} has the columns {', '.join(axes)}"
+                raise InputError(f"{where}: {listing}, not {', '.join(POSE)}")
+            if pose.shape[1] == 3:  # no orientation was recorded
                 pose = np.hstack([pose, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
                 provenance["orientation"] = "not recorded"
             streams = [Stream("pose", "pose", stamps, pose)]
@@ -89,21 +99,6 @@ def read_frames(folder: Path, features: list[str]) -> pd.DataFrame:
             raise InputError(f"{file}: {' or '.join(numbered)} has something that is no whole number")
         parts.append(its)
     return pd.concat(parts, ignore_index=True).sort_values(numbered)
-
-
-def _pose(
-    where: str, pose: Any, columns: Mapping[str, np.ndarray], features: Mapping[str, Any], stamps: np.ndarray
-) -> np.ndarray:
-    """(T, 7), or (T, 3) where no orientation was recorded."""
-    if isinstance(pose, JointPose):
-        series = JointSeries(
-            pose.topic, _joints(features[pose.topic]), 0, stamps, {"joint_positions": columns[pose.topic]}
-        )
-        return joint_pose(where, [series], pose).values  # noqa: PD011 - of a stream
-    names = tuple(features[pose]["names"] or ())
-    if names not in (POSE, POSE[:3]):
-        raise InputError(f"{where}: {pose} has the columns {', '.join(names)}, not {', '.join(POSE)}")
-    return columns[pose]
 
 
 def _joints(feature: Mapping[str, Any]) -> tuple[str, ...]:
