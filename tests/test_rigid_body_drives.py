@@ -10,8 +10,8 @@ from structlearn.rigid_body import identification
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import friction_columns
-from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.motion import Motion, excited
+from structlearn.rigid_body.regressor import MotionRegressor
 from structlearn.simulation.arm import Payload
 
 FRICTION = ("viscous", "coulomb")

@@ -20,7 +20,7 @@ from structlearn.rigid_body.dynamics_models import (
     read_dynamics_models,
     write_dynamics_models,
 )
-from structlearn.rigid_body.learner import KINDS, LearningParameters, Lesson, learner
+from structlearn.rigid_body.dynamics_training import KINDS, LearningParameters, Lesson, learner
 from structlearn.rigid_body.network_models import StackedLagrangianNetworks, StackedPerceptrons
 
 FRICTION = ("viscous", "offset")

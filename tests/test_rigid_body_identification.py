@@ -13,10 +13,9 @@ from structlearn.rigid_body.identification import (
     least_squares,
     normalised_triangle,
 )
-from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.regressor import link_parameters, torque_regressor
+from structlearn.rigid_body.regressor import MotionRegressor, link_parameters, torque_regressor
 from structlearn.rigid_body.tree import LinkInertias
 
 FRICTION = ("viscous", "coulomb")

@@ -8,9 +8,7 @@ from rigid_body_motions import arm, rubbing_motion, sine_motion
 
 from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import AdamParameters, seeded
-from structlearn.rigid_body.friction import friction_coefficients, friction_columns
-from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
-from structlearn.rigid_body.learner import (
+from structlearn.rigid_body.dynamics_training import (
     KINDS,
     LearningParameters,
     Lesson,
@@ -20,6 +18,8 @@ from structlearn.rigid_body.learner import (
     learner,
     loss_weights,
 )
+from structlearn.rigid_body.friction import friction_coefficients, friction_columns
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.network_models import SCALING, NetworkLearner
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 

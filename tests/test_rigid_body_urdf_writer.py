@@ -15,7 +15,7 @@ from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import Robot, read_urdf
-from structlearn.rigid_body.urdf_writer import write_urdf
+from structlearn.rigid_body.urdf import write_urdf
 
 SOURCES = {
     "iiwa": "kuka_iiwa/model.urdf",

@@ -41,4 +41,4 @@ from .tree import (
     Robot as Robot,
     read_urdf as read_urdf,
 )
-from .urdf_writer import write_urdf as write_urdf
+from .urdf import write_urdf as write_urdf

@@ -21,9 +21,9 @@ from structlearn.rigid_body.compiled_dynamics import (
     inverse_dynamics,
     networks_model,
 )
+from structlearn.rigid_body.dynamics_training import KINDS, Kind
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, link_inertias
-from structlearn.rigid_body.learner import KINDS, Kind
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.network_models import (
     SCALING,

@@ -24,8 +24,12 @@ from torch.nn import functional
 
 from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.networks.torch_settings import AdamParameters, as_tensor
-from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
-from structlearn.rigid_body.inertia_learner import initial_friction
+from structlearn.rigid_body.friction import (
+    FrictionTerm,
+    friction_coefficients,
+    friction_columns,
+    initial_friction,
+)
 from structlearn.rigid_body.motion import Motion
 
 NetworkKind = Literal["mlp", "mlp_scaled", "delan"]

@@ -5,6 +5,7 @@ are fixed, Y of a data set is computed once, and training needs autograd only th
 (`inertia_parameters`). A non-symmetric inertia (nostr) has columns for its nine entries.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,6 +15,8 @@ from torch import Tensor
 
 from structlearn.core.compilation import numba
 from structlearn.core.compiled_vectors import cross
+from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
+from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 SYMMETRIC_COLUMNS, FULL_COLUMNS = 10, 13  # per link
@@ -261,3 +264,20 @@ def torque_factors(regressor: np.ndarray, torque: np.ndarray) -> TorqueFactors:
         factor = triangular_factor(stacked)
         factors[joint, : len(factor), used] = factor.T
     return TorqueFactors(factors, samples, torque.var(axis=0))
+
+
+class MotionRegressor:
+    """A motion as regressor, shared by all models that learn from it.
+
+    Inertias are taken to be symmetric, or, for nostr, not; columns of friction come after those of the links.
+    """
+
+    def __init__(
+        self, tree: KinematicTree, motion: Motion, symmetric: bool, friction: Sequence[FrictionTerm]
+    ):
+        columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd, symmetric)
+        if friction:
+            columns = np.concatenate([columns, friction_regressor(motion.q, motion.qd, friction)], axis=-1)
+        self.factors: TorqueFactors = torque_factors(columns, motion.torque)
+        self.columns, self.torque = columns, motion.torque  # (N, n, P), (N, n)
+        self.friction = tuple(friction)

@@ -13,7 +13,7 @@ from structlearn.rigid_body.motion import Motion, measured_motion
 
 if TYPE_CHECKING:  # torch takes a second to load, and stages that record need only paths
     from structlearn.rigid_body.dynamics_models import DynamicsModels
-    from structlearn.rigid_body.training_grid import Form
+    from structlearn.testbeds.dynamics.protocol.trainings import Form
 
 DATA = Path("data/dynamics")
 
@@ -27,7 +27,7 @@ TABLES = {
     "online": "online/errors",
     "payload": "online/payload",
 }
-"""By name; `rigid_body.training_grid`, `protocol.tracking` and `rigid_body.online_learning` say what is in
+"""By name; `testbeds.dynamics.protocol.trainings`, `protocol.tracking` and `rigid_body.payload` say what is in
 them."""
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, WHITE
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
-from structlearn.rigid_body.training_grid import OURS, TEXT
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 
 SINE, REACH = "sine", "reach"  # tasks
 

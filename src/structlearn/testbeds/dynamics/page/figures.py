@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from structlearn.palette import BLACK, GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, legend_above, styled
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
-from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.simulation.still import View, still
 from structlearn.testbeds.dynamics import names
@@ -29,6 +28,7 @@ from structlearn.testbeds.dynamics.names import (
 )
 from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach, tracked_reaches
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters, sine_path
 
 HIGHEST_NMSE = 1e6  # what diverges leaves the picture there

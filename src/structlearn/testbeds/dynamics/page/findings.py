@@ -25,11 +25,11 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_tor
 from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, STRICT, in_order, model_name
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT, Form
 from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Mechanics
 from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN
+from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, TEXT, Form
 
 STOPPED_NMSE = 1.0
 """What a run that had to be stopped counts at least: the error of an arm that does not move."""
@@ -65,13 +65,13 @@ class DynamicsResults:
     Of robots a seed is that of the robot; in simulation it is that of a model's start and of its goals.
     """
 
-    errors: pd.DataFrame  # of trainings, see `rigid_body.training_grid.train`
+    errors: pd.DataFrame  # of trainings, see `testbeds.dynamics.protocol.trainings.train`
     outcomes: pd.DataFrame
     links: pd.DataFrame  # learned beside the truth, see `rigid_body.base_parameters`, with `model`, `form`
     base: pd.DataFrame
     scores: pd.DataFrame  # see `protocol.tracking.track`
     paths: pd.DataFrame
-    online: pd.DataFrame  # see `rigid_body.online_learning`
+    online: pd.DataFrame  # see `rigid_body.payload`
     payload: pd.DataFrame  # likewise, with `seed`
     agreement: pd.DataFrame  # a row per URDF, see `rigid_body.newton_euler`, with `robot`
     known: pd.DataFrame  # of robots' logs, see `known_errors` and below, with `seed`

@@ -17,7 +17,6 @@ from structlearn.reporting.prose import with_spread
 from structlearn.reporting.studies import rests_on
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
-from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.page.findings import (
     ROBOTS_STUDY,
@@ -28,6 +27,7 @@ from structlearn.testbeds.dynamics.page.findings import (
     published,
     unmet,
 )
+from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, TEXT
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {

@@ -20,7 +20,7 @@ from structlearn.rigid_body.compiled_dynamics import (
 from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.training_grid import Form
+from structlearn.testbeds.dynamics.protocol.trainings import Form
 from structlearn.testbeds.dynamics.world.arm_motion import (
     ReachingParameters,
     SineParameters,
@@ -97,7 +97,7 @@ def learned(
 ) -> list[Candidate]:
     """Learned models, one candidate for each that met the criterion: of others nothing would follow.
 
-    `read` gives the models of a form and name, in the order of the outcomes (of `training_grid.train`, of
+    `read` gives the models of a form and name, in the order of the outcomes (of `trainings.train`, of
     this arm).
     """
     return [

@@ -193,7 +193,7 @@ def write_payload(
 ) -> None:
     """Write an arm that picks up a payload, and what is learned of it, as a recording about the pick-up.
 
-    `learned`: see `rigid_body.online_learning.follow_payload`.
+    `learned`: see `rigid_body.payload.follow_payload`.
     """
     dt = float(log.time[1])
     pick_up_s = carried.at_share * (log.time[-1] + dt)

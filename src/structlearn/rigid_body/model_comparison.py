@@ -13,19 +13,25 @@ from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.base_parameters import link_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
+from structlearn.rigid_body.dynamics_training import (
+    Kind,
+    LearningParameters,
+    Lesson,
+    learner,
+    shuffled_epochs,
+)
+from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.identification import (
     fit_structure,
     least_squares,
     normalised_triangle,
 )
-from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
-from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.newton_euler import torque_differences
-from structlearn.rigid_body.training_grid import FRICTIONS
+from structlearn.rigid_body.regressor import MotionRegressor
 from structlearn.rigid_body.tree import Robot, read_urdf
-from structlearn.rigid_body.urdf_writer import write_urdf
+from structlearn.rigid_body.urdf import write_urdf
 
 URDF, LEAST_SQUARES = "urdf", "least_squares"
 """Models that nothing structured or neural was learned for."""
