@@ -6,7 +6,7 @@ from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
 from rigid_body_robots import carrying, pinocchio_torques, robot_with
 
 from structlearn.core.errors import InputError
-from structlearn.rigid_body import identification
+from structlearn.rigid_body import identification, payload
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import friction_columns
@@ -70,14 +70,14 @@ def loaded_pair(payload: Payload, noise: float) -> tuple[Motion, Motion]:
 
 
 def test_a_load_is_found_from_what_it_changes():
-    payload = Payload(2.5, (0.03, -0.02, 0.1), 0.05)
-    exact = [loaded_pair(payload, 0.0)]
-    load, _ = identification.identify_load(arm().tree, exact, FRICTION, 100, 10, seed=0)
+    carried = Payload(2.5, (0.03, -0.02, 0.1), 0.05)
+    exact = [loaded_pair(carried, 0.0)]
+    load, _ = payload.identify_load(arm().tree, exact, FRICTION, 100, 10, seed=0)
     assert load[0] == pytest.approx(2.5, rel=1e-6)
-    np.testing.assert_allclose(load[1:4], 2.5 * np.array(payload.point_m), atol=1e-6)
-    noisy = [loaded_pair(payload, 0.05) for _ in range(2)]
-    one, drawn = identification.identify_load(arm().tree, noisy[:1], FRICTION, 100, 200, seed=0)
-    both, tighter = identification.identify_load(arm().tree, noisy, FRICTION, 100, 200, seed=0)
+    np.testing.assert_allclose(load[1:4], 2.5 * np.array(carried.point_m), atol=1e-6)
+    noisy = [loaded_pair(carried, 0.05) for _ in range(2)]
+    one, drawn = payload.identify_load(arm().tree, noisy[:1], FRICTION, 100, 200, seed=0)
+    both, tighter = payload.identify_load(arm().tree, noisy, FRICTION, 100, 200, seed=0)
     for found, its in ((one, drawn), (both, tighter)):
         assert abs(found[0] - 2.5) < 3.0 * its[:, 0].std()
         assert its[:, 0].mean() == pytest.approx(found[0], abs=0.5 * its[:, 0].std())

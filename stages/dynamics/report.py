@@ -30,11 +30,7 @@ from structlearn.testbeds.dynamics.protocol.trainings import (
     OnlineParameters,
 )
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import (
-    RecordMotionParameters,
-    StandInParameters,
-    stand_in,
-)
+from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, StandInParameters, stand_in
 
 PARAMETERS = {
     "arm": ArmParameters,

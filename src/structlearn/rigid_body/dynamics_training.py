@@ -133,17 +133,11 @@ Learner = InertiaLearner | NetworkLearner
 
 @dataclass(frozen=True)
 class Learned:
-    """Outcome of a training of M models.
+    """Outcome of a training of M models."""
 
-    Attributes:
-        state: tensors of the models, each when it became good enough, or as it was in the end.
-        nmse: (E + 1, M, n) at the start and after each epoch; its last once it has stopped.
-        epochs: (M,) epochs that each needed; 0: not good enough after all of them.
-    """
-
-    state: dict[str, np.ndarray]
-    nmse: np.ndarray
-    epochs: np.ndarray
+    state: dict[str, np.ndarray]  # of the models, each when it became good enough, or after the last epoch
+    nmse: np.ndarray  # (E + 1, M, n) at the start and after each epoch; the last one once a model has stopped
+    epochs: np.ndarray  # (M,) epochs that each needed; 0: not good enough after all of them
 
     def part(self, model: int) -> "Learned":
         """One of the models."""
@@ -190,16 +184,9 @@ def learn_in_epochs(
 ) -> Learned:
     """Shuffled epochs until every joint of every model is good enough (III.4.1.1).
 
-    A model stops at the end of the first epoch after which its errors are below the threshold, or which shows
-    that it cannot meet it (`_stopping`). Errors of networks on some samples only say when that may be: what a
-    model stops for is its error on all samples.
-
-    Args:
-        models: at their start.
-        threshold: NMSE of every joint.
-        epochs: at most so many.
-        stride: until then, errors of networks are taken on every `stride`-th sample.
-        futility: epochs over which the fall of errors is measured; None: no model is given up.
+    A model stops after the first epoch with an NMSE of at most `threshold` on every joint, or with errors
+    whose fall over the last `futility` epochs shows that it cannot reach it (`_stopping`). Errors of networks
+    on every `stride`-th sample only trigger the check: a model stops for its error on all samples.
     """
     errors = models.nmse(stride)
     history, kept = [errors], models.state()
@@ -229,7 +216,7 @@ def learn_in_epochs(
 def learn_online(models: Learner, stride: int = 1) -> np.ndarray:
     """NMSE (E + 1, M, n), once through the motion in the order of time (III.4.1.2, figure III.2).
 
-    A step per batch; errors of networks are taken on every `stride`-th sample.
+    One step per batch; errors of networks are on every `stride`-th sample.
     """
     history = [models.nmse(stride)]
     for batch in torch.arange(models.samples).split(models.batch):
@@ -250,9 +237,9 @@ def _good(errors: np.ndarray, threshold: float) -> np.ndarray:
 
 
 def _stopping(errors: np.ndarray, before: np.ndarray | None, ahead: float, threshold: float) -> np.ndarray:
-    """(M,) whether every joint's error (M, n) is good enough, or would not become so.
+    """(M,) whether each joint's error (M, n) is good enough, or would not become so.
 
-    As if it went on falling as it did since `before` (M, n), for `ahead` times as long.
+    Errors are extrapolated: they fall as they did since `before` (M, n), for `ahead` times as long.
     """
     if before is None:
         return _good(errors, threshold)

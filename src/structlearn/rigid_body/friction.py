@@ -17,14 +17,10 @@ if TYPE_CHECKING:
 
 FrictionTerm = Literal["viscous", "coulomb", "offset", "stiffness"]
 
-SIGNED: tuple[FrictionTerm, ...] = ("offset", "stiffness")
-"""Terms whose coefficients may be negative."""
+SIGNED: tuple[FrictionTerm, ...] = ("offset", "stiffness")  # terms whose coefficients may be negative
 
-INITIAL_FRICTION = 0.01
-"""N m s/rad or N m; not 0, where the gradient of a square is 0."""
-
-COULOMB_WIDTH = 0.02
-"""rad/s (m/s where a joint slides); below it the Coulomb term falls to zero, smoothly."""
+INITIAL_FRICTION = 0.01  # N m s/rad or N m; not 0, where the gradient of a square is 0
+COULOMB_WIDTH = 0.02  # rad/s (m/s where a joint slides); below it the Coulomb term falls to zero, smoothly
 
 
 FRICTIONS: Mapping[str, tuple[FrictionTerm, ...]] = {
@@ -39,7 +35,7 @@ dissertation names as future work; and a constant torque, for sensors that are n
 
 
 def friction_columns(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """What the coefficients of each joint are multiplied with: (..., n, k) of q and qd (..., n)."""
+    """Torques (..., n, k) per unit of each coefficient, at q and qd (..., n)."""
     shapes = {
         "viscous": lambda: qd,
         "coulomb": lambda: np.tanh(qd / COULOMB_WIDTH),
@@ -53,7 +49,7 @@ def friction_columns(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTerm
 
 
 def friction_regressor(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """`friction_columns` (B, n, n k) of (B, n) each as columns of a regressor, beside those of the links.
+    """Columns (B, n, n k) of friction beside those of the links in a regressor, of q and qd (B, n).
 
     Column j k + t is term t of joint j and is zero for all other joints.
     """

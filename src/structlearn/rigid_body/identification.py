@@ -48,7 +48,7 @@ ANCHOR = 1e-6
 def normalised_triangle(factors: TorqueFactors, limits: np.ndarray | None = None) -> np.ndarray:
     """One triangular factor (P + 1, P + 1) of all joints: |triangle (theta, -1)|^2 is their NMSEs' sum.
 
-    With `limits` (n,) N m of the joints' torques, errors count as shares of these instead, and all torques
+    With `limits` (n,) N m of the joints' torques, errors are shares of these instead, and all torques
     together weigh as much as before.
     """
     squares = factors.variance
@@ -59,10 +59,7 @@ def normalised_triangle(factors: TorqueFactors, limits: np.ndarray | None = None
 
 
 def least_squares(triangle: np.ndarray) -> np.ndarray:
-    """Unconstrained optimum (P,) of the sum of the joints' NMSEs.
-
-    Of the many optima (not every parameter shows in the torques) it is the smallest.
-    """
+    """Unconstrained optimum (P,) of the sum of the joints' NMSEs; the smallest where it is not unique."""
     theta, *_ = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=SINGULAR)
     return theta
 
@@ -77,7 +74,7 @@ def fit_structure(
     rubbing: np.ndarray | None = None,
     prior: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The structure's best parameters for the same loss as `least_squares`, by L-BFGS.
+    """Fit a structure's free parameters to the same loss as `least_squares`, by L-BFGS.
 
     A weak pull towards known inertias decides what the data leave open; with a prior, `prior` times the mean
     of the links' `divergence` from them is added to the loss.
@@ -87,8 +84,8 @@ def fit_structure(
         triangle: of the data; columns of the links (full ones for nostr), then of friction.
         friction: its terms.
         start: inertias (n,) to start from.
-        iterations: at most so many.
-        known: where the pull goes; None: to the start.
+        iterations: at most.
+        known: target of the pull; None: the start.
         rubbing: (1, n, t) free parameters of friction to start from; None: small ones.
         prior: weight; 0 for structures whose inertias need not be physically consistent.
 
@@ -134,10 +131,8 @@ def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.nda
         D = tr(P0^-1 P) - log det(P0^-1 P) - 4        P = [[tr(I)/2 1 - I, h], [h^T, m]]
 
     It is convex in theta, does not depend on frames or units, and grows without bound towards inertias that
-    no body has.
-
-    Of theta (10 n,) and known (10 n,), both of physically consistent links: (n,) of the links, and the slope
-    (10 n,) of their sum.
+    no body has. Both theta (10 n,) are of physically consistent links. Returns (n,) of the links, and the
+    slope (10 n,) of their sum.
     """
     found, reference = (
         its.reshape(-1, SYMMETRIC_COLUMNS) @ PSEUDO.reshape(SYMMETRIC_COLUMNS, 16) for its in (theta, known)
@@ -150,7 +145,7 @@ def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _pseudo_columns() -> np.ndarray:
-    """(10, 4, 4): by what each column of a link enters its pseudo-inertia."""
+    """(10, 4, 4): derivative of the pseudo-inertia by each parameter of a link."""
     columns = np.zeros((SYMMETRIC_COLUMNS, 4, 4))
     columns[0, 3, 3] = 1.0
     for axis in range(3):
@@ -177,8 +172,8 @@ def drawn_fits(
 ) -> DynamicsModels:
     """Fits of a structure to blocks of `length` samples, drawn with replacement: `draws` models.
 
-    Each starts from `model`, the fit to the whole motion, of a structure other than nostr; `known` is where
-    the weak pull goes.
+    Each starts from `model`, the fit to the whole motion, of a structure other than nostr; `known` is the
+    target of the weak pull.
     """
     whole = regressor.factors  # whose number of samples and variances weight every block
     pieces = zip(blocks(regressor.columns, length), blocks(regressor.torque, length), strict=True)
@@ -226,7 +221,7 @@ def planar_tree(places: np.ndarray) -> KinematicTree:
 def fit_planar_arm(motion: Motion, iterations: int) -> tuple[KinematicTree, DynamicsModels]:
     """Places of the joints by least squares, then physically consistent inertias (cov) by L-BFGS.
 
-    Every search begins with links of 1 m and 1 kg. Errors count as in `normalised_triangle`.
+    Both start from links of 1 m and 1 kg; errors are weighted as in `normalised_triangle`.
     """
     from scipy.optimize import minimize
 

@@ -159,11 +159,7 @@ def identify_load(
 
 
 def _rows(
-    tree: KinematicTree,
-    pair: tuple[Motion, Motion],
-    friction: Sequence[FrictionTerm],
-    place: int,
-    pairs: int,
+    tree: KinematicTree, pair: tuple[Motion, Motion], friction: Sequence[FrictionTerm], place: int, pairs: int
 ) -> np.ndarray:
     """(N, 2, n, P + 1) of a pair: columns of links, of every pair's friction, of the load; torque."""
     links = SYMMETRIC_COLUMNS * len(tree.names)

@@ -27,11 +27,7 @@ INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "
 
 
 def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
-    """Refuse a file that is no URDF of a robot with one degree of freedom per joint and limits on each.
-
-    Raises:
-        InputError: see `structlearn.rigid_body.tree.read_urdf`.
-    """
+    """Raise InputError unless every joint of a URDF has one degree of freedom and limits, see `read_urdf`."""
     root = robot_element(Path(path))
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed"}
@@ -93,15 +89,11 @@ def _numbers(texts: Sequence[str], where: str) -> list[float]:
 
 
 HANDS = re.compile(r"tcp|tool|grasp|gripper|hand|ee$|end_?effector|flange", re.IGNORECASE)
-"""What links and frames of a hand are mostly called."""
+"""Usual names of links and frames of a hand."""
 
 
 def moving_joints(path: str | Path) -> list[str]:
-    """Names of all joints that are not fixed, in the order of the file.
-
-    Raises:
-        InputError: the file is missing or no URDF.
-    """
+    """Names of all joints that are not fixed, in the order of the file; InputError where it is no URDF."""
     return [name for name, (kind, _, _) in _joints(path).items() if kind != "fixed"]
 
 
@@ -111,13 +103,10 @@ def moved_link(path: str | Path, joint: str) -> str:
 
 
 def tips(path: str | Path, joints: Collection[str]) -> list[str]:
-    """Links at the ends of what some joints move, the likeliest for the hand first.
+    """Links at the ends of the chains of some joints, the likeliest for the hand first.
 
-    They carry none of the others: those called like a hand first, then those behind more joints. What joints
-    not named move is left out, e.g. fingers.
-
-    Raises:
-        InputError: the file is missing or no URDF.
+    Those with the name of a hand come first, then those behind more joints. Links moved by other joints, e.g.
+    fingers, are left out. Raises InputError: the file is missing or no URDF.
     """
     found = _joints(path)
     carried = {child: (name, kind, parent) for name, (kind, parent, child) in found.items()}
@@ -230,7 +219,7 @@ def _without_meshes(link: ElementTree.Element) -> None:
 
 
 def _inertial(inertias: "LinkInertias[np.ndarray]", place: int | None) -> ElementTree.Element:
-    """Of one of the moving links; of nothing where there is no place. Numbers keep all their digits."""
+    """`<inertial>` of a moving link, with all digits; zeros where there is no place."""
     mass, centre, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
     if place is not None:
         mass, inertia = float(inertias.mass[place]), inertias.inertia[place]

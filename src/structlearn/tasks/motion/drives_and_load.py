@@ -16,9 +16,9 @@ from structlearn.readers.recording import Stream
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FRICTIONS
-from structlearn.rigid_body.identification import drawn_fits, identify_load
+from structlearn.rigid_body.identification import drawn_fits
 from structlearn.rigid_body.motion import Motion, excited, joined, smoothed_motion
-from structlearn.rigid_body.payload import PayloadLearningParameters, learn_payload
+from structlearn.rigid_body.payload import PayloadLearningParameters, identify_load, learn_payload
 from structlearn.rigid_body.regressor import (
     SYMMETRIC_COLUMNS,
     MotionRegressor,

@@ -62,8 +62,8 @@ def write_reaches(
 ) -> None:
     """Write the reaches of one arm with several models as a recording.
 
-    Every model has a view with its arm, the wanted path of the tool and its own; plots show how far each
-    tool is off and how fast it is. The first of the models ran through.
+    Every model has a view with its arm and the wanted and actual path of the tool; plots show its error and
+    its speed. The run of the first model was not stopped.
     """
     with recording(path, title) as stream:
         stream.send_blueprint(_reaches_blueprint(shown, title))
