@@ -65,12 +65,9 @@ def test_what_cannot_be_used_is_one_message(tmp_path):
         compiled_model(DynamicsModels("cov", ("a", "b"), (), (), models.state), 0, arm().tree)
     broken = models.state["inertia"].copy()
     broken[0, 0, 0] = np.nan
+    incomplete = {"friction": np.zeros((1, 7, 0))}, '{"dynamics_models": {"kind": "spd"}}'
     for tensors, description, message in (
-        (
-            {"friction": np.zeros((1, 7, 0))},
-            '{"dynamics_models": {"kind": "spd"}}',
-            r"\(KeyError: 'joints'\)",
-        ),
+        (*incomplete, r"\(KeyError: 'joints'\)"),
         ({"weights": np.zeros(3)}, "something else", "holds no dynamics models"),
         ({"inertia": broken}, "{}", "inertia holds a value that is not finite"),
     ):

@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 from committed import committed
@@ -39,12 +41,8 @@ def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated():
     models, errors, outcomes = train(work, motions, arm().tree, PARAMETERS)
     ours = ("mlp", "mlp_scaled", "delan", "cov")
     text = ("mlp", "delan", "cov")  # the scaled perceptron is no model of the text
-    expected = {
-        f"{motion}/{form}/{kind}"
-        for motion in motions
-        for form, its in ((TEXT, text), (OURS, ours))
-        for kind in its
-    }
+    forms = [*product((TEXT,), text), *product((OURS,), ours)]
+    expected = {f"{motion}/{form}/{kind}" for motion, (form, kind) in product(motions, forms)}
     expected |= {f"stand_in/{robot}/{form}/cov_coulomb" for robot in ROBOTS for form in (TEXT, OURS)}
     assert set(models) == expected
     for name, learned in models.items():
@@ -53,10 +51,8 @@ def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated():
     keys = ["arm", "model", "form", "seed"]
     assert not outcomes.duplicated(keys).any()
     seeds = outcomes.groupby("arm")["seed"].unique()
-    assert (set(seeds["iiwa"]), set(seeds["stand_in"])) == (
-        {3, 5},
-        set(ROBOTS),
-    )  # a robot's model has its seed
+    assert set(seeds["iiwa"]) == {3, 5}
+    assert set(seeds["stand_in"]) == set(ROBOTS)  # a robot's model has its seed
     last = errors[errors["epoch"] == errors["arm"].map({"iiwa": 2, "stand_in": 1})].groupby(keys)["nmse"]
     np.testing.assert_allclose(outcomes.set_index(keys)["nmse_max"].sort_index(), last.max().sort_index())
 
