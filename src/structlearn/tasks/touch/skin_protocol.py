@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import parallel_map
-from structlearn.readers.touch_log import TouchLog
+from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.latent_models import write_models
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
