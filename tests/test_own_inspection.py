@@ -7,13 +7,7 @@ import pytest
 import yaml
 from committed import ROOT, own_tasks
 from conftest import minimum_jerk
-from readers_bags import (
-    joint_messages,
-    pose_messages,
-    transform_messages,
-    transform_stamped,
-    write_bag,
-)
+from readers_bags import joint_messages, pose_messages, transform_messages, transform_stamped, write_bag
 
 from structlearn.core.errors import InputError
 from structlearn.readers import bag
@@ -94,10 +88,7 @@ def test_the_proposed_entry_is_a_task_with_as_many_primitives_as_moves(tmp_path,
 
 def test_sound_recordings_pass_and_their_runs_of_motion_are_the_moves(example):
     found = find_out(str(example))
-    for question in (
-        "Do runs of motion agree in number?",
-        "Are joints' positions in rad?",
-    ):
+    for question in ("Do runs of motion agree in number?", "Are joints' positions in rad?"):
         assert answer(found, question).verdict == "yes"
     for take in takes(2, 3, 3):
         runs = [(run.start_s, run.end_s) for run in found.motion.counted(take.name)]

@@ -35,15 +35,14 @@ YAW_DEG = {"home": 0.0, "part": 25.0, "tray": -20.0, "above part": 25.0, "above 
 YAW_SCATTER_DEG = 3.0
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # the fingers point down
 
+# Moves of the task, by their number, and where each ends; all begin at home.
 MOVES = {
     2: {"reach": "part", "retreat": "home"},
     3: {"reach": "part", "carry": "tray", "retreat": "home"},
     5: {"reach": "part", "lift": "above part", "carry": "above tray", "lower": "tray", "retreat": "home"},
 }
-"""Moves of the task, by their number, and where each ends; all begin at home."""
 
-GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}
-"""After how many moves the gripper closes and opens."""
+GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}  # after how many moves the gripper closes and opens
 
 # Time: a move of 0.5 m takes about 2 s, a shorter one less, and no two are alike. At this pace the arm keeps
 # its limits also from and to the corners of the workspace (`make check TASK=pick`).

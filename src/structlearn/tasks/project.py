@@ -21,8 +21,8 @@ PACKAGED = Path(__file__).parent / "stages"
 DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
 CODE = "data/code/tasks"
 
+# Stages that need the simulated testbeds, or a clone's sources.
 FOR_CLONES = ("code", "calibrate", "calibration_report", "recorded_report")
-"""Stages that need the simulated testbeds, or a clone's sources."""
 
 
 def is_lab() -> bool:
@@ -31,11 +31,7 @@ def is_lab() -> bool:
 
 
 def folder() -> Path:
-    """Folder of the pipeline of tasks.
-
-    Raises:
-        InputError: the working directory is no project.
-    """
+    """Folder of the pipeline of tasks. Raises InputError: the working directory is no project."""
     if not is_lab() and not CLONE.is_dir():
         raise InputError(f"{LAB}: no such file here; `structlearn new` makes a project")
     return Path() if is_lab() else CLONE

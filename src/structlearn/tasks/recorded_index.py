@@ -25,8 +25,7 @@ QUOTED = CLONE / "recorded.yaml"
 def publish_index() -> None:
     """Publish the page with the verdicts on all public sets.
 
-    Raises:
-        InputError: the page of a set was not made.
+    Raises InputError: the page of a set was not made.
     """
     names = [name for name, one in read_entries().items() if one.file.name == OF_PUBLIC]
     quoted: Mapping[str, Mapping[str, Any]] = read_values(QUOTED)

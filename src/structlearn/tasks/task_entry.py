@@ -32,8 +32,8 @@ from structlearn.tasks.obstacles.coupling_representations import RepresentationP
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
+# Keys that a task has only if its entry names them.
 PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representations")
-"""Keys that a task has only if its entry names them."""
 
 
 class ObstacleEntry(SourceParameters, SceneLearningParameters):
@@ -46,10 +46,10 @@ class ObstacleEntry(SourceParameters, SceneLearningParameters):
     representations: RepresentationParameters | None
 
 
+# Kinds of data, as entries are grouped.
 KINDS: dict[str, type[SourceParameters]] = {
     entry.kind: entry for entry in (MovementEntry, MotionParameters, TouchParameters, ObstacleEntry)
 }
-"""Kinds of data, as entries are grouped."""
 
 
 class Entry(NamedTuple):
@@ -63,8 +63,7 @@ class Entry(NamedTuple):
 def read_entries(clone: Path | None = None) -> dict[str, Entry]:
     """All entries by name, of the project here or of a clone's folder.
 
-    Raises:
-        InputError: a file is not readable, has an unknown kind, or a name stands twice or is none.
+    Raises InputError: a file is not readable, has an unknown kind, or a name stands twice or is none.
     """
     found: dict[str, Entry] = {}
     for file in project.entry_files(clone):
@@ -90,9 +89,8 @@ def read_entries(clone: Path | None = None) -> dict[str, Entry]:
 def read_task(name: str, clone: Path | None = None) -> Any:
     """The parameters of one task, as of its kind.
 
-    Raises:
-        InputError: as `read_entries`; there is no such task, or a value is missing, unknown or out of range;
-            the message names file and key.
+    Raises InputError: as `read_entries`; there is no such task, or a value is missing, unknown or out of
+    range; the message names file and key.
     """
     entries = read_entries(clone)
     if name not in entries:
@@ -126,8 +124,7 @@ def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:
 def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: Path) -> None:
     """Publish a task's parameters with the digests that its sources had before they were read.
 
-    Raises:
-        InputError: a source has changed since.
+    Raises InputError: a source has changed since.
     """
     for kind, now in source_digests(task).items():
         if changed := sorted({name for name, _ in now.items() ^ files[kind].items()}):
@@ -140,10 +137,7 @@ def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: P
 def file_digests(source: str) -> dict[str, str]:
     """SHA-256 of a file, or of all files below a folder but hidden ones, by their path as it is written.
 
-    A public set that is not here has none.
-
-    Raises:
-        InputError: there is no such file or folder.
+    A public set that is not here has none. Raises InputError: there is no such file or folder.
     """
     path = local_path(source)
     if is_public(source) and not path.exists():
@@ -165,8 +159,7 @@ def file_digests(source: str) -> dict[str, str]:
 def targets(which: str, name: str = "") -> list[str]:
     """Stages to ask DVC for, of one task or of all of a file; entries are checked first.
 
-    Raises:
-        InputError: an entry is not valid, or there is no public set.
+    Raises InputError: an entry is not valid, or there is no public set.
     """
     entries = {key: one for key, one in read_entries().items() if one.file.name == which}
     if which == project.OF_PUBLIC and not any(

@@ -42,28 +42,25 @@ from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
+# What kinds of streams are called, where it is not their name.
 WORDS = {
     "joint_positions": "joint positions",
     "joint_velocities": "joint velocities",
     "joint_torques": "joint torques",
     "tool_to_board": "tool to board",
 }
-"""What kinds of streams are called, where it is not their name."""
 
+# Readers elsewhere; `bags`: at the end of this module, for files of any format of `readers.bag_files`.
 OTHERS = {"bags": __name__, "coupling_samples": "structlearn.tasks.obstacles.coupling_samples"}
-"""Readers elsewhere; `bags`: at the end of this module, for files of any format of `readers.bag_files`."""
 
-LeftOut = dict[str, str]
-"""Why files could not be read, by their names."""
+LeftOut = dict[str, str]  # why files could not be read, by their names
 
 
 def import_task(task: SourceParameters, target: Path) -> None:
     """Publish what was recorded in a folder, with `left_out.csv`.
 
     Of a public set that is missing or that cannot be read the folder says why, and the pipeline goes on.
-
-    Raises:
-        InputError: recordings of a lab cannot be read or fail their checks.
+    Raises InputError: recordings of a lab cannot be read or fail their checks.
     """
     left_out: LeftOut = {}
     with publish(target) as folder:
@@ -89,8 +86,7 @@ def import_task(task: SourceParameters, target: Path) -> None:
 def reader(task: SourceParameters) -> Callable[[Path, Any, LeftOut], Any]:
     """The function of a task's reader for its kind of data.
 
-    Raises:
-        InputError: there is no such reader, or it does not read this kind.
+    Raises InputError: there is no such reader, or it does not read this kind.
     """
     name, function = task.reader, f"read_{task.kind}"
     modules = {one.name: f"{readers.__name__}.{one.name}" for one in iter_modules(readers.__path__)} | OTHERS
@@ -103,9 +99,7 @@ def reader(task: SourceParameters) -> Callable[[Path, Any, LeftOut], Any]:
 def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
     """What a task's reader finds in a file or folder.
 
-    Raises:
-        MissingInputError: of a public set, there is none.
-        InputError: it cannot be read.
+    Raises MissingInputError: of a public set, there is none. InputError: it cannot be read.
     """
     path = local_path(source)
     if is_public(source) and not path.exists():
@@ -167,13 +161,13 @@ def _reaches(task: ObstacleEntry, folder: Path, left_out: LeftOut) -> None:
     write_runs(runs, folder / "reaches.parquet")
 
 
+# By kind: reads with the task's reader, and writes into a folder.
 WRITERS: dict[str, Callable[[Any, Path, LeftOut], None]] = {
     "movement": _movements,
     "motion": _logs,
     "touch": _touches,
     "obstacles": _reaches,
 }
-"""By kind: reads with the task's reader, and writes into a folder."""
 
 
 def _on_clock(

@@ -11,12 +11,7 @@ from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion import motion_section
-from structlearn.tasks.movement import (
-    check_section,
-    corrections_section,
-    cuts_section,
-    primitives_section,
-)
+from structlearn.tasks.movement import check_section, corrections_section, cuts_section, primitives_section
 from structlearn.tasks.obstacles import representations_section, scene_section
 from structlearn.tasks.project import CLONE, entry_files, is_lab, pipeline
 from structlearn.tasks.section import Section
@@ -26,6 +21,7 @@ from structlearn.tasks.touch import touch_section
 
 PACKAGE = "structlearn.tasks"
 
+# By kind: what makes each section, None where the task has no such part; in order.
 SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "movement": (
         cuts_section.came_in_section,
@@ -44,7 +40,6 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "touch": (touch_section.section,),
     "obstacles": (scene_section.section, representations_section.section),
 }
-"""By kind: what makes each section, None where the task has no such part; in order."""
 
 STAGES = {"recorded": "import_movement", "segments": "segment"}
 STAGES |= {

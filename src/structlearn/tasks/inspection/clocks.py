@@ -53,8 +53,7 @@ class TopicClocks(NamedTuple):
 def topic_clocks(where: str, messages: RawMessages) -> TopicClocks:
     """Both clocks of a topic with at least one message; of several transforms in one the first's header.
 
-    Raises:
-        InputError: a message cannot be decoded.
+    Raises InputError: a message cannot be decoded.
     """
     log, headers = stamps_of(messages.log_times), np.zeros(len(messages.log_times), dtype=np.int64)
     for group in decoded(where, messages):

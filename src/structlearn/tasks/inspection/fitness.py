@@ -16,27 +16,21 @@ from structlearn.tasks.inspection.source_survey import SourceSeen
 Verdict = Literal["yes", "doubtful", "no"]
 
 # Bounds: yes from (or to) the first, doubtful from (or to) the second.
+# Demonstrations: one has nothing to be compared with; of fewer than five, the mean error of those that are
+# left out has an interval as wide as itself.
 ENOUGH = (5, 2)
-"""Demonstrations: one has nothing to be compared with; of fewer than five, the mean error of those that are
-left out has an interval as wide as itself."""
+EXTENT_M = (0.05, 0.01)  # how far the hand gets: below a centimetre sway and movement are of one size
 
-EXTENT_M = (0.05, 0.01)
-"""How far the hand gets: below a centimetre sway and movement are of one size."""
-
+# Hz, of the poses: people's moves have nothing above 5 Hz, and derivatives want ten samples of that.
 RATES_HZ = (50.0, 20.0)
-"""Hz, of the poses: people's moves have nothing above 5 Hz, and derivatives want ten samples of that."""
 
+# s, by which clocks differ: at 0.5 m/s that is 10 and 50 mm between what two topics say of one moment.
 IN_STEP_S = (0.02, 0.1)
-"""s, by which clocks differ: at 0.5 m/s that is 10 and 50 mm between what two topics say of one moment."""
 
+# Share of stamps that do not come after the one before: none, or so few that to drop them harms nothing.
 DISORDERED = (0.0, 0.01)
-"""Share of stamps that do not come after the one before: none, or so few that to drop them harms nothing."""
-
-FARTHEST_M = 10.0
-"""m; no arm and no hand that shows it a movement gets so far."""
-
-MOST_TURNED = 4.0 * np.pi
-"""rad, of a joint: only those that wind go further, and all that are in degrees."""
+FARTHEST_M = 10.0  # m; no arm and no hand that shows it a movement gets so far
+MOST_TURNED = 4.0 * np.pi  # rad, of a joint: only those that wind go further, and all that are in degrees
 
 
 class Answer(NamedTuple):

@@ -21,30 +21,24 @@ from structlearn.rigid_body.urdf import HANDS
 from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
 from structlearn.tasks.inspection.clocks import Stamps, stamps_of
 
+# Hz, low-pass of the positions before they are differentiated: the method's for finding a movement.
 SPEED_HZ = 2.0
-"""Hz, low-pass of the positions before they are differentiated: the method's for finding a movement."""
+MOST_TICKS = 10**7  # of a uniform clock; more of them mean that a stamp lies years away from the others
+LEAST_EXTENT_M = 0.01  # how far a hand gets at least: less is sway
 
-MOST_TICKS = 10**7
-"""Of a uniform clock; more of them mean that a stamp lies years away from the others."""
-
-LEAST_EXTENT_M = 0.01
-"""How far a hand gets at least: less is sway."""
-
+# Share of the largest way from which on frames of one tree move alike: then the likeliest name is taken.
 ALIKE = 0.9
-"""Share of the largest way from which on frames of one tree move alike: then the likeliest name is taken."""
 
+# Which threshold is taken where they serve alike: low, so that no slow move is lost, and above the sway.
 PREFERRED = 1
-"""Which threshold is taken where they serve alike: low, so that no slow move is lost, and above the sway."""
+BRIDGE_S = 0.2  # s; a shorter dip in speed is a hesitation: people who stop on purpose do for longer
 
-BRIDGE_S = 0.2
-"""s; a shorter dip in speed is a hesitation: people who stop on purpose do for longer."""
-
+# Of the longest run of a demonstration, below which a run is short: idle, unless all have it.
 SHORT_SHARE = 0.1
-"""Of the longest run of a demonstration, below which a run is short: idle, unless all have it."""
 
 PoseSource = str | TransformPose | JointPose
+# Sources of poses, the likeliest for the hand's first; a string is a topic of poses.
 KINDS = (str, TransformPose, JointPose)
-"""Sources of poses, the likeliest for the hand's first; a string is a topic of poses."""
 
 
 class HandPath(NamedTuple):
@@ -68,8 +62,7 @@ class HandPath(NamedTuple):
 def hand_path(stream: Stream) -> HandPath:
     """The path of a stream of poses; stamps in disorder are sorted, and values that are no numbers left out.
 
-    Raises:
-        InputError: fewer than three samples are left, or stamps lie too far apart for a clock.
+    Raises InputError: fewer than three samples are left, or stamps lie too far apart for a clock.
     """
     finite = np.isfinite(stream.values).all(axis=1)
     stamps, places = np.unique(stream.stamps[finite], return_index=True)

@@ -18,12 +18,12 @@ from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, po
 from structlearn.tasks.inspection.source_survey import SourceSeen
 from structlearn.tasks.task_files import local_path
 
+# What topics of tactile arrays are mostly called; other arrays are commands and the like.
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
-"""What topics of tactile arrays are mostly called; other arrays are commands and the like."""
 
+# Degrees that a hand turns while its position rests, from which on this may be a primitive: sensors are ten
+# times as good.
 TURN_DEG = 3.0
-"""Degrees that a hand turns while its position rests, from which on this may be a primitive: sensors are ten
-times as good."""
 
 
 @dataclass(frozen=True)

@@ -31,9 +31,7 @@ from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, loo
 FORMATS = {"mcap": "MCAP", "db3": "ROS 2 bag (sqlite3)", "bag": "ROS 1 bag", "table": "table of poses"}
 
 HEADINGS = ("topic", "type", "messages", "rate", "largest gap", "clock", "log - header")
-RIGHT = (2, 3, 4, 6)
-"""Columns of numbers."""
-
+RIGHT = (2, 3, 4, 6)  # columns of numbers
 SECONDS_OF_A_YEAR = 3.2e7
 
 

@@ -22,11 +22,11 @@ from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, 
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path
 
+# Disorder is counted elsewhere and refused by nobody here.
 AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
-"""Disorder is counted elsewhere and refused by nobody here."""
 
+# Types whose messages are looked at; of others, such as camera images, only the topic is listed.
 KNOWN = {name for types in READERS.values() for name in types}
-"""Types whose messages are looked at; of others, such as camera images, only the topic is listed."""
 
 
 class TopicSeen(NamedTuple):

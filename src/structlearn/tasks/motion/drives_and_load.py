@@ -25,12 +25,9 @@ from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.tasks.motion import motion_parameters as names
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 
+# Of least squares that look at a log: sensors of torque or current need not be zeroed.
 FRICTION = FRICTIONS["offset"]
-"""Of least squares that look at a log: sensors of torque or current need not be zeroed."""
-
-PAYLOAD_COLUMNS = 4
-"""Mass and first moment of a link."""
-
+PAYLOAD_COLUMNS = 4  # mass and first moment of a link
 CENTRE = [f"centre_{axis}_m" for axis in "xyz"]
 
 
@@ -46,12 +43,10 @@ def drive_tables(
 ) -> dict[str, pd.DataFrame]:
     """Gains from the log at rest, delays of the currents from the training log.
 
-    Gains in motion and delays are found on the test log too, to see whether they come back.
-
-    Returns:
-        `drives`: `quantity` (`AT_REST`, ...), `log`, `blocks` it rests on, `joint`, `value` in N m/A or s.
-        `drive_draws`: the same with `draw` of the bootstrap, without `blocks`. `gains`: see `found_gains`.
-        `delay_curves`: `log`, `delay_s`, `joint`, `squares` over the least.
+    Gains in motion and delays are found on the test log too, to see whether they come back. Returns
+    `drives`: `quantity` (`AT_REST`, ...), `log`, `blocks` it rests on, `joint`, `value` in N m/A or s.
+    `drive_draws`: the same with `draw` of the bootstrap, without `blocks`. `gains`: see `found_gains`.
+    `delay_curves`: `log`, `delay_s`, `joint`, `squares` over the least.
     """
     own, drawing = parameters.drives, parameters.drawing
     assert own is not None
@@ -167,9 +162,8 @@ def weighed_loads(
 ) -> dict[str, pd.DataFrame]:
     """The load from every pair and from all, with torques by every set of gains (motions have those found).
 
-    Returns:
-        `loads`: `pair` (the loaded log or `ALL_PAIRS`), `gains`, `blocks` it rests on, `mass_kg` and
-        `centre_{x,y,z}_m`. `load_draws`: `pair`, `gains`, `draw`, `mass_kg`.
+    Returns `loads`: `pair` (the loaded log or `ALL_PAIRS`), `gains`, `blocks` it rests on, `mass_kg` and
+    `centre_{x,y,z}_m`. `load_draws`: `pair`, `gains`, `draw`, `mass_kg`.
     """
     assert parameters.load is not None
     pairs = parameters.load.pairs
@@ -234,9 +228,8 @@ def body_intervals(
 ) -> pd.DataFrame:
     """Parameters of a model with intervals: of fits to blocks drawn anew, by the t distribution.
 
-    Returns:
-        `link`, `parameter`, `value`, `half_width` (95 %; NaN without draws), `urdf` (the maker's), in SI
-        units.
+    Returns `link`, `parameter`, `value`, `half_width` (95 %; NaN without draws), `urdf` (the maker's), in
+    SI units.
     """
     from scipy.special import stdtrit
 
@@ -274,13 +267,11 @@ def _inertia_columns(inertias: LinkInertias[np.ndarray]) -> dict[str, np.ndarray
 def payload_check(robot: Robot, motion: Motion) -> dict[str, pd.DataFrame]:
     """Measured torques beside the URDF's, under both signs, without and with a payload at the last link.
 
-    The payload's mass and first moment are fitted by least squares: for motion that is too slow to identify
-    the links, and for its rotational inertia. Forces of contact are neglected.
-
-    Returns:
-        `payload_torques`: `sign` (1: as recorded, -1: reversed), `payload` (whether one was fitted), `joint`,
-        `measured_n_m` and `model_n_m` (means), `left_n_m` (root mean square of the difference). `payloads`:
-        `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last joint's frame.
+    The payload's mass and first moment are fitted by least squares: for motion that is too slow to
+    identify the links, and for its rotational inertia. Forces of contact are neglected. Returns
+    `payload_torques`: `sign` (1: as recorded, -1: reversed), `payload` (whether one was fitted), `joint`,
+    `measured_n_m` and `model_n_m` (means), `left_n_m` (root mean square of the difference). `payloads`:
+    `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last joint's frame.
     """
     columns = torque_regressor(robot.tree, motion.q, motion.qd, motion.qdd)
     model = columns @ link_parameters(robot.inertias.tensors()).numpy()

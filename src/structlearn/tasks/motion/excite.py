@@ -39,18 +39,10 @@ from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import local_path
 
 REPORTS = Path("reports/excitation")
-
-SHRINKS = 0.93 ** np.arange(40)
-"""Factors of ranges and amplitudes that are tried where links come too close."""
-
-ALL_BUT = 1.0 - 1e-9
-"""Largest amplitude, as a share of what fits, whose free parameter is finite."""
-
-NEAR_M = 0.1
-"""Distance of hulls below which the links' meshes are looked at."""
-
-LOOKED_AT_HZ = 20.0
-"""Samples per second at which distances of links are computed."""
+SHRINKS = 0.93 ** np.arange(40)  # factors of ranges and amplitudes that are tried where links come too close
+ALL_BUT = 1.0 - 1e-9  # largest amplitude, as a share of what fits, whose free parameter is finite
+NEAR_M = 0.1  # distance of hulls below which the links' meshes are looked at
+LOOKED_AT_HZ = 20.0  # samples per second at which distances of links are computed
 
 
 class ExciteParameters(ExcitationParameters):
@@ -99,8 +91,7 @@ def space(
 ) -> tuple[Arena, LinkShapes | None, str]:
     """What may be used: the largest part of the joints' ranges in which random motion keeps links apart.
 
-    Returns:
-        The limits, shapes of the links if the URDF has some, and what is known of collisions.
+    Returns the limits, shapes of the links if the URDF has some, and what is known of collisions.
     """
     its = arena(robot, parameters, FRICTIONS["offset"])
     lower, upper = (np.clip(bound, -np.pi, np.pi) for bound in (robot.tree.lower, robot.tree.upper))

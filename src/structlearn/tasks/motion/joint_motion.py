@@ -50,20 +50,14 @@ from structlearn.tasks.motion.motion_parameters import (
 )
 from structlearn.tasks.task_files import is_public, local_path
 
-TEST = "test"
-"""Part that is tested on, where it is not a log by its own name."""
+TEST = "test"  # part that is tested on, where it is not a log by its own name
+LOAD = "(?<!un)(?<!no)(?<!no.)load"  # in a log's name; not `unload` nor `no_load`
+CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)  # in the name of a log with something at the flange
 
-LOAD = "(?<!un)(?<!no)(?<!no.)load"
-"""In a log's name; not `unload` nor `no_load`."""
-
-CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)
-"""In the name of a log with something at the flange."""
-
+# At the end of a name: it is the load that was weighed, of others the mass is not known.
 THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
-"""At the end of a name: it is the load that was weighed, of others the mass is not known."""
 
-Pieces = dict[str, dict[str, list[Motion]]]
-"""Pieces of motions by part and log."""
+Pieces = dict[str, dict[str, list[Motion]]]  # pieces of motions by part and log
 
 
 def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
@@ -215,12 +209,10 @@ def moving_logs(logs: Mapping[str, Log], parameters: MotionParameters) -> dict[s
 def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -> MotionParameters:
     """Parameters that name logs which are there, and every pair of logs without and with the load.
 
-    Where the log that is named to learn from is missing, it is the longest motion without a load; the one to
-    test on is the longest of the others. A log with the load belongs to the one of its name without, or to
-    the motion that is learned from. Where the arm never stands still, drives have no log at rest.
-
-    Raises:
-        MissingInputError: there are no two motions without a load.
+    Where the log that is named to learn from is missing, it is the longest motion without a load; the one
+    to test on is the longest of the others. A log with the load belongs to the one of its name without,
+    or to the motion that is learned from. Where the arm never stands still, drives have no log at rest.
+    Raises MissingInputError: there are no two motions without a load.
     """
     moving = moving_logs(logs, parameters)
     empty = [name for name in moving if not CARRIES.search(name)]
@@ -299,12 +291,10 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     """Whether measured torques contain the gravity of the URDF's links.
 
     Least squares explain the torque of each joint by gravity, the other torques of the URDF's links, and
-    friction. A share of one is gravity in N m with the expected sign; zero means that the driver compensates
-    gravity, a negative share that its sign is reversed, and any other one suggests another unit.
-
-    Returns:
-        `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`yes`, `no`, `doubtful`; `not
-        tested` where gravity hardly varies), `limit_n_m` (of the URDF).
+    friction. A share of one is gravity in N m with the expected sign; zero means that the driver
+    compensates gravity, a negative share that its sign is reversed, and any other one suggests another
+    unit. Returns `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`yes`, `no`,
+    `doubtful`; `not tested` where gravity hardly varies), `limit_n_m` (of the URDF).
     """
     still = Motion(motion.q, *np.zeros((3, *motion.q.shape)))
     gravity = rigid_body_torques(robot.tree, robot.inertias, still)
@@ -334,9 +324,8 @@ def choose_networks(
 ) -> tuple[dict[Kind, NetworkTraining], pd.DataFrame]:
     """Nodes, rate and epochs of each kind of network: by the end of the motion that they learn the start of.
 
-    Returns:
-        The choice by kind; and `kind`, `hidden`, `rate`, `epochs`, `nmse` (mean over joints and seeds on the
-        end of the motion; NaN where there is nothing to choose), `chosen`.
+    Returns the choice by kind; and `kind`, `hidden`, `rate`, `epochs`, `nmse` (mean over joints and seeds
+    on the end of the motion; NaN where there is nothing to choose), `chosen`.
     """
     settings = []
     for hidden, rate in product(parameters.hidden, parameters.rates):

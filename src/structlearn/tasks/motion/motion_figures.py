@@ -11,18 +11,16 @@ from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.tasks.motion.motion_parameters import CARRYING, DELAY, EMPTY, LEARNED
 from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults, chosen
 
+# Models whose torques are drawn beside the measured ones.
 TRACED = (URDF, ("mlp", "none"), (BEST, "viscous"), (BEST, "coulomb"))
-"""Models whose torques are drawn beside the measured ones."""
+TRACED_JOINTS = 4  # joints that are predicted worst, whose torques are drawn
 
-TRACED_JOINTS = 4
-"""Joints that are predicted worst, whose torques are drawn."""
-
+# What the arm does while the load is followed, and the ground behind it.
 STAGES = {
     LEARNED: ("empty:\nlearned from", "#e9ebee"),
     EMPTY: ("empty: another\nmotion", "#ffffff"),
     CARRYING: ("with the load", "#e3eef5"),
 }
-"""What the arm does while the load is followed, and the ground behind it."""
 
 
 def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawing]]:

@@ -23,8 +23,8 @@ from structlearn.tasks.motion.motion_parameters import (
     MotionParameters,
 )
 
+# The URDF as it came; the kinds that become a URDF, and that need not be physically consistent.
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
-"""The URDF as it came; the kinds that become a URDF, and that need not be physically consistent."""
 
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
 
@@ -36,6 +36,7 @@ FRICTIONS = {
     "offset": "viscous, Coulomb, offset",
     "stiffness": "viscous, Coulomb, offset, stiffness",
 }
+# Models with their friction as figures show them; keys are those of the protocol's tables.
 LOOKS = {
     URDF: Look(MODELS["urdf"], GREY),
     ("mlp", "none"): Look("MLP", ORANGE),
@@ -49,17 +50,14 @@ LOOKS = {
     (BOUNDS, "offset"): Look("least squares, Coulomb, offset", BLACK),
     (BOUNDS, "stiffness"): Look("least squares, Coulomb, offset, stiffness", BLACK),
 }
-"""Models with their friction as figures show them; keys are those of the protocol's tables."""
 
-FEWEST_BLOCKS = 3
-"""An interval over fewer blocks is not reliable."""
-
+FEWEST_BLOCKS = 3  # an interval over fewer blocks is not reliable
 NO_LOAD = "no motion is recorded with and without a load"
 HEADLINES = ("nmse", "nmse_urdf", "limit_percent", "relative_percent", "norm_n_m", "load_kg", "load_carried")
+# Of findings by name; others have none.
 UNITS = {"delays": "ms", "assumed_gains": "%", "load_kg": "kg", "norm_n_m": "N m"} | dict.fromkeys(
     ("load", "load_alone", "load_quoted", "load_carried", "limit_percent", "relative_percent"), "%"
 )
-"""Of findings by name; others have none."""
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
+# Parameters of a link that a page shows, and how they are written.
 LINKS = {
     "mass_kg": ".2f",
     "centre_x_m": ".3f",
@@ -44,14 +45,13 @@ LINKS = {
     "viscous": ".2f",
     "coulomb": ".2f",
 }
-"""Parameters of a link that a page shows, and how they are written."""
 
+# Errors of all joints together: heading, and how they are written.
 WHOLE = {
     "limit_percent": ("NRMS (% of the limits)", ".3f"),
     "relative_percent": ("relative (%)", ".2f"),
     "norm_n_m": ("norm (N m)", ".2f"),
 }
-"""Errors of all joints together: heading, and how they are written."""
 
 
 def section(files: TaskFiles) -> Section:

@@ -24,8 +24,8 @@ from structlearn.rigid_body.planar_arm import fit_planar_arm, planar_tree
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
 
+# A protocol, its seed or the number of its random choice, and the logs left out.
 Choice = tuple[str, int, tuple[str, ...]]
-"""A protocol, its seed or the number of its random choice, and the logs left out."""
 
 
 def learn_parts(
@@ -33,14 +33,10 @@ def learn_parts(
 ) -> dict[str, pd.DataFrame]:
     """Learn all models, and write tables into a folder.
 
-    Returns:
-        `parts`: `model`, `protocol`, `draw` (a seed, or a random choice), `left_out`, `measure`, `error`,
-        mean over samples of the sum of squares over joints in (N m)^2, of the power in W^2. `planar`:
-        `protocol`, `draw`, `length_m` between the first two joints, `possible` (all links physically
-        consistent).
-
-    Raises:
-        InputError: a log that is named is missing, or there are too few.
+    Returns `parts`: `model`, `protocol`, `draw` (a seed, or a random choice), `left_out`, `measure`,
+    `error`, mean over samples of the sum of squares over joints in (N m)^2, of the power in W^2.
+    `planar`: `protocol`, `draw`, `length_m` between the first two joints, `possible` (all links
+    physically consistent). Raises InputError: a log that is named is missing, or there are too few.
     """
     if len(logs) <= len(parameters.left_out) or set(parameters.left_out) - set(logs):
         raise InputError(
@@ -88,10 +84,7 @@ def held_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
 
 
 def learned_networks(
-    kind: Literal["mlp", "delan"],
-    tree: KinematicTree,
-    motions: Sequence[Motion],
-    parameters: PartsParameters,
+    kind: Literal["mlp", "delan"], tree: KinematicTree, motions: Sequence[Motion], parameters: PartsParameters
 ) -> list[DynamicsModels]:
     """A network per motion, the seed of each its place."""
     longest = max(map(len, motions))

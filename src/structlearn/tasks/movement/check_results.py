@@ -13,22 +13,18 @@ from structlearn.core.errors import InputError
 from structlearn.tasks.project import entry_files
 from structlearn.tasks.task_files import TaskFiles
 
-NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")
-"""Kinds of runs."""
-
+NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")  # kinds of runs
 YES, DOUBTFUL, NO, NOT_TESTED = "yes", "doubtful", "no", "not tested"
+THIN = 0.1  # A smaller margin is doubtful: what a controller that follows adds to its reference may use it up
 
-THIN = 0.1
-"""A smaller margin is doubtful: what a controller that follows adds to its reference may use it up."""
-
+# Quantities that a longer duration lessens, and with which power.
 SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}
-"""Quantities that a longer duration lessens, and with which power."""
 
 
+# Columns of `SkillCheck.tried`.
 NOTHING_TRIED = pd.DataFrame(
     {"change": [], "failing_runs": [], "still_failing": [], "least_margin_share": []}
 )
-"""Columns of `SkillCheck.tried`."""
 
 
 @dataclass(frozen=True)
@@ -151,11 +147,7 @@ def lines(check: SkillCheck) -> list[str]:
 
 
 def main(files: TaskFiles) -> bool:
-    """Print it; whether nothing fails.
-
-    Raises:
-        InputError: the task has no robot, or was not checked.
-    """
+    """Print it; whether nothing fails. Raises InputError: the task has no robot, or was not checked."""
     if files.kind != "movement" or not files.has("robot"):
         raise InputError(f"{entry_files()[-1]}: {files.kind}.{files.name} has no robot to be checked on")
     check = read_check(files.folder / "check")

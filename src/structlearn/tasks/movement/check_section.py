@@ -45,11 +45,7 @@ def check_section(files: TaskFiles) -> Section | None:
             "searched": robot.rest_configuration is None,
         },
         find=Findings.of_metrics(check.metrics(), ("check_failing_runs", "check_least_margin")),
-        tables={
-            "check": by_quantity(check),
-            "check_worst": worst(check),
-            "check_runs": by_run(check),
-        }
+        tables={"check": by_quantity(check), "check_worst": worst(check), "check_runs": by_run(check)}
         | ({"check_tried": shown(check.tried)} if len(check.tried) else {}),
         pictures={"check_margins": margins_figure(check.margins)},
     )

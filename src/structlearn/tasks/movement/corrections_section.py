@@ -31,15 +31,9 @@ from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
 TARGET_SAMPLES = 200
-DRAWN = 6
-"""Settings that are drawn."""
-
-POOR = 1.0
-"""NMSE from which on a model is no better than the mean."""
-
-CHECKED = ("reproduction", "smoothing", "others")
-"""How columns of checks begin."""
-
+DRAWN = 6  # settings that are drawn
+POOR = 1.0  # NMSE from which on a model is no better than the mean
+CHECKED = ("reproduction", "smoothing", "others")  # how columns of checks begin
 AXES, PATHS = ["x", "y", "z"], ("nominal", "coupling", "spread")
 
 

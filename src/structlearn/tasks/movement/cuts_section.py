@@ -22,18 +22,16 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
-DRAWN = 12
-"""Demonstrations whose speed is drawn; of more, the doubtful ones first."""
-
+DRAWN = 12  # demonstrations whose speed is drawn; of more, the doubtful ones first
 ENDS = ("start_s", "end_s")
 
+# Claims about the cuts of movements between rests: methods whose errors are compared.
 CASES = {
     "printed_over_crossing": ("zvc", "wls_text"),
     "printed_over_least_squares": ("ls", "wls_text"),
     "ours_over_crossing": ("zvc", "wls"),
     "ours_over_warping": ("dtw", "wls"),
 }
-"""Claims about the cuts of movements between rests: methods whose errors are compared."""
 
 
 def came_in_section(files: TaskFiles) -> Section:

@@ -36,8 +36,8 @@ from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameter
 
 NETWORKS = "networks.safetensors"
 
+# Setting of the nominal executions, which nobody corrected: their coupling target is 0.
 LEVEL = "no correction"
-"""Setting of the nominal executions, which nobody corrected: their coupling target is 0."""
 
 
 @dataclass(frozen=True)

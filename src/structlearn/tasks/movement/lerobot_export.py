@@ -32,8 +32,7 @@ PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 COUNTERS = ("frame_index", "episode_index", "index", "task_index", "subtask_index")
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
-Frames = dict[str, np.ndarray]
-"""Of an episode: (T, D) or (T,) by the name of the feature."""
+Frames = dict[str, np.ndarray]  # of an episode: (T, D) or (T,) by the name of the feature
 
 
 def write_lerobot(

@@ -40,8 +40,7 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import PAIR_COLUMNS, Segmentation, cut
 from structlearn.tasks.movement.movement_parameters import PARTS, RestParameters
 
-SAMPLES = 500
-"""Of a path in normalised time."""
+SAMPLES = 500  # of a path in normalised time
 
 
 def segmented(
@@ -111,10 +110,7 @@ def cut_errors_between_rests(
 
 
 def _found_again(
-    level: tuple[float, int],
-    runs: Sequence[Demonstration],
-    cutting: SegmentParameters,
-    rests: RestParameters,
+    level: tuple[float, int], runs: Sequence[Demonstration], cutting: SegmentParameters, rests: RestParameters
 ) -> pd.DataFrame:
     noise, seed = level
     dwells = Dwells(*rests.rest_s, rests.noise_hz)
@@ -126,10 +122,7 @@ def _found_again(
 
 
 def reproduction(
-    runs: Sequence[Demonstration],
-    cuts: Mapping[str, pd.DataFrame],
-    parameters: FitParameters,
-    fold: int,
+    runs: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], parameters: FitParameters, fold: int
 ) -> pd.DataFrame:
     """Distance of primitives from what they were learned from and from what was left out.
 
@@ -235,12 +228,10 @@ def learn_traces(
 ) -> tuple[dict[str, VectorPrimitive], pd.DataFrame, pd.DataFrame]:
     """Sensor primitives of all tactile channels in every part of an execution.
 
-    The sensors' offset is taken at the start of the first part and stays for the whole execution.
-
-    Returns:
-        By part: its sensor primitive; a table per primitive and electrode with `range` (largest minus
-        smallest count), `rms` (root mean squared error in counts) and `nmse`; and the traces, with
-        `primitive`, `electrode`, `time_s`, `recorded`, `expected` (counts).
+    The sensors' offset is taken at the start of the first part and stays for the whole execution. Returns
+    by part: its sensor primitive; a table per primitive and electrode with `range` (largest minus
+    smallest count), `rms` (root mean squared error in counts) and `nmse`; and the traces, with
+    `primitive`, `electrode`, `time_s`, `recorded`, `expected` (counts).
     """
     primitives, scores, traces = {}, [], []
     for part in parts:

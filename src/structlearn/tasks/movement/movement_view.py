@@ -52,9 +52,7 @@ is left of the motion is the swing.
 """
 
 RECORDED, PRIMITIVE = Look("recorded", DEMONSTRATION_COLOUR), Look("primitive", REPRODUCTION_COLOUR)
-
-EXECUTION = "execution"
-"""Name of an execution whose parts were recorded one by one."""
+EXECUTION = "execution"  # name of an execution whose parts were recorded one by one
 
 
 def write_movements(files: TaskFiles, folder: Path) -> None:
@@ -117,15 +115,11 @@ def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segment
 
 
 RATE_HZ = 50.0
+RADIUS, APART = 0.04, 0.11  # of the caps in m, and from one's middle to the next one's
+EYE = np.array([0.26, 0.0, 0.2])  # camera in m, from the middle of the row
 
-RADIUS, APART = 0.04, 0.11
-"""Of the caps in m, and from one's middle to the next one's."""
-
-EYE = np.array([0.26, 0.0, 0.2])
-"""Camera in m, from the middle of the row."""
-
+# Axes of the chart for drawing: the dominant one points up.
 UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-"""Axes of the chart for drawing: the dominant one points up."""
 
 CHART = ("twist", "swing", "second swing")
 

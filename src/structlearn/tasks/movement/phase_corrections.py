@@ -32,11 +32,9 @@ from structlearn.primitives.vector import VectorPrimitive, sample_count
 from structlearn.readers.demonstration import Demonstration
 from structlearn.tasks.movement.movement_parameters import PhaseCorrectionParameters
 
-AXES = ("x", "y", "z")
-"""Of the local frame: x from start to goal, z upwards, y to the side."""
+AXES = ("x", "y", "z")  # of the local frame: x from start to goal, z upwards, y to the side
 
-Networks = Sequence[tuple[str, CouplingModel]]
-"""One network per local axis, by its name in `AXES`."""
+Networks = Sequence[tuple[str, CouplingModel]]  # one network per local axis, by its name in `AXES`
 
 
 @dataclass(frozen=True)
@@ -126,12 +124,11 @@ def typical_paths(
     }
 
 
-SAMPLES = 500
-"""Of a movement in normalised time, for distances and tables."""
+SAMPLES = 500  # of a movement in normalised time, for distances and tables
 
+# Last part of the movement that is looked at alone: there the phase velocity fades, and with it all that a
+# phase-modulated network can say.
 END = 0.1
-"""Last part of the movement that is looked at alone: there the phase velocity fades, and with it all that a
-phase-modulated network can say."""
 
 
 def learn_corrections(

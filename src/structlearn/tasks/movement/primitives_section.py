@@ -43,16 +43,14 @@ from structlearn.tasks.task_files import TaskFiles
 
 TITLES = {"nominal": "Nominal", "generalised": "New situation"}
 
+# By `left_out` and `scaled`: part of a metric's name, and what a table says.
 VARIANTS = {
     (False, True): ("fit", "learned from"),
     (True, True): ("left_out", "left out"),
     (False, False): ("fit_unscaled", "learned from, forcing not scaled"),
 }
-"""By `left_out` and `scaled`: part of a metric's name, and what a table says."""
 
-MANY = 30
-"""Demonstrations from which on their distances are shown as histograms."""
-
+MANY = 30  # demonstrations from which on their distances are shown as histograms
 AXES = ["x", "y", "z"]
 
 
@@ -257,8 +255,8 @@ def turn_panel(segments: list[Segment], primitive: PosePrimitive) -> Figure:
     return legend(figure, 3)
 
 
+# Counts; an electrode that moves more than this stands clear of the sensor's noise of half a count.
 STRONG_RANGE = 20
-"""Counts; an electrode that moves more than this stands clear of the sensor's noise of half a count."""
 
 
 def execution_section(files: TaskFiles) -> Section | None:

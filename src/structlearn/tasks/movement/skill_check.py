@@ -47,8 +47,8 @@ from structlearn.tasks.movement.check_results import (
 from structlearn.tasks.movement.movement_parameters import Bound, RobotParameters
 from structlearn.tasks.task_files import local_path
 
+# Weights of a network whose coupling term is at its bound from the second tick on, or on its way there.
 BEYOND_ALL_BOUNDS = 1e9
-"""Weights of a network whose coupling term is at its bound from the second tick on, or on its way there."""
 
 
 @dataclass(frozen=True)
@@ -115,24 +115,22 @@ def _run(
     return Unroll(kind, name, position, orientation if turned else None)
 
 
+# Samples per second of a run: 5 ms are short beside anything that a primitive of half a second does.
 RATE_HZ = 200.0
-"""Samples per second of a run: 5 ms are short beside anything that a primitive of half a second does."""
 
+# Samples from one look at distances to the next: links come at most some centimetres nearer in 20 ms.
 COLLISION_EVERY = 4
-"""Samples from one look at distances to the next: links come at most some centimetres nearer in 20 ms."""
 
+# Where the tip may be off: the search ends at a millionth of it or cannot reach the pose.
 REACH_M, REACH_RAD = 1e-3, np.radians(0.5)
-"""Where the tip may be off: the search ends at a millionth of it or cannot reach the pose."""
+JUMP = 0.1  # rad or m from one sample to the next
 
-JUMP = 0.1
-"""rad or m from one sample to the next."""
-
+# By how much the workspace is made smaller on every side, and what of the bounds is left, in two attempts:
+# the latter is 1.5 times the largest correction that was demonstrated.
 INSETS_M, SHARES = (0.02, 0.05), (2.0 / 3.0, 1.0 / 3.0)
-"""By how much the workspace is made smaller on every side, and what of the bounds is left, in two attempts:
-the latter is 1.5 times the largest correction that was demonstrated."""
 
+# Samples from one look at the nominal run to the next, and seed, of the search for a rest configuration.
 COARSE, SEED = 20, 1
-"""Samples from one look at the nominal run to the next, and seed, of the search for a rest configuration."""
 
 
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
