@@ -1,14 +1,12 @@
-"""An entry of `stages/tasks/own.yaml` for recordings of a movement, with its warnings.
+"""An entry of `stages/tasks/own.yaml` for recordings: what the files tell and the defaults do not.
 
-It holds what the files tell and the defaults do not. What was chosen among several, and what may go wrong, is
-said beside the key that it is about.
+What was chosen among several, and what may go wrong, is said beside the key that it is about.
 """
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from structlearn.readers.messages import READERS
 from structlearn.readers.topics import JointPose
@@ -26,9 +24,8 @@ TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECAS
 TURN_DEG = 3.0
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """What to paste below `movement:`, doubts by dotted keys, and the topics that are read then."""
+class Proposal(NamedTuple):
+    """What to paste below `movement:`, warnings by dotted keys, and the topics that are read then."""
 
     name: str
     entry: Mapping[str, Any]

@@ -4,10 +4,9 @@ Says what the files hold, whether they are fit to be learned from, and proposes 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -35,18 +34,13 @@ RIGHT = (2, 3, 4, 6)  # columns of numbers
 SECONDS_OF_A_YEAR = 3.2e7
 
 
-@dataclass(frozen=True)
-class Findings:
-    """What a source holds, and what follows from it.
-
-    Of `sources` of poses the first is taken for the hand's; `motion` is None where it does not move,
-    `proposal` where nothing could be its pose.
-    """
+class Findings(NamedTuple):
+    """What a source holds, and what follows from it."""
 
     seen: SourceSeen
-    sources: Sequence[Candidate]
-    motion: MotionSurvey | None
-    proposal: Proposal | None
+    sources: Sequence[Candidate]  # of poses; the first is taken for the hand's
+    motion: MotionSurvey | None  # None: it does not move
+    proposal: Proposal | None  # None: nothing could be its pose
     answers: Sequence[Answer]
 
 
