@@ -11,6 +11,7 @@
 A part that an entry does not name (`PARTS`) is null, whatever its defaults are.
 """
 
+import itertools
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -79,9 +80,8 @@ def read_entries(clone: Path | None = None) -> dict[str, Entry]:
                 if not is_name(name):
                     raise InputError(f"{file}: {kind}: {name!r}: {NAME_RULE}")
                 if name in found:
-                    raise InputError(
-                        f"{file}: {kind}.{name}: the name is taken: {found[name].file}, {found[name].kind}"
-                    )
+                    taken = f"{found[name].file}, {found[name].kind}"
+                    raise InputError(f"{file}: {kind}.{name}: the name is taken: {taken}")
                 found[name] = Entry(file, kind, entry)
     return found
 
@@ -107,8 +107,7 @@ def read_task(name: str, clone: Path | None = None) -> Any:
 
 def read_checked(path: Path) -> SourceParameters:
     """What `write_task` published."""
-    kind = value_at(path, "kind")
-    if kind not in KINDS:
+    if (kind := value_at(path, "kind")) not in KINDS:
         raise InputError(f"{path}: kind: there is no such kind among {', '.join(KINDS)}")
     return checked(value_at(path, "entry"), KINDS[kind], path, "entry")
 
@@ -162,17 +161,13 @@ def targets(which: str, name: str = "") -> list[str]:
     Raises InputError: an entry is not valid, or there is no public set.
     """
     entries = {key: one for key, one in read_entries().items() if one.file.name == which}
-    if which == project.OF_PUBLIC and not any(
-        local_path(str(one.values.get("source"))).exists() for one in entries.values()
-    ):
-        raise InputError(
-            f"{local_path('$DATA')}: holds no public set; name their folder: make recorded DATA=FOLDER"
-        )
-    return [
-        f"{project.pipeline()}:{stage}_{read_task(one).kind}@{one}"
-        for one in ([name] if name else entries)
-        for stage in ("report", "view")
-    ]
+    sources = [local_path(str(one.values.get("source"))) for one in entries.values()]
+    if which == project.OF_PUBLIC and not any(source.exists() for source in sources):
+        folder = local_path("$DATA")
+        raise InputError(f"{folder}: holds no public set; name their folder: make recorded DATA=FOLDER")
+    kinds = {one: read_task(one).kind for one in ([name] if name else entries)}
+    pages = itertools.product(kinds.items(), ("report", "view"))
+    return [f"{project.pipeline()}:{stage}_{kind}@{one}" for (one, kind), stage in pages]
 
 
 if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none

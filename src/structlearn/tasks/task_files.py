@@ -21,11 +21,10 @@ from structlearn.segmentation.segments import Segmentation, read_segmentation
 DATA, REPORTS = Path("data/tasks"), Path("reports/tasks")
 SKILL, ABSENT, LEFT_OUT = "skill.safetensors", "absent.txt", "left_out.csv"
 
-# It is a folder's, and part of the names of its stages, in which DVC has signs of its own.
+# A task's name is a folder's, and part of the names of its stages, in which DVC has signs of its own.
 NAME_RULE = (
     "a task's name has 1 to 60 lower-case letters, digits, - and _, and begins with a letter or a digit"
 )
-
 # Environment variable with the folder of public sets, `$DATA` in an entry; where it is if there is none.
 PUBLIC, PUBLIC_FOLDER = "RECORDED_DATA", "data/public"
 

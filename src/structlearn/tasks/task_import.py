@@ -11,6 +11,7 @@ where `entry` has the task's parameters, and `left_out[file] = reason` names wha
 """
 
 import importlib
+import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -42,14 +43,6 @@ from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
-# What kinds of streams are called, where it is not their name.
-WORDS = {
-    "joint_positions": "joint positions",
-    "joint_velocities": "joint velocities",
-    "joint_torques": "joint torques",
-    "tool_to_board": "tool to board",
-}
-
 # Readers elsewhere; `bags`: at the end of this module, for files of any format of `readers.bag_files`.
 OTHERS = {"bags": __name__, "coupling_samples": "structlearn.tasks.obstacles.coupling_samples"}
 
@@ -62,7 +55,7 @@ def import_task(task: SourceParameters, target: Path) -> None:
     Of a public set that is missing or that cannot be read the folder says why, and the pipeline goes on.
     Raises InputError: recordings of a lab cannot be read or fail their checks.
     """
-    left_out: LeftOut = {}
+    left_out, public = LeftOut(), f"{local_path('$DATA')}/"
     with publish(target) as folder:
         folder.mkdir()
         try:
@@ -70,14 +63,12 @@ def import_task(task: SourceParameters, target: Path) -> None:
         except InputError as error:
             if not is_public(task.source):
                 raise
-            reason = str(error).replace(f"{local_path('$DATA')}/", "")
-            for path in folder.iterdir():  # parts of it
-                path.unlink()
-            folder.rmdir()
+            reason = str(error).replace(public, "")
+            shutil.rmtree(folder)  # parts of it
             leave_out(folder, reason)
             if not isinstance(error, MissingInputError):
                 left_out[""] = reason
-        rows = [(file, reason.replace(f"{local_path('$DATA')}/", "")) for file, reason in left_out.items()]
+        rows = [(file, reason.replace(public, "")) for file, reason in left_out.items()]
         write_csv(pd.DataFrame(rows, columns=["file", "reason"]), folder / LEFT_OUT)
     for _, reason in rows:
         print(f"{target}: left out: {reason}", file=sys.stderr)
@@ -112,9 +103,8 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
     recordings = {"demonstrations": read_source(task, task.source, left_out)}
     if task.feedback is not None:
         recordings["executions"] = read_source(task, task.feedback.executions, left_out)
-        for label, path in setting_folders(
-            local_path(task.feedback.corrections), task.feedback.settings
-        ).items():
+        corrections = setting_folders(local_path(task.feedback.corrections), task.feedback.settings)
+        for label, path in corrections.items():
             recordings[f"corrections/{label}"] = reader(task)(path, task, left_out)
     if task.corrections is not None:
         other = task.model_copy(update={"part": task.corrections.part})
@@ -143,11 +133,11 @@ def _logs(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
 def _touches(task: TouchParameters, folder: Path, left_out: LeftOut) -> None:
     """`touches`, or of a finger over time `streams`, since touch counts at the sensor's own rate."""
     found = read_source(task, task.source, left_out)
-    if not task.over_time:
+    if task.over_time:
+        checked = {one.name for one in _on_clock(task, found, None, left_out)}
+        write_streams([one for one in found if one.name in checked], folder / "streams.parquet")
+    else:
         write_touch_logs(found, folder / "touches.parquet")
-        return
-    checked = {one.name for one in _on_clock(task, found, None, left_out)}
-    write_streams([one for one in found if one.name in checked], folder / "streams.parquet")
 
 
 def _reaches(task: ObstacleEntry, folder: Path, left_out: LeftOut) -> None:
@@ -156,9 +146,9 @@ def _reaches(task: ObstacleEntry, folder: Path, left_out: LeftOut) -> None:
     if isinstance(found, RecordedSamples):
         write_table(to_table(found.samples), folder / "samples.parquet")
         write_metrics(found.provenance, folder / "provenance.json")
-        return
-    runs = _on_clock(task, found, task.clock, left_out, refuse_jumps=False)  # the protocol names them
-    write_runs(runs, folder / "reaches.parquet")
+    else:
+        runs = _on_clock(task, found, task.clock, left_out, refuse_jumps=False)  # the protocol names them
+        write_runs(runs, folder / "reaches.parquet")
 
 
 # By kind: reads with the task's reader, and writes into a folder.
@@ -206,7 +196,7 @@ def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
                     "duration_s": 1e-9 * float(pose.stamps[-1] - pose.stamps[0]),
                     "pose_hz": 1.0 / np.median(1e-9 * np.diff(pose.stamps)),
                     "largest_gap_ms": max(1e-6 * np.diff(stream.stamps).max() for stream in one.streams),
-                    "signals": ", ".join(WORDS.get(one, one) for one in kinds),
+                    "signals": ", ".join(one.replace("_", " ") for one in kinds),
                     "stamps": one.provenance.get("stamps", ""),
                 }
             )
@@ -215,8 +205,7 @@ def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
 
 def read_movement(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
     """Recordings with the signals of the entry's topics."""
-    paths = [file.path for file in recording_files(folder)]
-    skipped = left_out if _goes_on(entry) else None
+    paths, skipped = [file.path for file in recording_files(folder)], left_out if _goes_on(entry) else None
     return read_each(lambda path: read_recordings(path, entry.topics, entry.stamps)[0], paths, skipped)
 
 
@@ -236,9 +225,7 @@ def read_motion(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[JointLo
 
 def read_obstacles(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
     """Reaches of a folder, or of its sub-folders, one per person; else each is a person of its own."""
-    inside = sorted(folder.iterdir()) if folder.is_dir() else []
-    people = [path for path in inside if path.is_dir() and not path.name.startswith(".")]
-    people = [path for path in people if not (path / "metadata.yaml").exists()]  # those are bags
+    people = [path for path in subfolders(folder) if not (path / "metadata.yaml").exists()]  # no bag
     found = []
     for one in people or [folder]:
         for reach in read_recordings(one, entry.topics, entry.stamps):
@@ -264,20 +251,21 @@ def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]
     Raises InputError: there is no such folder, two of its folders are one setting, or one of those named is
     missing.
     """
-    source = home_path(source)
+    source, found = home_path(source), dict[str, Path]()
     if not source.is_dir():
         raise InputError(f"{source}: no such folder")
-    found: dict[str, Path] = {}
-    for path in sorted(source.iterdir()):
-        if path.is_dir() and not path.name.startswith("."):
-            label = setting_label(path.name)
-            if label in found:
-                raise InputError(f"{path}: the setting {label} has another folder, {found[label].name}, too")
-            found[label] = path
-    missing = [label for label in named if label not in found]
-    if missing:
-        raise InputError(
-            f"{source}: nothing was recorded in the setting {', '.join(missing)}; there are "
-            f"{', '.join(found) or 'none'}"
-        )
-    return {label: found[label] for label in (*named, *(one for one in found if one not in named))}
+    for path in subfolders(source):
+        label = setting_label(path.name)
+        if label in found:
+            raise InputError(f"{path}: the setting {label} has another folder, {found[label].name}, too")
+        found[label] = path
+    if missing := ", ".join(label for label in named if label not in found):
+        there = ", ".join(found) or "none"
+        raise InputError(f"{source}: nothing was recorded in the setting {missing}; there are {there}")
+    return {label: found[label] for label in dict.fromkeys((*named, *found))}
+
+
+def subfolders(source: Path) -> list[Path]:
+    """Folders inside a folder but hidden ones, in the order of their names."""
+    inside = sorted(source.iterdir()) if source.is_dir() else []
+    return [path for path in inside if path.is_dir() and not path.name.startswith(".")]
