@@ -40,8 +40,6 @@ def check_section(files: TaskFiles) -> Section | None:
     return Section(
         "check",
         "On the robot",
-        "check.html.jinja",
-        lead="check_lead.html.jinja",
         facts=check.metrics()
         | {
             "robot": robot,
@@ -92,7 +90,7 @@ def skill_section(files: TaskFiles) -> Section:
     """Of a task with demonstrations."""
     if not files.skill.exists():
         reason = (files.folder / "skill" / ABSENT).read_text(encoding="utf-8").strip()
-        return Section("skill", "The skill", "skill.html.jinja", facts={"absent": reason})
+        return Section("skill", "The skill", facts={"absent": reason})
     skill, parameters = read_skill(files.skill), files.entry(SkillParameters, "skill")
     workspace = skill.workspace
     if workspace is None:
@@ -108,7 +106,6 @@ def skill_section(files: TaskFiles) -> Section:
     return Section(
         "skill",
         "The skill",
-        "skill.html.jinja",
         facts={
             "absent": "",
             "path": str(files.skill),
