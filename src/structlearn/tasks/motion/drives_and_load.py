@@ -50,40 +50,46 @@ def drive_tables(
     """
     own, drawing = parameters.drives, parameters.drawing
     assert own is not None
-    found, curves, counts = {}, [], {}
-    if own.rest is not None:
-        rest = logs[own.rest]
-        found[names.AT_REST, rest.name] = resting_gains(rest.desired_currents, rest.target_torques, *drawing)
-        counts[rest.name] = block_count(len(rest.stamps), parameters.block)
+    joints, dt = np.arange(1, len(tree.names) + 1), 1.0 / parameters.rate_hz
     first, last = own.delays_s
     delays = first + own.delay_step_s * np.arange(round((last - first) / own.delay_step_s) + 1)
-    joints, dt = np.arange(1, len(tree.names) + 1), 1.0 / parameters.rate_hz
+    every = {
+        "draw": np.repeat(np.arange(parameters.draws), len(joints)),
+        "joint": np.tile(joints, parameters.draws),
+    }
+    drives, drawn, curves = [], [], []
+
+    def add(quantity: str, name: str, blocks: int, values: np.ndarray, draws: np.ndarray) -> None:
+        keys = {"quantity": quantity, "log": name}
+        drives.append(pd.DataFrame(keys | {"blocks": blocks, "joint": joints, "value": values}))
+        drawn.append(pd.DataFrame(keys | every | {"value": draws.ravel()}))
+
+    if own.rest is not None:
+        rest = logs[own.rest]
+        count = block_count(len(rest.stamps), parameters.block)
+        add(
+            names.AT_REST,
+            rest.name,
+            count,
+            *resting_gains(rest.desired_currents, rest.target_torques, *drawing),
+        )
     for name in filter(None, (parameters.train, parameters.test)):
         log = logs[name]
         cut = longest_motion(name, log.velocities, parameters)
-        found[names.IN_MOTION, name] = moving_gains(
-            log.desired_currents[cut], log.target_torques[cut], log.velocities[cut], *drawing
-        )
+        its = (values[cut] for values in (log.desired_currents, log.target_torques, log.velocities))
+        gains = moving_gains(*its, *drawing)
         tried = np.repeat(delays[:, None], len(joints), axis=1)
         _, positions, velocities, currents = on_clock(log, parameters.rate_hz, tried)
         whole = smoothed_motion(name, positions, velocities, currents[0], dt, parameters.smoothing_hz)
         cut = longest_motion(name, whole.qd, parameters)
         states = whole.part(cut)
-        counts[name] = block_count(len(states), parameters.block)
         smooth = np.stack([signals.low_pass(its, dt, parameters.smoothing_hz)[cut] for its in currents])
         late, drawn_late, squares = current_delays(tree, states, smooth, delays, FRICTION, *drawing)
-        found[names.DELAY, name] = late, drawn_late
+        count = block_count(len(states), parameters.block)
+        add(names.IN_MOTION, name, count, *gains)
+        add(names.DELAY, name, count, late, drawn_late)
         grid = {"delay_s": np.repeat(delays, len(joints)), "joint": np.tile(joints, len(delays))}
         curves.append(pd.DataFrame({"log": name} | grid | {"squares": squares.ravel()}))
-    draws = {
-        "draw": np.repeat(np.arange(parameters.draws), len(joints)),
-        "joint": np.tile(joints, parameters.draws),
-    }
-    drives, drawn = [], []
-    for (quantity, name), (values, its) in found.items():
-        keys = {"quantity": quantity, "log": name}
-        drives.append(pd.DataFrame(keys | {"blocks": counts[name], "joint": joints, "value": values}))
-        drawn.append(pd.DataFrame(keys | draws | {"value": its.ravel()}))
     table = pd.concat(drives, ignore_index=True)
     return {
         "drives": table,
@@ -172,10 +178,8 @@ def weighed_loads(
     for gain, values in gains.items():
         ratio = values / gains[names.FOUND]
         scaled = {log: replace(its, torque=its.torque * ratio) for log, its in motions.items()}
-        work += [
-            (name, gain, [(scaled[empty], scaled[loaded]) for empty, loaded in its])
-            for name, its in asked.items()
-        ]
+        for name, its in asked.items():
+            work.append((name, gain, [(scaled[empty], scaled[loaded]) for empty, loaded in its]))
     length, draws, seed = parameters.drawing
     weigh = partial(identify_load, tree, friction=FRICTION, length=length, draws=draws, seed=seed)
     found = parallel_map(weigh, [both for _, _, both in work], "loads")
@@ -195,8 +199,11 @@ def followed_loads(robot: Robot, motions: Mapping[str, Motion], parameters: Moti
     assert parameters.load is not None
     follow = partial(_followed, robot=robot, motions=motions, parameters=parameters)
     found = parallel_map(follow, parameters.load.pairs, "loads carried")
-    columns = ["time_s", "nmse_fixed", "nmse_learned", "mass_kg", "log", "stage", "since_s"]
-    return pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=columns)
+    if not found:
+        return pd.DataFrame(
+            columns=["time_s", "nmse_fixed", "nmse_learned", "mass_kg", "log", "stage", "since_s"]
+        )
+    return pd.concat(found, ignore_index=True)
 
 
 def _followed(
@@ -206,13 +213,8 @@ def _followed(
     load, dt = parameters.load, 1.0 / parameters.rate_hz
     assert load is not None
     parts = [motions[log] for log in (pair[0], parameters.test, pair[1]) if log is not None]
-    payload = PayloadLearningParameters(
-        structure=load.structure,
-        empty_s=len(parts[0]) * dt,
-        batch=load.batch,
-        memory_s=load.memory_s,
-        iterations=load.iterations,
-    )
+    shared = load.model_dump(include={"structure", "batch", "memory_s", "iterations"})
+    payload = PayloadLearningParameters(empty_s=len(parts[0]) * dt, **shared)
     learned = learn_payload((joined(parts), dt), robot.tree, robot.inertias, payload)
     ends = dt * np.cumsum([len(part) for part in parts])
     place = np.minimum(np.searchsorted(ends, learned["time_s"]), len(parts) - 1)

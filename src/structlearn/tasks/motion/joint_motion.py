@@ -79,26 +79,18 @@ def learn_motion(
     """Identify an arm, and write models, its URDF and tables into a folder.
 
     Without structures nothing is learned: the torques of all logs together are checked against the URDF.
+    `logs`: `JointLog` by name, or `DriveLog` where the parameters name drives; `source`: the robot's URDF.
 
-    Args:
-        robot: n joints, with the inertias of its URDF.
-        logs: `JointLog` by name, or `DriveLog` where the parameters name drives.
-        parameters: of the task.
-        source: URDF of the robot.
-        folder: where all of it goes.
+    Returns what was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
+    `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `links`, `traces`, `written`:
+    of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`: of `gravity_check`. `base`:
+    `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`; `fitness` and `determined`: of
+    `rigid_body.log_fitness`. `excitation`: one row, `condition` and `parameters`. `choice`: of
+    `choose_networks`. `bodies` and what is found of drives and loads: of `drives_and_load`. Without
+    structures: `gravity`, and those of `drives_and_load.payload_check`.
 
-    Returns:
-        What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
-        `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `links`, `traces`,
-        `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
-        of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
-        `fitness` and `determined`: of `rigid_body.log_fitness`. `excitation`: one row, `condition` and
-        `parameters`. `choice`: of `choose_networks`. `bodies` and what is found of drives and loads: of
-        `drives_and_load`. Without structures: `gravity`, and those of `drives_and_load.payload_check`.
-
-    Raises:
-        InputError: a log lacks a joint, is too short, has no motion or a torque that does not vary.
-        MissingInputError: logs are named, and there are no two motions without a load.
+    Raises InputError: a log lacks a joint, is too short, has no motion or a torque that does not vary.
+    MissingInputError: logs are named, and there are no two motions without a load.
     """
     logs = {name: in_order(robot.tree, log) for name, log in logs.items()}
     if parameters.structures:
@@ -128,16 +120,14 @@ def _identified(
         cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in asked.items()}
     motions = {name: motion for name, (motion, _) in cuts.items()}
     pieces = held_out(motions, parameters)
-    parts = {}
-    for name, its in pieces.items():
-        every = [piece for found in its.values() for piece in found]
-        parts[name] = joined(every) if len(every) > 1 else every[0]
+    every = {name: [piece for found in its.values() for piece in found] for name, its in pieces.items()}
+    parts = {name: joined(its) if len(its) > 1 else its[0] for name, its in every.items()}
     first = next(name for name in parts if name != TRAIN)
     if min(len(parts[TRAIN]), len(parts[first])) < parameters.block:
+        learned_s, tested_s = (len(parts[name]) / parameters.rate_hz for name in (TRAIN, first))
         raise InputError(
-            f"{', '.join(logs)}: {len(parts[TRAIN]) / parameters.rate_hz:.1f} s to learn from and "
-            f"{len(parts[first]) / parameters.rate_hz:.1f} s to test on are too short for blocks of "
-            f"{parameters.block_s:g} s"
+            f"{', '.join(logs)}: {learned_s:.1f} s to learn from and {tested_s:.1f} s to test on are too "
+            f"short for blocks of {parameters.block_s:g} s"
         )
     networks: dict[Kind, NetworkTraining] = {}
     if parameters.networks is not None:
@@ -154,7 +144,8 @@ def _identified(
     judged = identified.models["cov", parameters.judged_friction]
     base = base_parameters(robot.tree)
     fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *parameters.drawing)
-    bounds = {"value": fit.parameters, "low": fit.low, "high": fit.high}
+    formulas, values = base.formulas(robot.tree), base.values(robot.inertias)
+    bounds = {"value": fit.parameters, "low": fit.low, "high": fit.high, "urdf": values}
     stamps, clock_hz = [log.time for log in asked.values()], (parameters.rate_hz, parameters.smoothing_hz)
     stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
     tables |= {
@@ -166,11 +157,9 @@ def _identified(
         "links": arm_identification.body_table(identified, robot),
         "traces": arm_identification.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
         "gravity": gravity_check(robot, parts[TRAIN], parameters),
-        "base": pd.DataFrame(
-            {"parameter": base.formulas(robot.tree)} | bounds | {"urdf": base.values(robot.inertias)}
-        ),
+        "base": pd.DataFrame({"parameter": formulas} | bounds),
         "fitness": log_fitness(robot, stamps, parts[TRAIN], clock_hz, fit, FRICTION),
-        "determined": parameter_table(base.formulas(robot.tree), fit),
+        "determined": parameter_table(formulas, fit),
         "excitation": pd.DataFrame({"condition": [fit.condition], "parameters": [len(base.columns)]}),
         "written": arm_identification.write_identified(
             source, folder / "identified.urdf", robot, identified, parameters.judged_friction
@@ -227,9 +216,8 @@ def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -
     test = parameters.test if parameters.test in named else others.pop(0)
     update: dict[str, object] = {"train": train, "test": test}
     if parameters.drives is not None:
-        slow = parameters.rest_rad_s or 0.0
+        slow, rest = parameters.rest_rad_s or 0.0, parameters.drives.rest
         resting = [name for name, log in logs.items() if np.abs(log.velocities).max() <= slow]
-        rest = parameters.drives.rest
         rest = rest if rest in resting else next(iter(resting), None)
         update["drives"] = parameters.drives.model_copy(update={"rest": rest})
     if parameters.load is not None:
@@ -274,17 +262,14 @@ def _motion_table(
     logs: Mapping[str, Any], cuts: Mapping[str, slice], pieces: Pieces, parameters: MotionParameters
 ) -> pd.DataFrame:
     words = {(True, True): "both", (True, False): "learned from", (False, True): "tested on"}
-    rows = []
+    rows, rate_hz = [], parameters.rate_hz
     for name, cut in cuts.items():
-        seconds = {
-            part: sum(map(len, its.get(name, []))) / parameters.rate_hz for part, its in pieces.items()
-        }
+        seconds = {part: sum(map(len, its.get(name, []))) / rate_hz for part, its in pieces.items()}
         learned, tested = seconds.pop(TRAIN), sum(seconds.values())
-        part = words.get((learned > 0, tested > 0), "with the load")
-        start, end = cut.start / parameters.rate_hz, cut.stop / parameters.rate_hz
-        rows.append((name, part, start, end, logs[name].time[-1], learned, tested))
-    columns = ["log", "part", "start_s", "end_s", "length_s", "learned_s", "tested_s"]
-    return pd.DataFrame(rows, columns=columns)
+        row = {"log": name, "part": words.get((learned > 0, tested > 0), "with the load")}
+        row |= {"start_s": cut.start / rate_hz, "end_s": cut.stop / rate_hz}
+        rows.append(row | {"length_s": logs[name].time[-1], "learned_s": learned, "tested_s": tested})
+    return pd.DataFrame(rows)
 
 
 def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) -> pd.DataFrame:
@@ -299,9 +284,8 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     still = Motion(motion.q, *np.zeros((3, *motion.q.shape)))
     gravity = rigid_body_torques(robot.tree, robot.inertias, still)
     moving = rigid_body_torques(robot.tree, robot.inertias, motion) - gravity
-    parts = np.concatenate(
-        [gravity[..., None], moving[..., None], friction_columns(motion.q, motion.qd, FRICTION)], axis=2
-    )
+    friction = friction_columns(motion.q, motion.qd, FRICTION)
+    parts = np.concatenate([gravity[..., None], moving[..., None], friction], axis=2)
     each = list(zip(parts.swapaxes(0, 1), motion.torque.T, strict=True))
     share = np.array([np.linalg.lstsq(its, torque, rcond=None)[0][0] for its, torque in each])
     varies, least = np.array([its.std() for its in gravity.T]), parameters.gravity_share
@@ -327,11 +311,9 @@ def choose_networks(
     Returns the choice by kind; and `kind`, `hidden`, `rate`, `epochs`, `nmse` (mean over joints and seeds
     on the end of the motion; NaN where there is nothing to choose), `chosen`.
     """
-    settings = []
+    settings, decay = [], parameters.second_moment_decay
     for hidden, rate in product(parameters.hidden, parameters.rates):
-        adam = AdamParameters(
-            rate=rate, batch=parameters.batch, second_moment_decay=parameters.second_moment_decay
-        )
+        adam = AdamParameters(rate=rate, batch=parameters.batch, second_moment_decay=decay)
         settings.append(LearningParameters(hidden=hidden, networks=adam, structures=adam, threshold=1.0))
     work = sorted(product(NETWORKS, settings), key=lambda item: item[0] != "delan")  # the longest first
     results = [[np.nan]] * len(work)

@@ -236,9 +236,10 @@ def _models(results: MotionResults) -> dict[str, Found]:
     consistent = [kind for kind in ("tri", "cov") if (kind, "coulomb") in test.index]
     with_coulomb, last = test.loc[[(kind, "coulomb") for kind in consistent]], test.columns[-1]
     count, above = len(consistent), {}
-    for key, words in FRICTIONS.items():
-        if (BOUNDS, key) in test.index:
-            largest = max((test.loc[kind, key] / test.loc[BOUNDS, key]).max() for kind in consistent)
+    for friction, words in FRICTIONS.items():
+        if (BOUNDS, friction) in test.index:
+            ratios = [test.loc[kind, friction] / test.loc[BOUNDS, friction] for kind in consistent]
+            largest = max(its.max() for its in ratios)
             above[words] = exact(largest, count * len(better))
     return {
         "nmse": levels[results.best].evidence(),

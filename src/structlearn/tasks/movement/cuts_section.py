@@ -1,5 +1,7 @@
 """Recordings of a task and their cuts: rates, gaps, primitives in time, what is left out or doubtful."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -45,7 +47,7 @@ def came_in_section(files: TaskFiles) -> Section:
     )
     words = {"recording": "file", "pose_hz": "poses_hz"}
     tables = {"sets": shown(sets.reset_index()), "recordings": shown(table.rename(columns=words))}
-    facts = {"clock_hz": clock.rate_hz if clock else None, "repeats": 0}
+    facts: dict[str, Any] = {"clock_hz": clock.rate_hz if clock else None, "repeats": 0}
     facts |= {"stamps": sorted({note for note in table["stamps"] if note})}
     if (files.recorded / "repeats.parquet").exists():
         repeats = files.table("recorded/repeats")

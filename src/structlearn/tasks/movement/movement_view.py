@@ -107,8 +107,8 @@ def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segment
         its = [getattr(part, name) for part in parts]
         recorded[name] = None if any(one is None for one in its) else np.concatenate(its)
     execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **recorded)
-    its = {"demonstration": EXECUTION, "primitive": [part.name for part in parts], "method": RESULT}
-    cuts = pd.DataFrame(its | {"start_s": starts[:-1], "end_s": starts[1:]})
+    of = {"demonstration": EXECUTION, "primitive": [part.name for part in parts], "method": RESULT}
+    cuts = pd.DataFrame(of | {"start_s": starts[:-1], "end_s": starts[1:]})
     return [execution], Segmentation(cuts, pd.DataFrame(), pd.DataFrame(), pd.DataFrame(), EXECUTION)
 
 
