@@ -30,7 +30,7 @@ MOST_TURNED = 4.0 * np.pi  # rad, of a joint: only those that wind go further, a
 
 
 class Answer(NamedTuple):
-    """One question about the recordings, to which yes is good, the number it rests on, and what to do."""
+    """One question about the recordings, the number its answer rests on, and what to do unless it is yes."""
 
     question: str
     verdict: Verdict
@@ -51,18 +51,11 @@ def at_most(value: float, bounds: tuple[float, float]) -> Verdict:
 def fitness(
     seen: SourceSeen, hand: Candidate | None, motion: MotionSurvey | None, topics: Sequence[str]
 ) -> Iterator[Answer]:
-    """All questions that can be asked of the files; advice only where the answer is not yes.
+    """All questions that can be asked of the files.
 
     `hand`: whose poses are taken for the hand's; `motion`: its runs, None where it does not move; `topics`:
     which are to be read.
     """
-    for answer in _answers(seen, hand, motion, topics):
-        yield answer._replace(advice="") if answer.verdict == "yes" else answer
-
-
-def _answers(
-    seen: SourceSeen, hand: Candidate | None, motion: MotionSurvey | None, topics: Sequence[str]
-) -> Iterator[Answer]:
     count, total = len(seen.files), len(seen.files) + len(seen.damaged)
     readable: Verdict = "doubtful" if seen.damaged else "yes"
     yield Answer("Can all files be read?", readable, f"{count} of {total}", "; ".join(seen.damaged.values()))

@@ -7,7 +7,6 @@ task; short runs count if they, too, stand at the same places.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -114,12 +113,9 @@ def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candi
     those before joints; then what is in more files; then frames that are called like a hand; then what goes
     the longer way.
     """
-    found: dict[PoseSource, dict[str, HandPath]] = {}
-    for name, by_source in hands.items():
-        for source, path in by_source.items():
-            found.setdefault(source, {})[name] = path
     every = []
-    for source, paths in found.items():
+    for source in dict.fromkeys(source for by_source in hands.values() for source in by_source):
+        paths = {name: by_source[source] for name, by_source in hands.items() if source in by_source}
         sizes = [(path.extent_m, float(path.speed.sum() * path.dt)) for path in paths.values()]
         every.append(Candidate(source, paths, *np.median(sizes, axis=0).tolist()))
 
@@ -145,20 +141,15 @@ class MotionRun(NamedTuple):
     short: bool
 
 
-@dataclass(frozen=True)
-class MotionSurvey:
-    """Runs of motion of all demonstrations at the threshold (m/s) at which most agree.
-
-    `number` of runs in most of them, whose names are `agreeing`; `turns_deg`: by which the hand turns between
-    one of these runs and the next, medians; none where orientations are not known.
-    """
+class MotionSurvey(NamedTuple):
+    """Runs of motion of all demonstrations at the threshold (m/s) at which most agree."""
 
     threshold: float
     runs: Mapping[str, Sequence[MotionRun]]
     with_short: bool
-    number: int
-    agreeing: tuple[str, ...]
-    turns_deg: tuple[float, ...] = ()
+    number: int  # of runs in most of the demonstrations
+    agreeing: tuple[str, ...]  # their names
+    turns_deg: tuple[float, ...] = ()  # median turns from one run to the next; none without orientations
 
     def counted(self, name: str) -> list[MotionRun]:
         """Runs of a demonstration, without short ones where they do not count."""
@@ -172,16 +163,16 @@ def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
     for (place, fraction), with_short in product(enumerate(FRACTIONS), (True, False)):
         threshold = fraction * pace(moved)
         runs = {name: motion_runs(path, threshold) for name, path in paths.items()}
-        rows = {
-            name: tuple(run.short for run in its if with_short or not run.short) for name, its in runs.items()
-        }
+        rows = {}
+        for name, its in runs.items():
+            rows[name] = tuple(run.short for run in its if with_short or not run.short)
         row, count = max(Counter(rows.values()).items(), key=lambda item: (item[1], len(item[0])))
         agreeing = tuple(name for name in rows if rows[name] == row)
         rank = (count, len(row) > 0, with_short, -abs(place - PREFERRED))
         choices.append((rank, MotionSurvey(threshold, runs, with_short, len(row), agreeing)))
     best = max(choices, key=lambda choice: choice[0])[1]
     turns = [turns_between(paths[name], best.counted(name)) for name in best.agreeing]
-    return replace(best, turns_deg=tuple(np.median(turns, axis=0).tolist()))
+    return best._replace(turns_deg=tuple(np.median(turns, axis=0).tolist()))
 
 
 def turns_between(path: HandPath, runs: Sequence[MotionRun]) -> list[float]:

@@ -82,9 +82,8 @@ def _topics(
         topics["joint_states"] = arm
         said = doubts["topics.joint_states"] = []
         if any("joint_torques" in joints.values for topic, joints in seen.arms() if topic == arm):
-            said.append(
-                f"efforts: below `motion:` an entry {{source, topic: {arm}, urdf}} identifies the arm"
-            )
+            entry = f"{{source, topic: {arm}, urdf}}"
+            said.append(f"efforts: below `motion:` an entry {entry} identifies the arm")
         if elsewhere := [topic for topic in states if topic != arm]:
             said.append(f"also there: {', '.join(elsewhere)}")
     if wrenches := _of_types(seen, READERS["wrench"]):

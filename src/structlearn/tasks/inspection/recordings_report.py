@@ -84,7 +84,10 @@ def report(found: Findings) -> Iterator[str]:
         its = [(name, f"{len(runs)}", _times(runs)) for name, runs in found.motion.runs.items()]
         yield from (*_aligned(its, (1,)), "")
     yield "Fit to be learned from?"
-    answers = [(one.verdict, one.question, one.number, one.advice) for one in found.answers]
+    answers = [
+        (one.verdict, one.question, one.number, "" if one.verdict == "yes" else one.advice)
+        for one in found.answers
+    ]
     yield from (*_aligned(answers, ()), "")
     if found.proposal is None:
         yield "No entry can be proposed: nothing here could be the pose of a hand."
