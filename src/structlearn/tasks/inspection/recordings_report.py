@@ -97,19 +97,19 @@ def report(found: Findings) -> Iterator[str]:
 
 def as_yaml(proposal: Proposal) -> list[str]:
     """Lines of an entry below `movement:`, indented as there, each value with its warnings above it."""
-    lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.doubts, "", " " * 4)]
-    return [printable(line) for line in lines]  # a doubt that broke its line would become an entry
+    lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.warnings, "", " " * 4)]
+    return [printable(line) for line in lines]  # a warning that broke its line would become an entry
 
 
 def _entry(
-    values: Mapping[str, Any], doubts: Mapping[str, Sequence[str]], above: str, indent: str
+    values: Mapping[str, Any], warnings: Mapping[str, Sequence[str]], above: str, indent: str
 ) -> Iterator[str]:
     for key, value in values.items():
         path = f"{above}{key}"
-        yield from (f"{indent}# {doubt}" for doubt in doubts.get(path, ()))
-        if isinstance(value, Mapping) and any(doubt.startswith(f"{path}.") for doubt in doubts):
+        yield from (f"{indent}# {warning}" for warning in warnings.get(path, ()))
+        if isinstance(value, Mapping) and any(warning.startswith(f"{path}.") for warning in warnings):
             yield f"{indent}{key}:"
-            yield from _entry(value, doubts, f"{path}.", f"{indent}  ")
+            yield from _entry(value, warnings, f"{path}.", f"{indent}  ")
         else:
             flow = yaml.safe_dump([value], default_flow_style=True, width=float("inf"), sort_keys=False)
             yield f"{indent}{key}: {flow.strip()[1:-1]}"

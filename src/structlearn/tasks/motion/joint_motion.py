@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import blocks, nmse
 from structlearn.core.parallel import parallel_map
@@ -48,7 +47,7 @@ from structlearn.tasks.motion.motion_parameters import (
     MotionParameters,
     NetworkChoiceParameters,
 )
-from structlearn.tasks.task_files import is_public, local_path
+from structlearn.tasks.task_files import is_public, local_path, write_tables
 
 TEST = "test"  # part that is tested on, where it is not a log by its own name
 LOAD = "(?<!un)(?<!no)(?<!no.)load"  # in a log's name; not `unload` nor `no_load`
@@ -99,8 +98,7 @@ def learn_motion(
         motion = joined([cut_motion(log, parameters)[0] for log in logs.values()])
         identified, tables = None, {"gravity": gravity_check(robot, motion, parameters)}
         tables |= drives_and_load.payload_check(robot, motion)
-    for name, table in tables.items():
-        write_table(table, folder / f"{name}.parquet")
+    write_tables(tables, folder)
     return identified, tables
 
 

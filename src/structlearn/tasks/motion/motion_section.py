@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from structlearn.core.artefacts import read_table
 from structlearn.reporting.claims import Evidence
 from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
@@ -55,7 +54,7 @@ def section(files: TaskFiles) -> Section:
         return Section("unidentified", "The arm's dynamics", facts=facts)
     parameters = files.entry(MotionParameters)
     first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
-    tables = {path.stem: read_table(path) for path in (files.folder / "motion").glob("*.parquet")}
+    tables = files.tables("motion")
     if parameters.parts is not None:
         return parts_section(tables, parameters.parts, first.provenance)
     if not parameters.structures:

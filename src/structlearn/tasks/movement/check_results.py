@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.core.artefacts import Metrics, publish, read_table, write_table
+from structlearn.core.artefacts import Metrics, publish, read_table
 from structlearn.core.errors import InputError
 from structlearn.tasks.project import entry_files
-from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.task_files import TaskFiles, write_tables
 
 NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")  # of runs
 YES, DOUBTFUL, NO, NOT_TESTED = "yes", "doubtful", "no", "not tested"
@@ -110,8 +110,7 @@ def write_check(check: SkillCheck, folder: str | Path) -> None:
     }
     with publish(folder) as path:
         path.mkdir()
-        for name, table in tables.items():
-            write_table(table, path / f"{name}.parquet")
+        write_tables(tables, path)
 
 
 def read_check(folder: str | Path) -> SkillCheck:
