@@ -98,22 +98,16 @@ def takes(
     hesitation: bool = False,
     without: Mapping[str, str] | None = None,
 ) -> list[Take]:
-    """Demonstrations of one person.
+    """Demonstrations of one person, of 2, 3 or 5 moves (`MOVES`).
 
-    Args:
-        seed: of all randomness.
-        moves: 2, 3 or 5, see `MOVES`.
-        count: demonstrations.
-        twitch: one idle twitch in each, in one of its rests or pauses.
-        hesitation: one of the moves of each nearly comes to a halt on its way.
-        without: moves that are not made, by demonstration, e.g. `{"04": "carry"}`.
+    `twitch`: one idle twitch in each, in one of its rests or pauses; `hesitation`: one of the moves of each
+    nearly comes to a halt on its way; `without`: moves left out by demonstration, e.g. `{"04": "carry"}`.
     """
-    seeds = np.random.SeedSequence([seed, moves]).spawn(count)
-    found = []
-    for number, source in enumerate(seeds, 1):
-        left_out = (without or {}).get(f"{number:02d}")
-        goals = [(move, goal) for move, goal in MOVES[moves].items() if move != left_out]
-        found.append(_take(f"{number:02d}", seed, goals, [GRASP[moves]], twitch, hesitation, source))
+    found, skipped = [], without or {}
+    for number, source in enumerate(np.random.SeedSequence([seed, moves]).spawn(count), 1):
+        name = f"{number:02d}"
+        goals = [(move, goal) for move, goal in MOVES[moves].items() if move != skipped.get(name)]
+        found.append(_take(name, seed, goals, [GRASP[moves]], twitch, hesitation, source))
     return found
 
 
@@ -198,9 +192,8 @@ def _take(
             twitched = now
             now += lasts + again
         if place < len(goals):
-            duration = (SECONDS + SECONDS_PER_M * lengths[place]) * np.exp(
-                tempo + MOVE_SPREAD * rng.standard_normal()
-            )
+            longer = np.exp(tempo + MOVE_SPREAD * rng.standard_normal())
+            duration = (SECONDS + SECONDS_PER_M * lengths[place]) * longer
             made.append(_move(now, duration, place == hesitates, rng))
             now = made[-1].end
     time = np.arange(int(now * GRID_HZ)) / GRID_HZ

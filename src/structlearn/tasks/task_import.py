@@ -185,21 +185,14 @@ def _on_clock(
 def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
     """Per recording: `set`, `recording`, `duration_s`, `pose_hz`, `largest_gap_ms`, `signals`, `stamps`."""
     rows = []
-    for kind, its in recordings.items():
-        for one in its:
-            pose = next(stream for stream in one.streams if stream.kind == "pose")
-            kinds = dict.fromkeys(stream.kind for stream in one.streams)
-            rows.append(
-                {
-                    "set": kind.replace("/", ", "),
-                    "recording": one.name,
-                    "duration_s": 1e-9 * float(pose.stamps[-1] - pose.stamps[0]),
-                    "pose_hz": 1.0 / np.median(1e-9 * np.diff(pose.stamps)),
-                    "largest_gap_ms": max(1e-6 * np.diff(stream.stamps).max() for stream in one.streams),
-                    "signals": ", ".join(one.replace("_", " ") for one in kinds),
-                    "stamps": one.provenance.get("stamps", ""),
-                }
-            )
+    for name, one in ((name.replace("/", ", "), one) for name, its in recordings.items() for one in its):
+        pose = next(stream for stream in one.streams if stream.kind == "pose")
+        kinds = dict.fromkeys(stream.kind.replace("_", " ") for stream in one.streams)
+        row = {"set": name, "recording": one.name}
+        row |= {"duration_s": 1e-9 * float(pose.stamps[-1] - pose.stamps[0])}
+        row |= {"pose_hz": 1.0 / np.median(1e-9 * np.diff(pose.stamps))}
+        row |= {"largest_gap_ms": max(1e-6 * np.diff(stream.stamps).max() for stream in one.streams)}
+        rows.append(row | {"signals": ", ".join(kinds), "stamps": one.provenance.get("stamps", "")})
     return pd.DataFrame(rows)
 
 

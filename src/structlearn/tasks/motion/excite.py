@@ -112,9 +112,8 @@ def space(
             blind = f"; not watched: {', '.join(shapes.touching)}" if shapes.touching else ""
             words = f"{1e3 * parameters.clearance_m:g} mm apart or more, in {smaller.reach:.0%} of the ranges"
             return smaller, shapes, words + blind
-    raise InputError(
-        f"{urdf}: links are closer than {parameters.clearance_m:g} m where the joints' ranges end"
-    )
+    closer = f"links are closer than {parameters.clearance_m:g} m"
+    raise InputError(f"{urdf}: {closer} where the joints' ranges end")
 
 
 def clear(
@@ -140,24 +139,13 @@ def least_distance(its: Arena, free: np.ndarray, shapes: LinkShapes) -> float:
 
 def joint_table(robot: Robot, its: Arena, motion: Motion) -> pd.DataFrame:
     """What is used of the limits of every joint, and whether each of them is kept."""
-    tree = robot.tree
-    table = pd.DataFrame(
-        {
-            "joint": tree.names,
-            "lower": tree.lower,
-            "least": motion.q.min(axis=0),
-            "most": motion.q.max(axis=0),
-            "upper": tree.upper,
-            "fastest": np.abs(motion.qd).max(axis=0),
-            "velocity_limit": tree.velocity,
-            "largest_torque_n_m": np.abs(motion.torque).max(axis=0),
-            "torque_limit_n_m": its.effort,
-        }
-    )
-    kept = (table["lower"] <= table["least"]) & (table["most"] <= table["upper"])
-    kept &= table["fastest"] <= table["velocity_limit"]
-    kept &= table["largest_torque_n_m"] <= table["torque_limit_n_m"]
-    return table.assign(kept=np.where(kept, "yes", "no"))
+    tree, torque = robot.tree, np.abs(motion.torque).max(axis=0)
+    least, most, fastest = motion.q.min(axis=0), motion.q.max(axis=0), np.abs(motion.qd).max(axis=0)
+    kept = (tree.lower <= least) & (most <= tree.upper) & (fastest <= tree.velocity) & (torque <= its.effort)
+    columns = {"joint": tree.names, "lower": tree.lower, "least": least, "most": most, "upper": tree.upper}
+    columns |= {"fastest": fastest, "velocity_limit": tree.velocity, "largest_torque_n_m": torque}
+    columns |= {"torque_limit_n_m": its.effort, "kept": np.where(kept, "yes", "no")}
+    return pd.DataFrame(columns)
 
 
 def gain_table(
@@ -194,17 +182,16 @@ def publish_excitation(
     moved: tuple[np.ndarray, Motion],
     parameters: ExciteParameters,
 ) -> None:
-    """The page with its figures and tables."""
-    find = Findings("random trajectories")
-    find.exact("gain_median", gains["gain"].median(), len(gains), headline=True)
-    find.exact("gain_least", gains["gain"].min(), len(gains), headline=True)
-    find.among("joints").exact(
-        "limits_kept", int((joints["kept"] == "yes").sum()), len(joints), headline=True
-    )
+    """Publish the page with its figures and tables."""
+    find, count = Findings("random trajectories"), len(gains)
+    find.exact("gain_median", gains["gain"].median(), count, headline=True)
+    find.exact("gain_least", gains["gain"].min(), count, headline=True)
+    kept = int((joints["kept"] == "yes").sum())
+    find.among("joints").exact("limits_kept", kept, len(joints), headline=True)
     page = Document(
         template="excite.html.jinja",
         package="structlearn.tasks.motion",
-        facts={**facts, **find.numbers(), "compared": len(gains)},
+        facts={**facts, **find.numbers(), "compared": count},
         tables={"joints": shown(joints), "gains": shown(gains)},
         sources={"trajectory": Source(f"{folder}/trajectory.csv", "")},
         command=str(facts["command"]),
