@@ -76,8 +76,9 @@ def drive_tables(
     for name in filter(None, (parameters.train, parameters.test)):
         log = logs[name]
         cut = longest_motion(name, log.velocities, parameters)
-        its = (values[cut] for values in (log.desired_currents, log.target_torques, log.velocities))
-        gains = moving_gains(*its, *drawing)
+        gains = moving_gains(
+            log.desired_currents[cut], log.target_torques[cut], log.velocities[cut], *drawing
+        )
         tried = np.repeat(delays[:, None], len(joints), axis=1)
         _, positions, velocities, currents = on_clock(log, parameters.rate_hz, tried)
         whole = smoothed_motion(name, positions, velocities, currents[0], dt, parameters.smoothing_hz)

@@ -131,7 +131,7 @@ def _write_data(episodes: Sequence[Frames], names: Mapping[str, Any], folder: Pa
         files[-1].append(episode)
         bytes_in_file += size
         chunk, file = divmod(len(files) - 1, CHUNK)
-        row = {"episode_index": number, "length": count, "dataset_from_index": first}
+        row: dict[str, Any] = {"episode_index": number, "length": count, "dataset_from_index": first}
         row |= {"dataset_to_index": first + count, "data/chunk_index": chunk, "data/file_index": file}
         row |= {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
         for name, by in statistics([episode]).items():
@@ -172,7 +172,7 @@ def _write_meta(
     robot: str | None,
     folder: Path,
 ) -> None:
-    features = {
+    features: dict[str, dict[str, Any]] = {
         name: {"dtype": "float32", "shape": [len(its)], "names": list(its)} for name, its in names.items()
     }
     for name in ("timestamp", *COUNTERS):
