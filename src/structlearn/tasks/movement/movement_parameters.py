@@ -15,8 +15,7 @@ from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 
-PARTS = "parts"
-"""Recordings that are the primitives of one execution, each under its own name."""
+PARTS = "parts"  # recordings that are the primitives of one execution, each under its own name
 
 
 class RestParameters(Parameters):
@@ -52,8 +51,8 @@ class PhaseCorrectionParameters(Parameters):
     seed: int = Field(ge=0)
 
 
+# One for all joints, or one for each.
 Bound = PositiveFloat | Annotated[tuple[PositiveFloat, ...], Field(min_length=1)]
-"""One for all joints, or one for each."""
 
 
 class Placement(Parameters):
