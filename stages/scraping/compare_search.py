@@ -49,8 +49,8 @@ def searches(
         own, exploration = board.of(name, after), refined.exploration[name]
         start = refinement.start(own, before[name], refined, exploration).compressed
         first = refined.seed * parameters.seeds
-        silent = replace(own, telling=False)
-        table = compare(silent, start, exploration, refined.search, parameters, first)
+        searched = replace(own, with_samples=False)
+        table = compare(searched, start, exploration, refined.search, parameters, first)
         tables.append(table.assign(primitive=name))
     return pd.concat(tables, ignore_index=True)
 

@@ -19,8 +19,7 @@ from structlearn.testbeds.scraping.page.results import read_results
 from structlearn.testbeds.scraping.page.tables import tables
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
-from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
-from structlearn.testbeds.scraping.protocol.executions import CorrectedRunsParameters
+from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
@@ -34,13 +33,13 @@ PARAMETERS = {
     "scraping_people": Population,
     "testbed": TestbedParameters,
     "expected_traces": ExpectedTracesParameters,
-    "record_corrections": CorrectedRunsParameters,
+    "record_corrections": ExecutionParameters,
     "coupling_dataset": SupervisionParameters,
     "train_feedback": FeedbackParameters,
     "compare_models": TrainingParameters,
-    "evaluate_feedback": EvaluationParameters,
+    "evaluate_feedback": ExecutionParameters,
     "refine": BoardRefinementParameters,
-    "evaluate_refinement": EvaluationParameters,
+    "evaluate_refinement": ExecutionParameters,
     "compare_search": ComparisonParameters,
 }
 

@@ -10,11 +10,13 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core import signals
+from structlearn.core.artefacts import read_table
 from structlearn.feedback.coupling_dataset import PARTS, CouplingDataset
-from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.feedback.feedback_models import POINTWISE, REPRESENTATIONS, STOPPINGS
 from structlearn.primitives import vector
 from structlearn.primitives.fitting import FitParameters, Segment, reproduction_summary, segment_paths
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
@@ -24,7 +26,15 @@ from structlearn.segmentation.alignment import RESULT
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import Segmentation, commanded_cuts, read_segmentation
 from structlearn.tactile.electrodes import ELECTRODES_MM
-from structlearn.testbeds.scraping import files
+from structlearn.testbeds.scraping.files import (
+    CHECKS,
+    CLOSED_LOOP,
+    CORRECTIONS,
+    REFINED,
+    ScrapingFiles,
+    read_datasets,
+    read_expected,
+)
 from structlearn.testbeds.scraping.page.board_results import BoardResults, RefinementResults
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     AFTER,
@@ -65,7 +75,7 @@ class SegmentationResults:
     def was_cut(self) -> list[Demonstration]:
         """Demonstrations that could be cut."""
         names = set(self.segmentation.cuts["demonstration"])
-        return [demonstration for demonstration in self.demonstrations if demonstration.name in names]
+        return [one for one in self.demonstrations if one.name in names]
 
     @cached_property
     def reference(self) -> Demonstration:
@@ -118,14 +128,19 @@ class SegmentationResults:
         return by_person[["work", "shift_samples", "shift_samples_text"]].max().assign(work=work)
 
     @cached_property
+    def errors_by_seed(self) -> pd.DataFrame:
+        """Cut errors of the sweep by person, see `cut_errors.errors_by_seed`."""
+        return cut_errors.errors_by_seed(self.noise)
+
+    @cached_property
     def sweep(self) -> pd.DataFrame:
         """See `cut_errors.errors_by_level`."""
-        return cut_errors.errors_by_level(cut_errors.errors_by_seed(self.noise))
+        return cut_errors.errors_by_level(self.errors_by_seed)
 
     @cached_property
     def sweep_comparison(self) -> pd.DataFrame:
         """See `cut_errors.paired_comparison`."""
-        return cut_errors.paired_comparison(cut_errors.errors_by_seed(self.noise))
+        return cut_errors.paired_comparison(self.errors_by_seed)
 
     @cached_property
     def fit(self) -> pd.DataFrame:
@@ -198,10 +213,7 @@ class FeedbackResults:
 
     @cached_property
     def traces(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """By primitive, its traces in the executions over normalised time, and what was learned from them.
-
-        (R, T, E) counts of the runs and (T, E) of the expected trace.
-        """
+        """By primitive, counts (R, T, E) of the executions over normalised time, and (T, E) expected ones."""
         cuts, found = commanded_cuts(self.unrolls, self.primitives), {}
         for name in self.primitives:
             runs = []
@@ -245,10 +257,10 @@ class FeedbackResults:
         return execution_scores(board.corrected, scored, nominal_orientation(self.unrolls), board.axis)
 
     def dominant(self, primitive: str) -> tuple[np.ndarray, float, float] | None:
-        """Figure IV.16 bottom; None of a network that has no phase kernels.
+        """Figure IV.16 bottom; None of a network without phase kernels.
 
-        Returns (N, H) whether a node is among those that weigh most for a phase kernel, and how many of them
-        neighbouring kernels and any two kernels share on average.
+        Returns (N, H) of `dominant_features`, and how many of these nodes neighbouring kernels and any two
+        kernels share on average.
         """
         weights = self.networks[primitive].arrays().get("phase_weights")
         if weights is None:
@@ -270,7 +282,7 @@ class ScrapingResults:
 
 
 def shared_nodes(dominant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How many dominant nodes each pair of phase kernels shares, and the distance between the two kernels."""
+    """How many dominant nodes each pair of phase kernels shares, and the distance between both kernels."""
     first, second = np.triu_indices(len(dominant), 1)
     return (dominant.astype(int) @ dominant.T.astype(int))[first, second], second - first
 
@@ -278,21 +290,15 @@ def shared_nodes(dominant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def sharing_over_phase(dominant: np.ndarray) -> float:
     """Correlation of how many dominant nodes two phase kernels share with their distance, over all pairs.
 
-    Negative where nodes come and go with the phase. In permuted order, or with permuted weights, it is 0 on
-    average, and 0 where the nodes are the same at every phase.
-
-    `dominant`: (N, H) of `dominant_features`.
+    Negative where nodes come and go with the phase; 0 on average in permuted order or with permuted weights,
+    and 0 where the nodes are the same at every phase. `dominant`: (N, H) of `dominant_features`.
     """
     shared, distance = shared_nodes(dominant)
     return float(np.corrcoef(shared, distance)[0, 1]) if np.ptp(shared) else 0.0
 
 
 def dominant_features(phase_weights: np.ndarray, count: int = 10) -> np.ndarray:
-    """Which hidden nodes weigh most for each phase kernel (figure IV.16 bottom).
-
-    `phase_weights`: (N, H) from hidden nodes into kernels. Returns (N, H) True for the nodes with the largest
-    |weight| into a kernel.
-    """
+    """Which hidden nodes have the largest |weight| into each phase kernel, of (N, H) weights: (N, H) bool."""
     order = np.argsort(-np.abs(phase_weights), axis=1, kind="stable")
     dominant = np.zeros(phase_weights.shape, dtype=bool)
     np.put_along_axis(dominant, order[:, :count], True, axis=1)
@@ -308,57 +314,54 @@ def informative_channel(dataset: CouplingDataset) -> tuple[int, float]:
     return channel, float(correlation[channel])
 
 
-def read_results(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> ScrapingResults:
+def read_results(found: ScrapingFiles, parameters: Mapping[str, Any]) -> ScrapingResults:
     """Outputs of the stages and of studies."""
-    primitives, datasets = found.primitives(), found.datasets()
+    folder = found.data / "feedback/scraping"
+    primitives = read_primitives(found.data / "primitives/scraping/primitives.safetensors")
+    names, datasets = [one.name for one in primitives], read_datasets(folder / "dataset")
     axis = parameters["coupling_dataset"].unit_axis
     largest, tilt = max(parameters["evaluate_feedback"].settings_deg), parameters["refine"].setting_deg
+
+    def tables(*stored: str) -> dict[str, Any]:
+        return {name: found.table(name) for name in stored}
+
     segmentation = SegmentationResults(
         demonstrations=found.runs("nominal"),
-        segmentation=read_segmentation(found.segments),
-        noise=found.table("noise"),
-        downsampling=found.table("downsampling"),
-        downsampling_people=found.table("downsampling_people"),
+        segmentation=read_segmentation(found.data / "segments/scraping"),
         primitives=primitives,
-        reproduction=found.table("reproduction"),
-        nominal=found.table("nominal"),
-        generalised=found.table("generalised"),
         segment_parameters=parameters["segment"],
         fit_parameters=parameters["fit_primitives"],
+        **tables("noise", "downsampling", "downsampling_people", "reproduction", "nominal", "generalised"),
     )
     board = BoardResults(
-        scores=found.table("scores"),
-        traces=found.table("traces"),
-        path_errors=found.table("path_errors"),
-        examples={model: found.runs_at(largest, files.CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
-        corrected=found.runs_at(largest, files.CORRECTIONS),
+        examples={model: found.runs_at(largest, CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
+        corrected=found.runs_at(largest, CORRECTIONS),
         example_deg=largest,
         axis=axis,
         force_n=parameters["testbed"].control.force_n,
+        **tables("scores", "traces", "path_errors"),
     )
+    checks = {
+        name: read_table(folder / f"dataset/{CHECKS}{name}.parquet") for name in names if name in datasets
+    }
     feedback = FeedbackResults(
-        primitives=[primitive.name for primitive in primitives],
+        primitives=names,
         unrolls=found.runs("unrolls"),
-        expected=found.expected(),
+        expected=read_expected(folder / "expected"),
         datasets=datasets,
-        checks=pd.concat(
-            [found.checks(one.name).assign(primitive=one.name) for one in primitives if one.name in datasets],
-            ignore_index=True,
-        ),
-        networks=found.networks(POINTWISE),
-        comparison=found.table("comparison"),
-        orderings=found.table("orderings"),
+        checks=pd.concat([its.assign(primitive=name) for name, its in checks.items()], ignore_index=True),
+        networks=read_networks(folder / f"models/{POINTWISE}.safetensors"),
         seen_deg=parameters["coupling_dataset"].settings_deg,
         board=board,
+        **tables("comparison", "orderings"),
     )
-    examples = {model: found.runs_at(tilt, files.REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
+    examples = {model: found.runs_at(tilt, REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
     refinement = RefinementResults(
         scores=found.table("refined_scores"),
         examples={model: runs for model, runs in examples.items() if runs},
         example_deg=tilt,
         axis=axis,
-        history=found.table("history"),
-        search=found.table("search"),
         parameters=parameters["refine"],
+        **tables("history", "search"),
     )
     return ScrapingResults(segmentation, feedback, refinement, read_study(PEOPLE), parameters)

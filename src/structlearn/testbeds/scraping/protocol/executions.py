@@ -5,11 +5,13 @@ alone, bit for bit, and the number of processes does not matter.
 """
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from pydantic import Field
 
 from structlearn.core import quaternion
@@ -17,15 +19,18 @@ from structlearn.core.artefacts import Metrics
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
+from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.primitives.sequence import default_start
 from structlearn.readers.clock import synchronise
 from structlearn.readers.recording import Recording
+from structlearn.readers.runs import write_runs
 from structlearn.readers.source import ClockParameters
-from structlearn.segmentation.segments import commanded_cuts
 from structlearn.simulation.fingers import FingerPair
-from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters, ExecutedSet
+from structlearn.testbeds.scraping.protocol import execution_scores
+from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
 from structlearn.testbeds.scraping.world.corrector import corrector
 from structlearn.testbeds.scraping.world.execution import Engine, execute
 from structlearn.testbeds.scraping.world.testbed import (
@@ -36,13 +41,6 @@ from structlearn.testbeds.scraping.world.testbed import (
 )
 
 HOLD_S = 0.3  # s that the robot waits at the end of an execution, so that all streams cover its last sample
-
-
-class CorrectedRunsParameters(Parameters):
-    """Executions that a person corrects."""
-
-    settings_deg: tuple[float, ...] = Field(min_length=1)
-    runs: int = Field(ge=1, le=1000)
 
 
 @dataclass(frozen=True)
@@ -67,17 +65,18 @@ def nominal_runs(count: int) -> list[Run]:
 
 def corrected_runs(settings_deg: Sequence[float], count: int) -> list[Run]:
     """Executions that a person corrects, `count` per setting, setting by setting."""
-    return [
-        Run(_name(number), setting, (CORRECTED, _tenths(setting), number), corrected=True)
-        for setting in settings_deg
-        for number in range(count)
-    ]
+    return _runs(CORRECTED, settings_deg, count, corrected=True)
 
 
 def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -> list[Run]:
     """Executions without or with feedback, setting by setting; the n-th of both meet equal conditions."""
+    return _runs(EVALUATED, settings_deg, count, feedback=feedback)
+
+
+def _runs(purpose: int, settings_deg: Sequence[float], count: int, **how: bool) -> list[Run]:
+    """Negative tilts have seeds of their own, as whole numbers of tenths of a degree."""
     return [
-        Run(_name(number), setting, (EVALUATED, _tenths(setting), number), feedback=feedback)
+        Run(_name(number), setting, (purpose, 10_000 + round(10 * setting), number), **how)
         for setting in settings_deg
         for number in range(count)
     ]
@@ -94,11 +93,6 @@ def executions(skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParame
 
 def _name(number: int) -> str:
     return f"{number + 1:02d}"
-
-
-def _tenths(setting_deg: float) -> int:
-    """A setting as a whole number for a seed; negative tilts are told from positive ones."""
-    return 10_000 + round(10 * setting_deg)
 
 
 def execute_run(
@@ -142,27 +136,37 @@ def _execute(work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParame
     return execute_run(*work, skill, testbed)
 
 
-def executed_set(
-    model: str,
+def evaluate(
+    models: Mapping[str, Mapping[str, CouplingModel]],
     skill: ReactiveSkill,
-    parameters: EvaluationParameters,
+    parameters: ExecutionParameters,
+    supervision: SupervisionParameters,
     testbed: TestbedParameters,
     clock: ClockParameters,
-) -> ExecutedSet:
-    """Execute a skill with the networks of a model, or with none, in every setting.
+    nominal: np.ndarray,
+    folder: Path,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Execute a skill with the networks of every model in every setting; equal numbers meet equal conditions.
 
-    Runs of equal number meet equal conditions in every set.
+    `models`: networks by model and primitive; none without feedback. `nominal`: (T, 4) of
+    `nominal_orientation`. Writes the runs to `folder/<model>/<setting>.parquet`; returns scores and traces
+    of all models, see `execution_scores`.
     """
-    runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
-    recordings = executions(skill, runs, testbed)
-    names = [primitive.name for primitive in skill.primitives]
-    by_setting, cuts = {}, {}
-    for place, setting in enumerate(parameters.settings_deg):
-        its = recordings[place * parameters.runs : (place + 1) * parameters.runs]
-        by_setting[setting] = [synchronise(one, clock.rate_hz, clock.max_gap_s) for one in its]
-        cuts[setting] = commanded_cuts(by_setting[setting], names)
-    networks = {name: one for name, by_axis in skill.networks.items() for one in by_axis.values()}
-    return ExecutedSet(model, networks, by_setting, cuts)
+    names, count = [primitive.name for primitive in skill.primitives], parameters.runs
+    scores, traces = [], []
+    for model, networks in models.items():
+        acting = replace(skill, networks=on_axis(networks, supervision.axis))
+        recordings = executions(
+            acting, evaluation_runs(parameters.settings_deg, count, feedback=bool(networks)), testbed
+        )
+        runs = {}
+        for place, setting in enumerate(parameters.settings_deg):
+            its = recordings[place * count : (place + 1) * count]
+            runs[setting] = [synchronise(one, clock.rate_hz, clock.max_gap_s) for one in its]
+            write_runs(runs[setting], folder / model / f"{setting:g}.parquet")
+        scores.append(execution_scores.scores(model, runs, names, nominal, supervision))
+        traces.append(execution_scores.traces(model, runs, names, networks, skill.expected, supervision))
+    return pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)
 
 
 WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled

@@ -15,8 +15,15 @@ import rerun.blueprint as rrb
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.palette import primitive_colour
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.transformation import ALPHA, BETA
-from structlearn.testbeds.scraping.files import CLOSED_LOOP, CORRECTIONS, REFINED, ScrapingFiles
+from structlearn.testbeds.scraping.files import (
+    CLOSED_LOOP,
+    CORRECTIONS,
+    REFINED,
+    ScrapingFiles,
+    read_datasets,
+)
 from structlearn.testbeds.scraping.names import CORRECTED, RUNS
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     AFTER,
@@ -223,7 +230,8 @@ def read_feedback_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
     traces = files.table("traces")
     if traces.empty:
         return {}
-    corrected = [to_table(dataset).assign(primitive=name) for name, dataset in files.datasets().items()]
+    datasets = read_datasets(files.data / "feedback/scraping/dataset")
+    corrected = [to_table(dataset).assign(primitive=name) for name, dataset in datasets.items()]
     targets = pd.concat(corrected).query("demonstration == 0").rename(columns={"target": "coupling"})
     return _read(files, FEEDBACK_RUNS, pd.concat([_first_runs(traces), targets.assign(model=CORRECTED)]))
 
@@ -251,7 +259,9 @@ def _read(
     nominal: np.ndarray | None = None,
 ) -> dict[float, list[Execution]]:
     """Executions of the settings that have a complete run of every kind, with cost if nominal is known."""
-    primitives = [primitive.name for primitive in files.primitives()]
+    primitives = [
+        one.name for one in read_primitives(files.data / "primitives/scraping/primitives.safetensors")
+    ]
     shown = {}
     for setting in sorted(traces["setting_deg"].unique(), reverse=True):
         found = {
