@@ -8,7 +8,8 @@ from scraping_motions import FLAT, beside_contact
 from structlearn.testbeds.scraping.world import scraping_robot
 from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
 
-ARM = scraping_robot.arm_model()
+ARM = scraping_robot.arm()
+EDGE = ARM.model.getFrameId("edge")
 LOCAL_WORLD = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
 STIFFNESS = 900.0
 NOTHING = np.zeros(6)
@@ -21,7 +22,7 @@ def hand_acceleration(q, v, torques, force=NOTHING):
 
 
 def edge_jacobian(q):
-    return pinocchio.computeFrameJacobian(ARM.model, ARM.model.createData(), q, ARM.edge_frame, LOCAL_WORLD)
+    return pinocchio.computeFrameJacobian(ARM.model, ARM.model.createData(), q, EDGE, LOCAL_WORLD)
 
 
 def observed(q, v, posture=scraping_robot.HOME):
@@ -61,9 +62,9 @@ def test_what_is_observed_is_the_edge_frame(state):
     data = ARM.model.createData()
     pinocchio.forwardKinematics(ARM.model, data, q, v)
     pinocchio.updateFramePlacements(ARM.model, data)
-    np.testing.assert_allclose(arm.position, data.oMf[ARM.edge_frame].translation, atol=1e-14)
-    np.testing.assert_allclose(arm.rotation, data.oMf[ARM.edge_frame].rotation, atol=1e-14)
-    velocity = pinocchio.getFrameVelocity(ARM.model, data, ARM.edge_frame, LOCAL_WORLD).vector
+    np.testing.assert_allclose(arm.position, data.oMf[EDGE].translation, atol=1e-14)
+    np.testing.assert_allclose(arm.rotation, data.oMf[EDGE].rotation, atol=1e-14)
+    velocity = pinocchio.getFrameVelocity(ARM.model, data, EDGE, LOCAL_WORLD).vector
     np.testing.assert_allclose(arm.twist, velocity, atol=1e-14)
 
 
@@ -141,7 +142,7 @@ def states(count=8):
 
 
 def test_the_controller_knows_the_arm_with_an_unloaded_tool(whole):
-    arm, data = scraping_robot.arm_model(), whole.createData()
+    arm, data = scraping_robot.arm(), whole.createData()
     assert arm.model.nq == scraping_robot.ARM_JOINTS
     for q, _, _ in states(3):
         rigid = np.concatenate([q[: scraping_robot.ARM_JOINTS], np.zeros(6)])
@@ -152,7 +153,7 @@ def test_the_controller_knows_the_arm_with_an_unloaded_tool(whole):
         )
         pinocchio.framesForwardKinematics(whole, data, rigid)
         pinocchio.framesForwardKinematics(arm.model, own, q[: scraping_robot.ARM_JOINTS])
-        hand, edge = data.oMf[whole.getFrameId("hand")], own.oMf[arm.edge_frame]
+        hand, edge = data.oMf[whole.getFrameId("hand")], own.oMf[EDGE]
         np.testing.assert_allclose(edge.rotation, hand.rotation, atol=1e-12)
         np.testing.assert_allclose(
             hand.actInv(edge).translation, [0, 0, scraping_robot.GRASP_M + scraping_robot.EDGE_M], atol=1e-12
@@ -160,10 +161,10 @@ def test_the_controller_knows_the_arm_with_an_unloaded_tool(whole):
 
 
 def pose_of(angles):
-    arm = scraping_robot.arm_model()
+    arm = scraping_robot.arm()
     data = arm.model.createData()
     pinocchio.framesForwardKinematics(arm.model, data, angles)
-    return data.oMf[arm.edge_frame]
+    return data.oMf[EDGE]
 
 
 def test_joint_angles_reach_all_poses_of_the_task():

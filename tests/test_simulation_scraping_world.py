@@ -9,7 +9,7 @@ from scraping_motions import FLAT, beside_contact
 from structlearn.testbeds.scraping.world import scraping_world
 from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
 from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
-from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm_model, joint_angles, urdf
+from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm, joint_angles, urdf
 
 ABOVE = beside_contact(0.05)
 NOTHING = np.zeros(6)
@@ -23,7 +23,7 @@ class Engine:
 
     def __init__(self, world):
         self.world = world
-        self.arm = controlled(arm_model(), world.q[:ARM_JOINTS].copy())
+        self.arm = controlled(arm(), world.q[:ARM_JOINTS].copy())
 
     def hold(self, position, rotation, ticks, force=NOTHING):
         """Hold a pose of the hand for some ticks."""

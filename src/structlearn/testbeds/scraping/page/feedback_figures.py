@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_hex
@@ -53,9 +54,8 @@ def mean_band(axes: Axes, curves: np.ndarray, colour: str, label: str | None = N
 def demonstrated_curves(dataset: CouplingDataset, setting: float, values: np.ndarray) -> np.ndarray:
     """Values (S,) of every demonstration in a setting over normalised time, (L, `SAMPLES`)."""
     inside = dataset.setting == setting
-    numbers = np.unique(dataset.demonstration[inside])
-    each = (values[inside & (dataset.demonstration == number)] for number in numbers)
-    return np.stack([signals.time_normalised(one, SAMPLES) for one in each])
+    each = pd.Series(values[inside]).groupby(dataset.demonstration[inside])
+    return np.stack([signals.time_normalised(one.to_numpy(), SAMPLES) for _, one in each])
 
 
 @styled

@@ -68,8 +68,8 @@ class SegmentationResults:
 
     @property
     def found_primitives(self) -> list[PrimitiveParameters]:
-        """Primitives that have an axis, and so cut points of their own."""
-        return [primitive for primitive in self.segment_parameters.primitives if primitive.axis != "between"]
+        """Primitives with an axis, which have their own cut points."""
+        return [one for one in self.segment_parameters.primitives if one.axis != "between"]
 
     @cached_property
     def was_cut(self) -> list[Demonstration]:
@@ -116,9 +116,9 @@ class SegmentationResults:
 
     @cached_property
     def downsampling_worst(self) -> pd.DataFrame:
-        """What is least true of down-sampling, by person of the sweep; empty of one factor g.
+        """Worst values of down-sampling by person of the sweep; empty of one factor g.
 
-        `work` times g² where it is furthest from 1; `shift_samples`, `shift_samples_text`, the largest.
+        `work` times g² where it is furthest from 1, and the largest `shift_samples` and `shift_samples_text`.
         """
         effect = self.downsampling_people
         first = effect["factor"].min()
@@ -150,11 +150,8 @@ class SegmentationResults:
     @cached_property
     def segments(self) -> dict[str, list[Segment]]:
         """Segments that the primitives were learned from, by primitive."""
-        cutoff = self.fit_parameters.smoothing_hz
-        return {
-            name: segment_paths(self.was_cut, self.segmentation.result(name), cutoff)
-            for name in self.segmentation.primitives
-        }
+        cuts, cutoff = self.segmentation.results, self.fit_parameters.smoothing_hz
+        return {name: segment_paths(self.was_cut, cuts[name], cutoff) for name in cuts}
 
     @cached_property
     def acceleration_jumps(self) -> list[float]:
@@ -218,8 +215,7 @@ class FeedbackResults:
         for name in self.primitives:
             runs = []
             for run in self.unrolls:
-                ends = cuts[name].loc[run.name, ["start_s", "end_s"]]
-                first, last = (round(float(end) / run.dt) for end in ends)
+                first, last = (round(float(end) / run.dt) for end in cuts[name].loc[run.name])
                 part = vector.without_offset(run.signal("tactile"))[first : last + 1]
                 runs.append(signals.time_normalised(part, SAMPLES))
             learned = self.expected[name]
@@ -238,9 +234,9 @@ class FeedbackResults:
 
     @cached_property
     def model_errors(self) -> pd.DataFrame:
-        """Mean and std over the folds of the NMSE, by primitive, representation and stopping.
+        """NMSE over the folds by primitive, representation and stopping, and mean `dimensions` of the code.
 
-        `<part>_mean` and `<part>_std` of every part, and `dimensions`, mean size of the code.
+        Columns `<part>_mean` and `<part>_std`.
         """
         grouped = self.comparison.groupby(["primitive", "representation", "stopping"])
         errors = {f"{part}_{how}": (part, how) for part in PARTS for how in ("mean", "std")}
@@ -250,7 +246,7 @@ class FeedbackResults:
 
     @cached_property
     def demonstrated_costs(self) -> pd.DataFrame:
-        """Scores of the corrected demonstrations that `board` holds, as `execution_scores`."""
+        """Scores of the corrected demonstrations of `board`, see `execution_scores`."""
         board = self.board
         cuts = commanded_cuts(board.corrected, self.primitives)
         scored = {name: cuts[name] for name in board.primitives}

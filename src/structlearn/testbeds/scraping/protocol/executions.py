@@ -1,6 +1,6 @@
 """Executions by the robot as recordings: nominal, corrected by a person, or with feedback.
 
-Every run draws what differs between runs of a real set-up from a seed of its own, so any run can be repeated
+Every run draws what differs between runs of a real set-up from its own seed, so any run can be repeated
 alone, bit for bit, and the number of processes does not matter.
 """
 
@@ -33,12 +33,7 @@ from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
 from structlearn.testbeds.scraping.world.corrector import corrector
 from structlearn.testbeds.scraping.world.execution import Engine, execute
-from structlearn.testbeds.scraping.world.testbed import (
-    TestbedParameters,
-    recorded,
-    run_conditions,
-    setting_name,
-)
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters, recorded, run_conditions
 
 HOLD_S = 0.3  # s that the robot waits at the end of an execution, so that all streams cover its last sample
 
@@ -60,7 +55,7 @@ NOMINAL, CORRECTED, EVALUATED = 1, 2, 3  # First number of a run's seed: what th
 
 def nominal_runs(count: int) -> list[Run]:
     """Executions in the default setting, from which the expected traces are learned."""
-    return [Run(_name(number), 0.0, (NOMINAL, 0, number)) for number in range(count)]
+    return [Run(f"{number + 1:02d}", 0.0, (NOMINAL, 0, number)) for number in range(count)]
 
 
 def corrected_runs(settings_deg: Sequence[float], count: int) -> list[Run]:
@@ -76,23 +71,16 @@ def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -
 def _runs(purpose: int, settings_deg: Sequence[float], count: int, **how: bool) -> list[Run]:
     """Negative tilts have seeds of their own, as whole numbers of tenths of a degree."""
     return [
-        Run(_name(number), setting, (purpose, 10_000 + round(10 * setting), number), **how)
+        Run(f"{number + 1:02d}", setting, (purpose, 10_000 + round(10 * setting), number), **how)
         for setting in settings_deg
         for number in range(count)
     ]
 
 
 def executions(skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParameters) -> list[Recording]:
-    """Executions by the robot from the skill's mean start, one recording per run, in order.
-
-    Their `true_segments` (P, 2) are those of the commanded primitives.
-    """
+    """Executions from the skill's mean start, in order; `true_segments` are the commanded primitives."""
     work = list(zip(runs, range(len(runs)), strict=True))
     return parallel_map(partial(_execute, skill=skill, testbed=testbed), work, "executions")
-
-
-def _name(number: int) -> str:
-    return f"{number + 1:02d}"
 
 
 def execute_run(
@@ -128,7 +116,8 @@ def execute_run(
     segments = np.column_stack([edges[:-1], edges[1:]])
     kind = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
     seed = " ".join(map(str, [testbed.seed, *run.seed]))
-    what = {"seed": seed, "setting": setting_name(run.setting_deg), "what": f"execution, {kind}"}
+    setting = f"board roll {run.setting_deg:g} degrees"
+    what = {"seed": seed, "setting": setting, "what": f"execution, {kind}"}
     return recorded(testbed, run.name, index, log, segments, clocks_rng, what)
 
 
@@ -174,7 +163,7 @@ STANDARD_RUN_S = 10.0  # s of movement to which the cost of a run is scaled
 
 
 class TimingParameters(Parameters):
-    """What is timed; such times stand in a file of their own, on which no stage depends."""
+    """What is timed. Fields: `params.yaml`, `time_controller`."""
 
     controller_hz: float = Field(gt=0)
     ticks: int = Field(ge=100)
@@ -182,7 +171,7 @@ class TimingParameters(Parameters):
 
 
 def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:
-    """Time ticks of the controller with feedback: `controller_tick_us_median`, `..._p99` and `..._max`."""
+    """Time ticks of the controller with feedback: `controller_tick_us_median`, `..._p99`, `..._max`."""
     controller, start = Controller(skill, parameters.controller_hz), default_start(skill.primitives)
     samples = np.random.default_rng(0).normal(0.0, 10.0, (1000, skill.channels))
     microseconds = np.zeros(parameters.ticks)
@@ -201,10 +190,7 @@ def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Me
 
 
 def run_cost(skill: ReactiveSkill, testbed: TestbedParameters, parameters: TimingParameters) -> Metrics:
-    """Time whole simulated runs with feedback, the start of the world included.
-
-    Returns `simulated_run_cpu_s`, median CPU seconds scaled to `STANDARD_RUN_S` of movement.
-    """
+    """`simulated_run_cpu_s`: median CPU seconds of runs with feedback, per `STANDARD_RUN_S` of movement."""
     costs = []
     for index, run in enumerate(evaluation_runs([10.0], WARM_UP_RUNS + parameters.runs, feedback=True)):
         begin = time.process_time()

@@ -114,7 +114,7 @@ class Execution:
 def send_signals(
     stream: rr.RecordingStream, parent: str, executions: Sequence[Execution]
 ) -> list[rrb.TimeSeriesView]:
-    """Log the signals of executions in one setting below a parent, and the roll that the hand is to reach."""
+    """Log the signals of executions in one setting below a parent, and the board's roll."""
     for one in executions:
         for kind, (times, values) in one.signals.items():
             rrd.send_curve(
