@@ -1,6 +1,5 @@
 """The three pages of the scraping testbed: numbers and verdicts on made-up data, and that they render."""
 
-import runpy
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -71,10 +70,9 @@ CLAIMS = "refinement_claims.yaml"
 
 
 @pytest.fixture(scope="module")
-def settings(root):
+def settings():
     """All parameters that the pages list."""
-    models = runpy.run_path(str(root / "stages/scraping/report.py"))["PARAMETERS"]
-    return {key: committed(model, key) for key, model in models.items()}
+    return {key: committed(model, key) for page in module.PARAMETERS.values() for key, model in page.items()}
 
 
 @pytest.fixture(scope="module")
