@@ -21,13 +21,7 @@ from reporting_feedback import (
     people,
     phase_weights,
 )
-from reporting_refinement import (
-    COSTS,
-    examples,
-    history,
-    refinement_results,
-    search,
-)
+from reporting_refinement import COSTS, examples, history, refinement_results, search
 from reporting_refinement import scores as refined_scores
 from reporting_scraping import demonstration, noise_table, segmentation_results, work_table
 from reporting_verdicts import AnyFigure
@@ -55,10 +49,7 @@ from structlearn.testbeds.scraping.page.findings import (
     share_left,
 )
 from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
-from structlearn.testbeds.scraping.page.results import (
-    PEOPLE,
-    ScrapingResults,
-)
+from structlearn.testbeds.scraping.page.results import PEOPLE, ScrapingResults
 from structlearn.testbeds.scraping.page.tables import tables
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M

@@ -128,11 +128,7 @@ def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> 
 
 
 def scores(
-    model: str,
-    runs: Runs,
-    primitives: Sequence[str],
-    nominal: np.ndarray,
-    parameters: SupervisionParameters,
+    model: str, runs: Runs, primitives: Sequence[str], nominal: np.ndarray, parameters: SupervisionParameters
 ) -> pd.DataFrame:
     """Rows of `execution_scores` with `model` and `setting_deg`, of the primitives with feedback.
 
