@@ -190,8 +190,8 @@ CLOCK = committed(ClockParameters, "clock", rate_hz=RATE_HZ)
 @pytest.fixture
 def data(board, tmp_path):
     """What the stages before have written, with toy demonstrations of 0, 5 and 10 degrees."""
-    write_primitives(board.primitives, tmp_path / "primitives/scraping/primitives.safetensors")
-    for name, expected in board.expected.items():
+    write_primitives(board.skill.primitives, tmp_path / "primitives/scraping/primitives.safetensors")
+    for name, expected in board.skill.expected.items():
         write_vector_primitive(
             expected, tmp_path / f"feedback/scraping/expected/{name}.safetensors", "traces"
         )
@@ -212,8 +212,8 @@ def read(data, board, settings=(5.0, 10.0)):
 def test_the_board_is_read_with_the_demonstrations_of_the_settings_asked_for(data, board):
     found, datasets = read(data, board)
     assert (found.name, found.setting_deg, found.preceding) == ("turn", 20.0, {})
-    assert [one.name for one in found.primitives] == [one.name for one in board.primitives]
-    assert found.expected.keys() == board.expected.keys()
+    assert [one.name for one in found.skill.primitives] == list(NAMES)
+    assert found.skill.expected.keys() == board.skill.expected.keys()
     assert set(datasets["turn"].setting) == {5.0, 10.0}
     unrolls = read_runs(data / "runs/scraping/unrolls.parquet")
     np.testing.assert_array_equal(found.nominal, nominal_orientation(unrolls))
@@ -223,4 +223,4 @@ def test_what_is_not_learned_from_does_not_bound_the_feedback(data, board):
     """The largest coupling of the new setting is not known there."""
     for settings in ((0.0,), (0.0, 5.0, 10.0)):
         found, datasets = read(data, board, settings)
-        assert found.limits.largest_coupling == {"ry": largest_coupling([datasets["turn"].target])}
+        assert found.skill.limits.largest_coupling == {"ry": largest_coupling([datasets["turn"].target])}

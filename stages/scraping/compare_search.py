@@ -45,7 +45,7 @@ def searches(
 ) -> pd.DataFrame:
     """Both searches for every primitive that is refined, from what its model before refinement does."""
     tables = []
-    for name in [one.name for one in board.primitives if one.name in refined.exploration]:
+    for name in [one.name for one in board.skill.primitives if one.name in refined.exploration]:
         own, exploration = board.of(name, after), refined.exploration[name]
         start = refinement.start(own, before[name], refined, exploration).compressed
         first = refined.seed * parameters.seeds

@@ -4,7 +4,6 @@ from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
-from structlearn.feedback.skill import ReactiveSkill
 from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, read_board
 from structlearn.testbeds.scraping.protocol.execution_scores import (
@@ -26,13 +25,12 @@ def main() -> None:
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
     board, _ = read_board("data", refinement, supervision, testbed, clock)
-    skill = ReactiveSkill(board.primitives, board.expected, limits=board.limits)
     models = {NOMINAL: {}}
     models |= {model: read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER)}
 
     with publish("data/runs/scraping/refined") as folder:
         scores, traces = evaluate(
-            models, skill, parameters, supervision, testbed, clock, board.nominal, folder
+            models, board.skill, parameters, supervision, testbed, clock, board.nominal, folder
         )
     with publish(f"{DATA}/refined") as folder:
         folder.mkdir()

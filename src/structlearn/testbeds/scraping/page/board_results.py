@@ -256,9 +256,9 @@ class RefinementResults(ExecutionResults):
                 margins = welch(costs[1], low), welch(high, costs[1])
                 ends = np.min([(one.low, one.high) for one in margins], axis=0)
                 means = dict(zip(("mean_below", "mean", "mean_above"), map(np.mean, costs), strict=True))
-                row = {"primitive": name, "model": model, "setting_deg": setting}
-                row |= {"below_deg": below, "above_deg": above} | means
-                rows.append(row | {"verdict": str(verdict(*ends))})
+                keys = {"primitive": name, "model": model, "setting_deg": setting}
+                tilts_beside = {"below_deg": below, "above_deg": above}
+                rows.append({**keys, **tilts_beside, **means, "verdict": str(verdict(*ends))})
         return pd.DataFrame(rows)
 
     @cached_property

@@ -9,6 +9,7 @@ The study gathers the rows of the person of this run, by `key`; these rows decid
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -68,21 +69,21 @@ Numbers = np.ndarray | None
 """(P,) one per person; None where the study was not run, or kept no such number."""
 
 
-def key(primitives: Sequence[str], *parts: Hashable) -> str:
+def key(primitives: Sequence[str], *parts: str | float) -> str:
     """Name of a number, e.g. `cost_feedback_prim2_10`.
 
     `parts`: primitives, counted as in the dissertation; models and representations by `WORDS`; settings in
     degrees (floats); anything else as it is.
     """
     words = {name: f"prim{number}" for number, name in enumerate(primitives, 1)} | WORDS
-    texts = [level_name(part) if isinstance(part, float) else words.get(part, part) for part in parts]
+    texts = [words.get(part, part) if isinstance(part, str) else level_name(part) for part in parts]
     return "_".join(text for text in texts if text)
 
 
 def by_key(primitives: Sequence[str], values: pd.Series | Mapping[Hashable, float]) -> dict[str, float]:
     """Values by the `key` of their index, which may have several levels."""
-    parts = ((index if isinstance(index, tuple) else (index,), value) for index, value in values.items())
-    return {key(primitives, *index): value for index, value in parts}
+    parts: dict[Any, float] = dict(values.items())
+    return {key(primitives, *(its if isinstance(its, tuple) else (its,))): parts[its] for its in parts}
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class ScrapingPeople(People):
 
     primitives: Sequence[str]  # names of all primitives in order of time
 
-    def of(self, *parts: Hashable) -> Numbers:
+    def of(self, *parts: str | float) -> Numbers:
         """One number per person, named by `key`."""
         return self.numbers(key(self.primitives, *parts))
 

@@ -27,8 +27,6 @@ from structlearn.policy_search.refinement import (
 )
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.primitives.sequence import PosePrimitive
-from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.clock import synchronise
 from structlearn.readers.recording import Recording
 from structlearn.readers.source import ClockParameters
@@ -68,15 +66,13 @@ class Board:
     The robot executes the primitives up to this one and stops; those before it run with their own networks.
     """
 
-    primitives: Sequence[PosePrimitive]  # of the whole task
-    expected: Mapping[str, VectorPrimitive]  # expected traces by the primitive's name
+    skill: ReactiveSkill  # primitives, expected traces and limits of the whole task, without networks
     preceding: Networks  # networks of the primitives before this one
     name: str  # of the primitive that is refined
     setting_deg: float  # roll of the board
     nominal: np.ndarray  # (T, 4) of `nominal_orientation`
     supervision: SupervisionParameters  # how executions become supervised data
     testbed: TestbedParameters
-    limits: Limits
     clock: ClockParameters  # on which executions are judged
     with_samples: bool = True  # whether rollouts have samples; a search needs costs alone
 
@@ -85,16 +81,10 @@ class Board:
         """Ticks per second of the costs."""
         return self.clock.rate_hz
 
-    @property
-    def place(self) -> int:
-        """Index of the primitive in the task."""
-        return [primitive.name for primitive in self.primitives].index(self.name)
-
     def of(self, name: str, networks: Networks) -> "Board":
         """The board for another primitive, before which the others run with these networks."""
-        other = replace(self, name=name)
-        before = [primitive.name for primitive in self.primitives[: other.place]]
-        return replace(other, preceding={one: networks[one] for one in before if one in networks})
+        before = [primitive.name for primitive in self.skill.primitives[: self.skill.index(name)]]
+        return replace(self, name=name, preceding={one: networks[one] for one in before if one in networks})
 
     def rollouts(self, networks: Sequence[CouplingModel], seeds: Sequence[tuple[int, ...]]) -> list[Rollout]:
         """Execute once per network, in processes; a run that fails is reported in its rollout."""
@@ -103,12 +93,12 @@ class Board:
 
     def execution(self, network: CouplingModel, seed: tuple[int, ...]) -> Recording:
         """Execute the primitives up to this one, with a network for it."""
-        executed = self.primitives[: self.place + 1]
-        expected = {one.name: self.expected[one.name] for one in executed if one.name in self.expected}
+        place, whole = self.skill.index(self.name), self.skill
+        executed = whole.primitives[: place + 1]
+        expected = {one.name: whole.expected[one.name] for one in executed if one.name in whole.expected}
         networks = on_axis({**self.preceding, self.name: network}, self.supervision.axis)
-        skill = ReactiveSkill(executed, expected, networks, self.limits)
-        run = Run("rollout", self.setting_deg, (REFINED, self.place, *seed), feedback=True)
-        return execute_run(run, 0, skill, self.testbed)
+        run = Run("rollout", self.setting_deg, (REFINED, place, *seed), feedback=True)
+        return execute_run(run, 0, ReactiveSkill(executed, expected, networks, whole.limits), self.testbed)
 
     def judged(self, recording: Recording) -> Rollout:
         """Cost per tick of an execution, and its supervised data.
@@ -119,11 +109,12 @@ class Board:
         cost = orientation_cost(run, self.nominal)
         if cost.max() > DIVERGED_RAD:
             raise InputError(f"the tool is off by {np.degrees(cost.max()):.0f} degrees: the run has diverged")
-        cut = pd.Series(run.signal("true_segments")[self.place], ["start_s", "end_s"])
+        place = self.skill.index(self.name)
+        cut = pd.Series(run.signal("true_segments")[place], ["start_s", "end_s"])
         first, last = (round(end / run.dt) for end in cut)
         samples = None
         if self.with_samples:
-            primitive, expected = self.primitives[self.place], self.expected[self.name]
+            primitive, expected = self.skill.primitives[place], self.skill.expected[self.name]
             done = corrected_primitive(run, cut, primitive, expected, own)
             samples = coupling_samples(done, self.setting_deg, 0, own)[own.axis]
         return Rollout(cost[first : last + 1], samples)
@@ -159,16 +150,19 @@ def read_board(
     data = Path(data)
     datasets = read_datasets(data / "feedback/scraping/dataset", refined.settings_deg)
     largest = largest_coupling([one.target for one in datasets.values()])
+    skill = ReactiveSkill(
+        read_primitives(data / "primitives/scraping/primitives.safetensors"),
+        read_expected(data / "feedback/scraping/expected"),
+        limits=Limits(largest_coupling={supervision.axis: largest}),
+    )
     board = Board(
-        primitives=read_primitives(data / "primitives/scraping/primitives.safetensors"),
-        expected=read_expected(data / "feedback/scraping/expected"),
+        skill,
         preceding={},
         name=supervision.primitives[0],
         setting_deg=refined.setting_deg,
         nominal=nominal_orientation(ScrapingFiles(data).runs("unrolls")),
         supervision=supervision,
         testbed=testbed,
-        limits=Limits(largest_coupling={supervision.axis: largest}),
         clock=clock,
     )
     return board, datasets
@@ -193,7 +187,7 @@ def refine_on_board(
     """
     if unknown := sorted(set(parameters.exploration) - set(datasets)):
         raise InputError(f"refine.exploration names {', '.join(unknown)}: no primitive with corrections")
-    names = [primitive.name for primitive in board.primitives if primitive.name in datasets]
+    names = [one.name for one in board.skill.primitives if one.name in datasets]
     work = [(datasets[name], parameters) for name in names]
     before = dict(zip(names, parallel_map(_learned, work, "models before refinement"), strict=True))
     after, states = dict(before), {}
