@@ -26,15 +26,7 @@ from structlearn.segmentation.alignment import RESULT
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import Segmentation, commanded_cuts, read_segmentation
 from structlearn.tactile.electrodes import ELECTRODES_MM
-from structlearn.testbeds.scraping.files import (
-    CHECKS,
-    CLOSED_LOOP,
-    CORRECTIONS,
-    REFINED,
-    ScrapingFiles,
-    read_datasets,
-    read_expected,
-)
+from structlearn.testbeds.scraping import files
 from structlearn.testbeds.scraping.page.board_results import BoardResults, RefinementResults
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     AFTER,
@@ -310,11 +302,11 @@ def informative_channel(dataset: CouplingDataset) -> tuple[int, float]:
     return channel, float(correlation[channel])
 
 
-def read_results(found: ScrapingFiles, parameters: Mapping[str, Any]) -> ScrapingResults:
+def read_results(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> ScrapingResults:
     """Outputs of the stages and of studies."""
     folder = found.data / "feedback/scraping"
     primitives = read_primitives(found.data / "primitives/scraping/primitives.safetensors")
-    names, datasets = [one.name for one in primitives], read_datasets(folder / "dataset")
+    names, datasets = [one.name for one in primitives], files.read_datasets(folder / "dataset")
     axis = parameters["coupling_dataset"].unit_axis
     largest, tilt = max(parameters["evaluate_feedback"].settings_deg), parameters["refine"].setting_deg
 
@@ -330,28 +322,30 @@ def read_results(found: ScrapingFiles, parameters: Mapping[str, Any]) -> Scrapin
         **tables("noise", "downsampling", "downsampling_people", "reproduction", "nominal", "generalised"),
     )
     board = BoardResults(
-        examples={model: found.runs_at(largest, CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
-        corrected=found.runs_at(largest, CORRECTIONS),
+        examples={model: found.runs_at(largest, files.CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
+        corrected=found.runs_at(largest, files.CORRECTIONS),
         example_deg=largest,
         axis=axis,
         force_n=parameters["testbed"].control.force_n,
         **tables("scores", "traces", "path_errors"),
     )
-    checks = {
-        name: read_table(folder / f"dataset/{CHECKS}{name}.parquet") for name in names if name in datasets
-    }
+    checks = [
+        read_table(folder / f"dataset/{files.CHECKS}{name}.parquet").assign(primitive=name)
+        for name in names
+        if name in datasets
+    ]
     feedback = FeedbackResults(
         primitives=names,
         unrolls=found.runs("unrolls"),
-        expected=read_expected(folder / "expected"),
+        expected=files.read_expected(folder / "expected"),
         datasets=datasets,
-        checks=pd.concat([its.assign(primitive=name) for name, its in checks.items()], ignore_index=True),
+        checks=pd.concat(checks, ignore_index=True),
         networks=read_networks(folder / f"models/{POINTWISE}.safetensors"),
         seen_deg=parameters["coupling_dataset"].settings_deg,
         board=board,
         **tables("comparison", "orderings"),
     )
-    examples = {model: found.runs_at(tilt, REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
+    examples = {model: found.runs_at(tilt, files.REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
     refinement = RefinementResults(
         scores=found.table("refined_scores"),
         examples={model: runs for model, runs in examples.items() if runs},
