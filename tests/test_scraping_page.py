@@ -1,5 +1,6 @@
 """The three pages of the scraping testbed: numbers and verdicts on made-up data, and that they render."""
 
+import runpy
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import reporting_verdicts
-from committed import committed
+from committed import ROOT, committed
 from reporting_feedback import (
     ADAPTED,
     AXIS,
@@ -57,10 +58,13 @@ from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 CLAIMS = "refinement_claims.yaml"
 
 
+LISTED = runpy.run_path(str(ROOT / "stages/scraping/report.py"))["PARAMETERS"]
+
+
 @pytest.fixture(scope="module")
 def settings():
     """All parameters that the pages list."""
-    return {key: committed(model, key) for page in module.PARAMETERS.values() for key, model in page.items()}
+    return {key: committed(model, key) for page in LISTED.values() for key, model in page.items()}
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +87,7 @@ class Made:
         self.find = findings(self.results)
         self.numbers = self.find.numbers()
         shown = tables(self.results, module.published())
-        self.pages = module.pages(self.results, self.find, shown, module.published())
+        self.pages = module.pages(self.results, self.find, shown, module.published(), LISTED)
 
 
 @pytest.fixture

@@ -1,13 +1,54 @@
 """The report of the scraping testbed: three pages with their figures, tables and findings."""
 
+from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
+from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.coupling_targets import ExpectedTracesParameters, SupervisionParameters
+from structlearn.feedback.feedback_models import FeedbackParameters
+from structlearn.policy_search.sample_efficiency import ComparisonParameters
+from structlearn.primitives.fitting import FitParameters
+from structlearn.primitives.sequence import GeneraliseParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
+from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.page.findings import findings
-from structlearn.testbeds.scraping.page.page import PARAMETERS, drawings, pages, published
+from structlearn.testbeds.scraping.page.page import drawings, pages, published
 from structlearn.testbeds.scraping.page.results import read_results
 from structlearn.testbeds.scraping.page.tables import tables
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
+from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
+from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
+from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+
+PARAMETERS = {
+    "index": {
+        "clock": ClockParameters,
+        "simulate": DemonstratorParameters,
+        "segment": SegmentParameters,
+        "segment_sweep": SweepParameters,
+        "fit_primitives": FitParameters,
+        "generalise": GeneraliseParameters,
+    },
+    "feedback": {
+        "scraping_people": Population,
+        "testbed": TestbedParameters,
+        "expected_traces": ExpectedTracesParameters,
+        "record_corrections": ExecutionParameters,
+        "coupling_dataset": SupervisionParameters,
+        "train_feedback": FeedbackParameters,
+        "compare_models": TrainingParameters,
+        "evaluate_feedback": ExecutionParameters,
+    },
+    "refinement": {
+        "refine": BoardRefinementParameters,
+        "evaluate_refinement": ExecutionParameters,
+        "compare_search": ComparisonParameters,
+    },
+}
+"""By page, what its results were made with."""
 
 
 def main() -> None:
@@ -15,7 +56,7 @@ def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in models.items()}
     results, printed = read_results(ScrapingFiles(), parameters), published()
     find, shown = findings(results), tables(results, printed)
-    documents = pages(results, find, shown, printed)
+    documents = pages(results, find, shown, printed, PARAMETERS)
     publish_report("reports/scraping", documents, drawings(results), shown, find, recorded=quoted_claims())
 
 

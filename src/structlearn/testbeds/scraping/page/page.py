@@ -1,18 +1,12 @@
 """The scraping report: its three pages with their figures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from structlearn.core.params import Population, read_values
-from structlearn.feedback.coupling_model import TrainingParameters
-from structlearn.feedback.coupling_targets import ExpectedTracesParameters, SupervisionParameters
-from structlearn.feedback.feedback_models import POINTWISE, FeedbackParameters
-from structlearn.policy_search.sample_efficiency import ComparisonParameters
-from structlearn.primitives.fitting import FitParameters
+from structlearn.core.params import read_values
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.readers.source import ClockParameters
 from structlearn.reporting import movement_figures
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
@@ -20,47 +14,14 @@ from structlearn.reporting.figure_style import Drawing, Raster
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.reporting.studies import rests_on
-from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping import names
 from structlearn.testbeds.scraping.page import demonstration_figures, feedback_figures, refinement_figures
 from structlearn.testbeds.scraping.page.findings import people_of
 from structlearn.testbeds.scraping.page.results import PEOPLE, ScrapingResults
-from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
-from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
-from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.scene_still import scraping_still
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refinement": "Refinement by trial"}
 """Title by file name."""
-
-PARAMETERS = {
-    "index": {
-        "clock": ClockParameters,
-        "simulate": DemonstratorParameters,
-        "segment": SegmentParameters,
-        "segment_sweep": SweepParameters,
-        "fit_primitives": FitParameters,
-        "generalise": GeneraliseParameters,
-    },
-    "feedback": {
-        "scraping_people": Population,
-        "testbed": TestbedParameters,
-        "expected_traces": ExpectedTracesParameters,
-        "record_corrections": ExecutionParameters,
-        "coupling_dataset": SupervisionParameters,
-        "train_feedback": FeedbackParameters,
-        "compare_models": TrainingParameters,
-        "evaluate_feedback": ExecutionParameters,
-    },
-    "refinement": {
-        "refine": BoardRefinementParameters,
-        "evaluate_refinement": ExecutionParameters,
-        "compare_search": ComparisonParameters,
-    },
-}
-"""By page, keys of `params.yaml` that its results were made with."""
 
 SOURCES = {
     "demonstrations": Source("data/runs/scraping/nominal.parquet", "scraping_import_nominal"),
@@ -87,9 +48,13 @@ def published() -> Mapping[str, Any]:
 
 
 def pages(
-    results: ScrapingResults, find: Findings, shown: Mapping[str, Table], printed: Mapping[str, Any]
+    results: ScrapingResults,
+    find: Findings,
+    shown: Mapping[str, Table],
+    printed: Mapping[str, Any],
+    listed: Mapping[str, Iterable[str]],
 ) -> dict[str, Document]:
-    """The pages by file name; `printed`: of `published`."""
+    """The pages by file name; `printed`: of `published`; `listed`: keys of the parameters of each page."""
     count = people_of(results).count
     over = f"Over {count} people" if count else "Over people, who were not studied with these parameters,"
     facts = {
@@ -109,7 +74,7 @@ def pages(
         "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
     }
     made = {}
-    for page, keys in PARAMETERS.items():
+    for page, keys in listed.items():
         name = "segmentation" if page == "index" else page
         claims = read_claims(Path(__file__).with_name(f"{name}_claims.yaml"))
         its = facts | {"page": page}
