@@ -6,7 +6,7 @@ Claims and sentences are over people. For each of them the study `scraping/peopl
 The study gathers the rows of the person of this run, by `key`; these rows decide nothing.
 """
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -80,10 +80,10 @@ def key(primitives: Sequence[str], *parts: str | float) -> str:
     return "_".join(text for text in texts if text)
 
 
-def by_key(primitives: Sequence[str], values: pd.Series | Mapping[Hashable, float]) -> dict[str, float]:
+def by_key(primitives: Sequence[str], values: pd.Series | Mapping[Any, float]) -> dict[str, float]:
     """Values by the `key` of their index, which may have several levels."""
-    parts: dict[Any, float] = dict(values.items())
-    return {key(primitives, *(its if isinstance(its, tuple) else (its,))): parts[its] for its in parts}
+    levels = ((its if isinstance(its, tuple) else (its,), value) for its, value in values.items())
+    return {key(primitives, *parts): value for parts, value in levels}
 
 
 @dataclass(frozen=True)
