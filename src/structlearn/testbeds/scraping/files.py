@@ -12,8 +12,7 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import CouplingDataset, from_table
 from structlearn.primitives.primitive_files import read_vector_primitive
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import Demonstration, read_runs
 
 CHECKS = "checks_"
 """Prefix of the tables of checks beside the data sets, one per primitive."""

@@ -28,7 +28,7 @@ from structlearn.policy_search.refinement import (
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.clock import synchronise
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Recording
 from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles, read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation, orientation_cost

@@ -25,8 +25,7 @@ from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.primitives.sequence import default_start
 from structlearn.readers.clock import synchronise
-from structlearn.readers.recording import Recording
-from structlearn.readers.runs import write_runs
+from structlearn.readers.demonstration import Recording, write_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.simulation.fingers import FingerPair
 from structlearn.testbeds.scraping.protocol import execution_scores
