@@ -357,8 +357,8 @@ def refinement(monkeypatch, tmp_path):
     def learn(dataset):
         write_table(to_table(dataset), tmp_path / f"{boards.TURN}.parquet")
         read = read_datasets(tmp_path, KNOWN)
-        refined = refine_on_board(board, read, parameters)
-        return refined.before, refined.after
+        before, after, _ = refine_on_board(board, read, parameters)
+        return before, after
 
     return Case(learn, data, corrected(data, data.setting == NEW), corrected(data, data.setting == KNOWN[0]))
 

@@ -103,7 +103,7 @@ def placed(
     """The robot at rest, with the tool hanging in the grasp, and the board in its place.
 
     `angles`: (7,) rad, of the arm. `board_roll`: rad, about the base y axis. `board_point`: (3,) m, a point
-    of the board on its axis of tilt. `stiffness_factor`: of this run, on the board's stiffness.
+    of the board on its axis of tilt. Factors: of this run, on the board's friction and stiffness.
     """
     own, robot = parameters, scraping_robot.whole()
     about_x, about_z, about_y = own.grasp_n_m_rad
