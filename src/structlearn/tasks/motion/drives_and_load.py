@@ -11,8 +11,8 @@ from structlearn.core import signals
 from structlearn.core.metrics import block_count
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.clock import MAX_GAP_S, on_one_clock
+from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_log import DriveLog
-from structlearn.readers.recording import Stream
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FRICTIONS
