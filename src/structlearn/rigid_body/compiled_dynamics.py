@@ -19,10 +19,7 @@ from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 
 class RigidBodies(NamedTuple):
-    """Links and joints of a model for compiled functions; fields without remark are `KinematicTree`'s.
-
-    Calling it gives its inverse dynamics.
-    """
+    """Links and joints of a model for compiled functions; fields without remark are `KinematicTree`'s."""
 
     parents: np.ndarray
     rotation: np.ndarray
@@ -35,14 +32,10 @@ class RigidBodies(NamedTuple):
     inertia: np.ndarray  # (n, 3, 3) kg m^2, about the joint frame's origin; need not be symmetric
     friction: np.ndarray  # (4, n) of `friction_rows`
 
-    def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Torques (n,) in N m at q, qd, qdd (n,) in rad, rad/s, rad/s^2 (m where a joint slides)."""
-        return newton_euler(self, q, qd, qdd)
-
 
 def inverse_dynamics(
     tree: KinematicTree, inertias: LinkInertias, friction: np.ndarray | None = None
-) -> RigidBodies:
+) -> "InverseDynamics":
     """Newton-Euler inverse dynamics of one state (eq. III.1); the inertias need not be physical.
 
     Friction is (4, n) of `friction_rows`, or None. Raises ValueError: it has another shape, so that compiled
@@ -58,7 +51,8 @@ def inverse_dynamics(
     rubbing = np.zeros(expected) if friction is None else friction
     if rubbing.shape != expected:
         raise ValueError(f"friction has the shape {rubbing.shape}, not {expected}")
-    return RigidBodies(*chain_arrays(tree), *(np.array(array, dtype=float) for array in (*numbers, rubbing)))
+    arrays = (np.array(array, dtype=float) for array in (*numbers, rubbing))
+    return InverseDynamics(BODIES, RigidBodies(*chain_arrays(tree), *arrays), NO_NETWORKS)
 
 
 def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
@@ -335,23 +329,19 @@ class InverseDynamics(NamedTuple):
     networks: Networks  # of the others; without numbers for the first kind
 
     def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Torques (n,) in N m at position, velocity and acceleration of the joints, (n,) each."""
+        """Torques (n,) in N m at q, qd, qdd (n,) in rad, rad/s, rad/s^2 (m where a joint slides)."""
         return model_torques(self, q, qd, qdd)
 
 
-def bodies_model(bodies: RigidBodies) -> InverseDynamics:
-    """Rigid bodies among all kinds of models."""
-    places = np.empty(0, dtype=np.int64)
-    empty = (np.empty(0), places, np.empty((0, 0), dtype=np.int64), np.empty((0, 0, 0)))
-    return InverseDynamics(BODIES, bodies, Networks(*empty, places, places, 0.0, np.empty((4, 0))))
-
-
-def networks_model(kind: int, networks: Networks) -> InverseDynamics:
-    """Networks among all kinds of models."""
-    frames, vectors = np.empty((0, 3, 3)), np.empty((0, 3))
-    chain = (np.empty(0, dtype=np.int64), frames, vectors, vectors, np.empty(0, dtype=bool))
-    nothing = RigidBodies(*chain, np.zeros(3), np.empty(0), vectors, frames, np.empty((4, 0)))
-    return InverseDynamics(kind, nothing, networks)
+_PLACES = np.empty(0, np.int64)
+_VECTORS, _FRAMES, _ROWS = np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((4, 0))
+NO_BODIES = RigidBodies(
+    _PLACES, _FRAMES, _VECTORS, _VECTORS, np.empty(0, bool), np.zeros(3),
+    np.empty(0), _VECTORS, _FRAMES, _ROWS,
+)  # fmt: skip
+NO_NETWORKS = Networks(
+    np.empty(0), _PLACES, _PLACES.reshape(0, 0), np.empty((0, 0, 0)), _PLACES, _PLACES, 0.0, _ROWS
+)
 
 
 @numba.njit(cache=True)

@@ -13,13 +13,12 @@ from structlearn.core.errors import InputError
 from structlearn.networks.compiled_layers import Layers, layer_values, pack
 from structlearn.rigid_body.compiled_dynamics import (
     LAGRANGIAN,
+    NO_BODIES,
     PERCEPTRON,
     InverseDynamics,
     Networks,
-    bodies_model,
     friction_rows,
     inverse_dynamics,
-    networks_model,
 )
 from structlearn.rigid_body.dynamics_training import KINDS, Kind
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
@@ -150,11 +149,11 @@ def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> I
         )
     networks = None if models.structured else models.networks()
     if isinstance(networks, StackedPerceptrons):  # they need no friction beside them
-        return networks_model(PERCEPTRON, _perceptron(networks, model))
+        return InverseDynamics(PERCEPTRON, NO_BODIES, _perceptron(networks, model))
     friction = friction_rows(models.friction_coefficients()[model], models.friction)
     if isinstance(networks, StackedLagrangianNetworks):
-        return networks_model(LAGRANGIAN, _lagrangian(networks, model, friction))
-    return bodies_model(inverse_dynamics(tree, models.inertias().of(model), friction))
+        return InverseDynamics(LAGRANGIAN, NO_BODIES, _lagrangian(networks, model, friction))
+    return inverse_dynamics(tree, models.inertias().of(model), friction)
 
 
 def _perceptron(networks: StackedPerceptrons, model: int) -> Networks:

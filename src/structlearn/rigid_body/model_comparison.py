@@ -49,7 +49,7 @@ ModelKey = tuple[str, str]
 
 @dataclass(frozen=True)
 class NetworkTraining:
-    """How networks of a kind are trained: all epochs, one network per seed."""
+    """Training of the networks of a kind: all epochs, one network per seed."""
 
     learning: LearningParameters
     seeds: int

@@ -15,19 +15,12 @@ SMALLEST_VARIANCE = 1e-12  # (N m)^2; a joint whose torque varies less was not m
 
 @dataclass(frozen=True)
 class Motion:
-    """Samples of inverse dynamics, in the order of time.
+    """Samples of inverse dynamics, in the order of time."""
 
-    Attributes:
-        q: (N, n) rad, positions (m where a joint slides, likewise below).
-        qd: (N, n) rad/s.
-        qdd: (N, n) rad/s^2.
-        torque: (N, n) N m.
-    """
-
-    q: np.ndarray
-    qd: np.ndarray
-    qdd: np.ndarray
-    torque: np.ndarray
+    q: np.ndarray  # (N, n) rad, positions (m where a joint slides, likewise below)
+    qd: np.ndarray  # (N, n) rad/s
+    qdd: np.ndarray  # (N, n) rad/s^2
+    torque: np.ndarray  # (N, n) N m
 
     def __len__(self) -> int:
         return len(self.q)

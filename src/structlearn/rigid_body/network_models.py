@@ -189,18 +189,12 @@ def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor
 
 
 class NetworkLearner:
-    """M networks of one kind that learn together, in single precision.
+    """M networks of one kind that learn together, in single precision, a generator for the start of each.
 
-    Args:
-        kind: `mlp` on the plain states and torques, as in the dissertation; `mlp_scaled` on standardised
-            ones; `delan`.
-        motions: that all learn from, or one of N samples for each model; not for `mlp_scaled`, whose models
-            have one scale.
-        friction: terms of joint friction beside `delan`, which knows none; the perceptrons need none.
-        weights: (1 or M, n) of each joint's squared error in the loss.
-        adam: the optimiser.
-        hidden: nodes of each hidden layer.
-        generators: source of the initial values of each model.
+    `mlp` learns plain states and torques, as in the dissertation; `mlp_scaled` standardised ones; `delan` has
+    terms of joint friction beside it, which perceptrons do not need. All learn from one motion, or each from
+    its own of N samples; `mlp_scaled` has one scale, so one motion. Weights (1 or M, n) are those of each
+    joint's squared error in the loss.
     """
 
     def __init__(

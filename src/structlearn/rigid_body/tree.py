@@ -1,8 +1,8 @@
 """Kinematic tree and link inertias of a robot, read from its URDF.
 
 Pinocchio reads the file and merges links at fixed joints; what comes out are plain arrays, so that torch and
-numba need no Pinocchio. Joint i moves link i; the joint frame is fixed to the link and stands, at zero
-position, as `rotation` and `translation` say in the frame of the parent joint.
+numba need no Pinocchio. Joint i moves link i; the joint frame is fixed to the link; `rotation` and
+`translation` are its pose in the frame of the parent joint at zero position.
 """
 
 import warnings
@@ -25,31 +25,18 @@ Array = TypeVar("Array", np.ndarray, "Tensor")
 
 @dataclass(frozen=True)
 class KinematicTree:
-    """Kinematics of a robot: n joints, each after its parent.
+    """Kinematics of a robot: n joints, each after its parent."""
 
-    Attributes:
-        names: of the joints.
-        parents: (n,) index of the parent joint, -1 for the base; smaller than the joint's own index.
-        rotation: (n, 3, 3) joint frame in the parent's at position zero.
-        translation: (n, 3) m, its origin in the parent's frame.
-        axis: (n, 3) unit vector, in the joint frame.
-        prismatic: (n,) bool; the others turn.
-        lower: (n,) rad or m; -inf for continuous joints.
-        upper: (n,) rad or m; inf for continuous joints.
-        velocity: (n,) limit in rad/s or m/s.
-        gravity: (3,) m/s^2, acceleration of free fall in the base frame.
-    """
-
-    names: tuple[str, ...]
-    parents: np.ndarray
-    rotation: np.ndarray
-    translation: np.ndarray
-    axis: np.ndarray
-    prismatic: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    velocity: np.ndarray
-    gravity: np.ndarray
+    names: tuple[str, ...]  # of the joints
+    parents: np.ndarray  # (n,) index of the parent joint, smaller than the joint's; -1 for the base
+    rotation: np.ndarray  # (n, 3, 3) joint frame in the parent's at position zero
+    translation: np.ndarray  # (n, 3) m, its origin in the parent's frame
+    axis: np.ndarray  # (n, 3) unit vector, in the joint frame
+    prismatic: np.ndarray  # (n,) bool; the others turn
+    lower: np.ndarray  # (n,) rad or m; -inf for continuous joints
+    upper: np.ndarray  # (n,) rad or m; inf for continuous joints
+    velocity: np.ndarray  # (n,) limit in rad/s or m/s
+    gravity: np.ndarray  # (3,) m/s^2, acceleration of free fall in the base frame
 
     @property
     def ranges(self) -> tuple[np.ndarray, np.ndarray]:
@@ -61,17 +48,11 @@ class KinematicTree:
 
 @dataclass(frozen=True)
 class LinkInertias(Generic[Array]):
-    """Inertial parameters of n links in their joint frames; arrays or tensors, leading axes are models.
+    """Inertial parameters of n links in their joint frames; arrays or tensors, leading axes are models."""
 
-    Attributes:
-        mass: (..., n) kg.
-        first_moment: (..., n, 3) kg m, mass times centre of mass.
-        inertia: (..., n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame.
-    """
-
-    mass: Array
-    first_moment: Array
-    inertia: Array
+    mass: Array  # (..., n) kg
+    first_moment: Array  # (..., n, 3) kg m, mass times centre of mass
+    inertia: Array  # (..., n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame
 
     def of(self, model: int) -> "LinkInertias[np.ndarray]":
         """Those of one model."""

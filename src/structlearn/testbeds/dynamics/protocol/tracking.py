@@ -13,7 +13,6 @@ from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_dynamics import (
     InverseDynamics,
-    bodies_model,
     friction_rows,
     inverse_dynamics,
 )
@@ -83,7 +82,7 @@ def known(testbed: Testbed) -> list[Candidate]:
     models = {GROUND_TRUTH: inverse_dynamics(robot.tree, true.inertias, friction)}
     if true.inertias is not robot.inertias:
         models[DEFAULT] = inverse_dynamics(robot.tree, robot.inertias)
-    return [Candidate(name, KNOWN, testbed.seeds, bodies_model(model)) for name, model in models.items()]
+    return [Candidate(name, KNOWN, testbed.seeds, model) for name, model in models.items()]
 
 
 def learned(

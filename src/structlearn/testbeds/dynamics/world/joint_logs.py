@@ -21,7 +21,7 @@ import structlearn
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.readers.joint_log import JointLog
-from structlearn.rigid_body.compiled_dynamics import bodies_model, inverse_dynamics
+from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.simulation.arm import Mechanics, Payload, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
@@ -128,7 +128,7 @@ def _sine_log(
     robot = arm.robot
     reference = sine_path(robot.tree, motion)
     feedback = joint_feedback(robot.tree, robot.inertias, motion.feedback)
-    model = bodies_model(inverse_dynamics(robot.tree, robot.inertias))
+    model = inverse_dynamics(robot.tree, robot.inertias)
     controller = sine_controller(model, reference, feedback)
     moved = run(arm, controller, reference.position[0], reference.velocity[0], pybullet)
     if moved.stopped:
