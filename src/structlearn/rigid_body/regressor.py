@@ -12,8 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 SYMMETRIC_COLUMNS, FULL_COLUMNS = 10, 13  # per link

@@ -13,8 +13,7 @@ one, and this ends there (Murty 1974). Mostly the guess is right, and a step cos
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.compilation import compiled_inside, numba
 from structlearn.rigid_body.compiled_chain import Workspace, factorise, solve
 
 TIE = 1e-9

@@ -20,8 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.core import quaternion
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.core.params import Parameters
 from structlearn.simulation.electrode_response import (
     PLAY_N,
