@@ -70,7 +70,8 @@ def write_primitives(
     shown, in Markdown; `colours`: of the paths by name, default by primitive.
     """
     unrolled = {name: _path(table, primitives) for name, table in paths.items()}
-    points = np.concatenate([one.position for one in (*demonstrations, *unrolled.values())])
+    places = [one.position for one in demonstrations] + [one.position for one in unrolled.values()]
+    points = np.concatenate(places)
     length = rrd.axis_length(points)
     with rrd.recording(path, title) as stream:
         around = [] if scenery is None else scenery(stream)
@@ -129,8 +130,8 @@ def _send_frame(stream: rr.RecordingStream, primitive: PosePrimitive, length: fl
     path = entity("frames", primitive.name)
     stream.log(path, rr.Transform3D(translation=point.start, mat3x3=axes), static=True)
     stream.log(path, rr.TransformAxes3D(2.0 * length), static=True)
-    label = {"labels": f"goal of {primitive.name}", "show_labels": False}  # until the mouse is there
-    goal = rr.Points3D([point.goal], colors=rrd.rgba([WHITE]), radii=-5.0, **label)
+    name, white = f"goal of {primitive.name}", rrd.rgba([WHITE])  # the label shows below the mouse
+    goal = rr.Points3D([point.goal], colors=white, radii=-5.0, labels=name, show_labels=False)
     stream.log(entity("goals", primitive.name), goal, static=True)
 
 
