@@ -52,14 +52,8 @@ def test_what_dvc_wrote_is_as_it_was_written(project):
     assert (code, words[:42]) == (1, "error: dvc.lock: no such file; run this in")
 
 
-@pytest.mark.parametrize(
-    ("path", "complaint"),
-    [
-        ("logs/deep/2.txt", "logs: not as stage 'write' left it"),
-        ("note.txt", "note.txt: not as stage 'write'"),
-    ],
-)
-def test_a_bit_that_changed_by_itself_is_seen(project, path, complaint):
+@pytest.mark.parametrize(("path", "out"), [("logs/deep/2.txt", "logs"), ("note.txt", "note.txt")])
+def test_a_bit_that_changed_by_itself_is_seen(project, path, out):
     """Time and size stay, so DVC does not look."""
     file, state = project / path, (project / path).stat()
     sound = file.read_bytes()
@@ -71,7 +65,7 @@ def test_a_bit_that_changed_by_itself_is_seen(project, path, complaint):
     finally:
         file.write_bytes(sound)
     assert code == 1
-    assert words.startswith(f"error: {complaint}")
+    assert words.startswith(f"error: {out}: not as stage 'write' left it")
 
 
 def test_single_files(tmp_path):
