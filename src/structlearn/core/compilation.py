@@ -83,8 +83,9 @@ def use_own_cache(package: Path) -> None:
     if not _CONFIG.CACHE_DIR:
         kept = _kept_for(package)
         folder = kept / f"compiled-{sources_digest(package)}"
-        if not folder.exists():
-            _remove_unused(kept)
+        for lock in () if folder.exists() else kept.glob(f"compiled-*/{LOCK}"):
+            if time.time() - lock.stat().st_mtime > UNUSED_S:
+                shutil.rmtree(lock.parent, ignore_errors=True)
         _CONFIG.CACHE_DIR = str(folder)
     if not _CONFIG.CACHE_LOCATOR_CLASSES:
         _CONFIG.CACHE_LOCATOR_CLASSES = (
@@ -104,12 +105,6 @@ def _kept_for(package: Path) -> Path:
     own = tempfile.TemporaryDirectory(prefix=f"{package.name}-")
     atexit.register(own.cleanup)
     return Path(own.name)
-
-
-def _remove_unused(kept: Path) -> None:
-    for lock in kept.glob(f"compiled-*/{LOCK}"):
-        if time.time() - lock.stat().st_mtime > UNUSED_S:
-            shutil.rmtree(lock.parent, ignore_errors=True)
 
 
 def sources_digest(package: Path) -> str:
