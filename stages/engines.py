@@ -11,8 +11,8 @@ from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives
+from structlearn.readers.demonstration import Recording
 from structlearn.readers.joint_log import JointLog
-from structlearn.readers.recording import Recording
 from structlearn.rigid_body.compiled_chain import kinematics
 from structlearn.simulation.arm import ArmParameters
 from structlearn.simulation.bullet_arm import BulletArm, differences

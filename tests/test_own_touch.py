@@ -8,7 +8,7 @@ from committed import NO_TOPICS, TASK_FILE, merged
 
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables
+from structlearn.readers.user_tables import TouchLog, read_touch_table, touch_of, touch_tables
 from structlearn.tasks.touch.skin_touches import gathered, learn_touch
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 

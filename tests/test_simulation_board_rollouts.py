@@ -16,7 +16,7 @@ from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import largest_coupling
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.readers import synchronise
-from structlearn.readers.runs import read_runs, write_runs
+from structlearn.readers.demonstration import read_runs, write_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import board_refinement
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation

@@ -26,8 +26,7 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
 from structlearn.primitives.position import fit_position
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import NamedShape
+from structlearn.readers.demonstration import Demonstration, NamedShape
 from structlearn.reporting.claims import read_claims
 from structlearn.tasks.obstacles.coupling_representations import samples_of_reaches
 from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings, scene_pictures

@@ -5,7 +5,7 @@ import pytest
 from committed import committed
 
 from structlearn.core.errors import InputError
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.demonstration import Recording, Stream
 from structlearn.tasks.touch import touch_calibration
 from structlearn.tasks.touch.touch_calibration import FingerTrace, finger_traces, joined
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE

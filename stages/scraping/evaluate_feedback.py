@@ -8,7 +8,7 @@ from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.feedback_models import MODELS
 from structlearn.feedback.skill import Limits, ReactiveSkill, largest_coupling, on_axis
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.readers.runs import read_runs, write_runs
+from structlearn.readers.demonstration import read_runs, write_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol import execution_scores

@@ -5,7 +5,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.skill import ReactiveSkill, on_axis
-from structlearn.readers.runs import write_runs
+from structlearn.readers.demonstration import write_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, read_board

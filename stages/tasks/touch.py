@@ -7,8 +7,8 @@ from pathlib import Path
 
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import stage_parameters
-from structlearn.readers.runs import read_streams
-from structlearn.readers.touch_log import read_touch_logs
+from structlearn.readers.demonstration import read_streams
+from structlearn.readers.user_tables import read_touch_logs
 from structlearn.tasks.task_files import TaskFiles, run_for_task
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters, TouchParameters
 

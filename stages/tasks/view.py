@@ -4,7 +4,7 @@ from pathlib import Path
 
 from structlearn.core.artefacts import publish, read_table
 from structlearn.primitives.primitive_files import read_vector_primitive
-from structlearn.readers.runs import read_streams
+from structlearn.readers.demonstration import read_streams
 from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
 from structlearn.tasks.motion.motion_view import write_carried
 from structlearn.tasks.movement.movement_view import write_movements

@@ -17,7 +17,7 @@ from pydantic import Field
 import structlearn
 from structlearn.core import minimum_jerk, quaternion
 from structlearn.core.params import Parameters
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.demonstration import Recording, Stream
 from structlearn.simulation.hand_noise import hand_noise
 from structlearn.simulation.touch import (
     Finger,

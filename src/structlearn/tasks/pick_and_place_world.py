@@ -19,8 +19,8 @@ from structlearn.core import minimum_jerk, quaternion
 from structlearn.core.frames import UP
 from structlearn.readers.bag import RawMessages, write_bag
 from structlearn.readers.bag_recording import to_metadata
+from structlearn.readers.demonstration import Kind, Recording, Stream
 from structlearn.readers.messages import joint_messages, to_messages
-from structlearn.readers.recording import Kind, Recording, Stream
 from structlearn.simulation.arm import urdf_path
 from structlearn.simulation.hand_noise import hand_noise
 

@@ -23,8 +23,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
 from structlearn.core.reading import digest
 from structlearn.core.stage import run
-from structlearn.readers.source import ClockParameters, SourceParameters
-from structlearn.readers.topics import SceneTopicMap
+from structlearn.readers.source import ClockParameters, SceneTopicMap, SourceParameters
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry

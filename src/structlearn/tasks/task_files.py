@@ -14,8 +14,7 @@ from structlearn.core.params import ParametersType, home_path, read_parameters, 
 from structlearn.core.stage import RUN_BY_DVC, run
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import Demonstration, read_runs
 from structlearn.segmentation.segments import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/tasks"), Path("reports/tasks")

@@ -27,13 +27,18 @@ from structlearn.core.artefacts import publish, write_csv, write_metrics, write_
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import home_path
 from structlearn.readers import Recording, read_recordings, synchronise
-from structlearn.readers.bag_files import recording_files
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.joint_log import JointLog, read_joint_logs, write_log_table
-from structlearn.readers.runs import write_runs, write_streams
-from structlearn.readers.source import ClockParameters, SourceParameters, setting_label
-from structlearn.readers.text_log import read_each
-from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
+from structlearn.readers.bag_recording import read_joint_logs
+from structlearn.readers.demonstration import Demonstration, write_runs, write_streams
+from structlearn.readers.foreign_tables import read_each
+from structlearn.readers.joint_log import JointLog, write_log_table
+from structlearn.readers.source import ClockParameters, SourceParameters, recording_files, setting_label
+from structlearn.readers.user_tables import (
+    TouchLog,
+    read_touch_table,
+    touch_of,
+    touch_tables,
+    write_touch_logs,
+)
 from structlearn.segmentation.repeats import split
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
@@ -51,7 +56,7 @@ WORDS = {
 """What kinds of streams are called, where it is not their name."""
 
 OTHERS = {"bags": __name__, "coupling_samples": "structlearn.tasks.obstacles.coupling_samples"}
-"""Readers elsewhere; `bags`: at the end of this module, for files of any format of `readers.bag_files`."""
+"""Readers elsewhere; `bags`: at the end of this module, for files of any format of `readers.source`."""
 
 LeftOut = dict[str, str]
 """Why files could not be read, by their names."""

@@ -119,7 +119,7 @@ def send_followed(
     carried_kg: np.ndarray,
     colours: tuple[str, str, str],
 ) -> None:
-    """Log curves of an online learned payload (`online_learning.follow_payload`) and the true one.
+    """Log curves of an online learned payload (`payload.follow_payload`) and the true one.
 
     `carried_kg` (T,) at `time` (T,) s; `colours`: of the truth, of the learned and of the empty arm's model.
     """

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from structlearn.readers.bag import RawMessages
-from structlearn.readers.cdr import decoded, nanoseconds
+from structlearn.readers.cdr import decoded
+from structlearn.readers.messages import nanoseconds
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.readers.messages import READERS
-from structlearn.readers.topics import JointPose
+from structlearn.readers.source import JointPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, pose_words

@@ -8,15 +8,20 @@ from typing import NamedTuple
 
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages
-from structlearn.readers.bag_files import RecordingFile, open_bag, recording_files
-from structlearn.readers.bag_recording import read_recording
+from structlearn.readers.bag_recording import open_bag, read_recording
 from structlearn.readers.cdr import short_name
-from structlearn.readers.clock import StampPolicy
 from structlearn.readers.computed_pose import TransformSeries, transform_series
+from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_log import JointSeries, chosen, joint_series
 from structlearn.readers.messages import READERS
-from structlearn.readers.recording import Stream
-from structlearn.readers.topics import JointPose, TopicMap, TransformPose
+from structlearn.readers.source import (
+    JointPose,
+    RecordingFile,
+    StampPolicy,
+    TopicMap,
+    TransformPose,
+    recording_files,
+)
 from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
 from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path

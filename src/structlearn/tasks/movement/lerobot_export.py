@@ -21,8 +21,7 @@ import pyarrow
 from structlearn.core import quaternion
 from structlearn.core.artefacts import publish, write_arrow
 from structlearn.core.errors import InputError
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.runs import PARTS
+from structlearn.readers.demonstration import PARTS, Demonstration
 from structlearn.segmentation.quality import MEASURES, quality
 from structlearn.segmentation.segments import Segmentation
 

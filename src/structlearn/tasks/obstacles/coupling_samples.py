@@ -16,7 +16,7 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.primitives import canonical, kernels
 from structlearn.readers.clmc import SOURCE
-from structlearn.readers.text_log import read_table
+from structlearn.readers.foreign_tables import read_table
 
 FOLDER = "obs_avoid/pmnn_unroll_test_dataset"
 FILES = {

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.networks.torch_settings import as_tensor
-from structlearn.readers.touch_log import TouchLog
+from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.electrodes import map_laying
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.parallel import parallel_map
-from structlearn.readers.touch_log import TouchLog
+from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.geodesics import Geodesics, geodesics
 from structlearn.tactile.latent_models import LatentModels, write_models
 from structlearn.tactile.latent_parameters import SensorDescription

@@ -16,8 +16,7 @@ from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
 from structlearn.readers import synchronise
 from structlearn.readers.clock import held_out_error
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Demonstration, Recording
 from structlearn.readers.slide import material_of
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters
 

@@ -22,8 +22,7 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.readers import synchronise
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Demonstration, Recording
 from structlearn.readers.slide import material_of
 from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate

@@ -14,8 +14,7 @@ from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import Demonstration, read_runs
 
 CHECKS = "checks_"
 """Prefix of the tables beside the datasets that say how well these hold together."""

@@ -29,7 +29,7 @@ from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.clock import synchronise
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Recording
 from structlearn.readers.source import ClockParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation, orientation_cost

@@ -21,7 +21,7 @@ from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.sequence import default_start
 from structlearn.readers.clock import synchronise
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Recording
 from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.simulation.fingers import FingerPair

@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 import structlearn
 from structlearn.core import minimum_jerk, quaternion
 from structlearn.core.params import Parameters
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.demonstration import Recording, Stream
 from structlearn.simulation.hand_noise import hand_noise
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, FLAT_ORIENTATION
 

@@ -19,7 +19,7 @@ import structlearn
 from structlearn.core import quaternion
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.demonstration import Recording, Stream
 from structlearn.simulation.fingers import FingerPair, TouchParameters
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters
 from structlearn.testbeds.scraping.world.demonstrator import (
