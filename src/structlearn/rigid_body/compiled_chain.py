@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside, cross
+from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.rigid_body.compiled_dynamics import chain_arrays, joint_placement
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 

@@ -11,8 +11,7 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.networks.compiled_layers import affine, hidden_layers
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias

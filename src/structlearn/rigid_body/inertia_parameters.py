@@ -28,8 +28,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.rigid_body.tree import LinkInertias
 
 Structure = Literal["nostr", "symm", "spd", "tri", "cov"]

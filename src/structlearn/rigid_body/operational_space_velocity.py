@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside, cross
+from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_chain import (
     Body,

@@ -13,8 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias

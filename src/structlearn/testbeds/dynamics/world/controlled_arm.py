@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.compilation import compiled_inside, numba
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, model_torques
 from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference

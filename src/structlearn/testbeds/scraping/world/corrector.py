@@ -21,8 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.core import minimum_jerk
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.compilation import compiled_inside, numba
 from structlearn.core.params import Parameters
 from structlearn.simulation.hand_noise import hand_noise
 

@@ -16,8 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.core import quaternion
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.compilation import compiled_inside, numba
 from structlearn.core.params import Parameters
 from structlearn.feedback import controller_tick
 from structlearn.feedback.runtime import Controller

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, factorise, solve, workspace
 from structlearn.rigid_body.tree import Robot
 
