@@ -38,13 +38,13 @@ from structlearn.reporting.claims import NO, Claim, Evidence, Found, read_claims
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import OURS as STUDIED
 from structlearn.reporting.studies import Study
-from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.obstacles.representations_section import representation_findings
 from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.findings import read_published as obstacles_published
 from structlearn.testbeds.scraping.page import findings as scraping

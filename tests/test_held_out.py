@@ -71,10 +71,9 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import DriveLog
-from structlearn.rigid_body.learner import LearningParameters
+from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
-from structlearn.rigid_body.training_grid import DynamicsTrainingParameters, EpochLimits, train, trainings
+from structlearn.rigid_body.payload import PayloadLearningParameters, learn_payload
 from structlearn.segmentation.segments import cut
 from structlearn.tactile import latent_comparison
 from structlearn.tactile.latent_parameters import LatentParameters
@@ -91,6 +90,12 @@ from structlearn.tasks.touch import skin_readings, skin_touches, surface_traces,
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
 from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
+from structlearn.testbeds.dynamics.protocol.trainings import (
+    DynamicsTrainingParameters,
+    EpochLimits,
+    train,
+    trainings,
+)
 from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios

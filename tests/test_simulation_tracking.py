@@ -12,9 +12,9 @@ from structlearn.rigid_body.compiled_dynamics import bodies_model, inverse_dynam
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.simulation.arm import ArmParameters, ideal
 from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, known, learned, track
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 from structlearn.testbeds.dynamics.world.arm_motion import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
 

@@ -25,7 +25,7 @@ Array = TypeVar("Array", np.ndarray, "Tensor")
 
 @dataclass(frozen=True)
 class KinematicTree:
-    """What is known of a robot before its inertias: n joints, each after its parent.
+    """Kinematics of a robot: n joints, each after its parent.
 
     Attributes:
         names: of the joints.
@@ -50,6 +50,13 @@ class KinematicTree:
     upper: np.ndarray
     velocity: np.ndarray
     gravity: np.ndarray
+
+    @property
+    def ranges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper limits (n,); a joint without limits turns half a circle either way."""
+        limits = ((self.lower, -np.pi), (self.upper, np.pi))
+        lower, upper = (np.where(np.isfinite(limit), limit, other) for limit, other in limits)
+        return lower, upper
 
 
 @dataclass(frozen=True)
@@ -87,19 +94,12 @@ class LinkInertias(Generic[Array]):
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot as its URDF describes it.
-
-    Attributes:
-        name: of the robot in its URDF.
-        tree: kinematics.
-        inertias: of the moving links, with what is fixed to them.
-        model: Pinocchio's, with the same joints in the same order.
-    """
+    """A robot as its URDF describes it."""
 
     name: str
     tree: KinematicTree
-    inertias: LinkInertias[np.ndarray]
-    model: pinocchio.Model
+    inertias: LinkInertias[np.ndarray]  # of the moving links, with everything that is fixed to them
+    model: pinocchio.Model  # with the same joints in the same order
 
 
 def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
@@ -124,8 +124,7 @@ def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
 def read_model(path: str | Path, locked: Sequence[str] = ()) -> pinocchio.Model:
     """Pinocchio's model of a robot with a fixed base; its links need neither mass nor inertia.
 
-    Raises:
-        InputError: see `read_urdf`, but for what is said of masses and inertias.
+    Raises InputError as `read_urdf` does, but for masses and inertias.
     """
     check_urdf(path, locked)
     try:
@@ -151,11 +150,9 @@ def configuration(model: pinocchio.Model, joints: np.ndarray) -> np.ndarray:
 
 
 def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -> np.ndarray:
-    """Columns of a log in the order of the robot's joints: `log[:, order]`.
+    """Columns of a log in the order of the robot's joints: `log[:, order]`; other joints are left out.
 
-    Raises:
-        InputError: a joint of the robot is not among the log's names, or stands twice; `source` is for the
-            message. Joints that the robot lacks are left out.
+    Raises InputError, which names `source`: a joint of the robot is missing from the log, or is there twice.
     """
     names = list(names)
     if missing := [name for name in tree.names if name not in names]:
@@ -210,9 +207,9 @@ def _inertias(model: pinocchio.Model) -> LinkInertias[np.ndarray]:
 
 
 def _check_inertias(robot: Robot, path: str | Path) -> None:
-    """What Pinocchio merged at fixed joints must have mass and inertia; single links need not.
+    """Links as Pinocchio merged them at fixed joints must have mass and inertia.
 
-    Moments that no body has are so common in makers' files that they are only told of.
+    Moments that no body has are so common in makers' files that they only cause a warning.
     """
     moments = np.linalg.eigvalsh(robot.inertias.inertia)
     for name, mass, moment in zip(robot.tree.names, robot.inertias.mass, moments[:, 0], strict=True):

@@ -128,7 +128,7 @@ def send_followed(
 ) -> None:
     """Log the lines.
 
-    `learned`: as `online_learning.follow_payload` gives it, its `time_s` on the recording's time line; `time`
+    `learned`: as `payload.follow_payload` gives it, its `time_s` on the recording's time line; `time`
     (T,) s; `carried_kg` (T,) what is really carried; `colours`: of what is carried, of what is learned, and
     of the empty arm's model.
     """

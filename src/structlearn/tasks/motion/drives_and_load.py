@@ -15,12 +15,16 @@ from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_log import DriveLog
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
-from structlearn.rigid_body.identification import drawn_fits, identify_load
-from structlearn.rigid_body.inertia_learner import MotionRegressor
+from structlearn.rigid_body.friction import FRICTIONS
+from structlearn.rigid_body.identification import drawn_fits
 from structlearn.rigid_body.motion import Motion, excited, joined, smoothed_motion
-from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
-from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
-from structlearn.rigid_body.training_grid import FRICTIONS
+from structlearn.rigid_body.payload import PayloadLearningParameters, identify_load, learn_payload
+from structlearn.rigid_body.regressor import (
+    SYMMETRIC_COLUMNS,
+    MotionRegressor,
+    link_parameters,
+    torque_regressor,
+)
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.tasks.motion import motion_parameters as names
 from structlearn.tasks.motion.motion_parameters import MotionParameters

@@ -26,10 +26,10 @@ from structlearn.rigid_body.excitation import (
     random_series,
     written,
 )
+from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.inverse_kinematics import Arm
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.self_collision import LinkShapes, link_distances, read_shapes
-from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks import project

@@ -17,15 +17,7 @@ from structlearn.core.metrics import blocks, nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import AdamParameters, one_thread
 from structlearn.readers.joint_log import JointLog, Log, signals_of
-from structlearn.rigid_body import arm_identification
-from structlearn.rigid_body.arm_identification import (
-    LEARNED_FRICTIONS,
-    NETWORKS,
-    TRAIN,
-    Fitting,
-    Identified,
-    NetworkTraining,
-)
+from structlearn.rigid_body import model_comparison
 from structlearn.rigid_body.base_parameters import base_parameters, fit_base
 from structlearn.rigid_body.dynamics_models import (
     DynamicsModels,
@@ -33,11 +25,24 @@ from structlearn.rigid_body.dynamics_models import (
     rigid_body_torques,
     write_dynamics_models,
 )
-from structlearn.rigid_body.friction import friction_columns
-from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
+from structlearn.rigid_body.dynamics_training import (
+    Kind,
+    LearningParameters,
+    Lesson,
+    learner,
+    shuffled_epochs,
+)
+from structlearn.rigid_body.friction import FRICTIONS, friction_columns
 from structlearn.rigid_body.log_fitness import log_fitness, parameter_table
+from structlearn.rigid_body.model_comparison import (
+    LEARNED_FRICTIONS,
+    NETWORKS,
+    TRAIN,
+    Fitting,
+    Identified,
+    NetworkTraining,
+)
 from structlearn.rigid_body.motion import Motion, block_norms, block_table, joined, measured_motion
-from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.motion import drives_and_load
@@ -96,7 +101,7 @@ def learn_motion(
     Returns:
         What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
         `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `links`, `traces`,
-        `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
+        `written`: of `model_comparison`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
         of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
         `fitness` and `determined`: of `rigid_body.log_fitness`. `excitation`: one row, `condition` and
         `parameters`. `choice`: of `choose_networks`. `bodies` and what is found of drives and loads: of
@@ -151,7 +156,7 @@ def _identified(
     limits = robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None
     fitting = Fitting(parameters.iterations, limits, parameters.prior)
     frictions = tuple(dict.fromkeys((*LEARNED_FRICTIONS, parameters.judged_friction)))
-    identified = arm_identification.identify_arm(
+    identified = model_comparison.identify_arm(
         robot, parts, fitting, networks, parameters.structures, frictions
     )
     if parameters.load is not None:
@@ -165,12 +170,12 @@ def _identified(
     stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
     tables |= {
         "motions": _motion_table(asked, {name: its for name, (_, its) in cuts.items()}, pieces, parameters),
-        "errors": arm_identification.error_table(identified, parts),
+        "errors": model_comparison.error_table(identified, parts),
         "blocks": block_table(identified.torques, parts, parameters.block),
         "norms": block_norms(identified.torques, parts, parameters.block),
         "bodies": drives_and_load.body_intervals(robot, parts[TRAIN], judged, parameters),
-        "links": arm_identification.body_table(identified, robot),
-        "traces": arm_identification.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
+        "links": model_comparison.body_table(identified, robot),
+        "traces": model_comparison.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
         "gravity": gravity_check(robot, parts[TRAIN], parameters),
         "base": pd.DataFrame(
             {"parameter": base.formulas(robot.tree)} | bounds | {"urdf": base.values(robot.inertias)}
@@ -178,7 +183,7 @@ def _identified(
         "fitness": log_fitness(robot, stamps, parts[TRAIN], clock_hz, fit, FRICTION),
         "determined": parameter_table(base.formulas(robot.tree), fit),
         "excitation": pd.DataFrame({"condition": [fit.condition], "parameters": [len(base.columns)]}),
-        "written": arm_identification.write_identified(
+        "written": model_comparison.write_identified(
             source, folder / "identified.urdf", robot, identified, parameters.judged_friction
         ),
     }

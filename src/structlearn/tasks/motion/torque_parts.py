@@ -17,10 +17,10 @@ from structlearn.networks.torch_settings import AdamParameters, one_thread, seed
 from structlearn.readers.joint_log import PartedLog
 from structlearn.rigid_body.base_parameters import link_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, torque_parts
-from structlearn.rigid_body.learner import SHARED, learn_annealed
+from structlearn.rigid_body.dynamics_training import SHARED, learn_annealed
+from structlearn.rigid_body.identification import fit_planar_arm, planar_tree
 from structlearn.rigid_body.motion import Motion, joined
 from structlearn.rigid_body.network_models import NetworkLearner
-from structlearn.rigid_body.planar_arm import fit_planar_arm, planar_tree
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
 
