@@ -75,15 +75,15 @@ class Bag:
         return found
 
 
-def _bag(types: Iterable[tuple[str, str]], rows: Mapping[str, list[Row]], metadata: Any = None) -> Bag:
+def _bag(types: Iterable[tuple[str, str]], rows: Mapping[str, Iterable[Row]], metadata: Any = None) -> Bag:
     """From pairs of topic and type, which may repeat, and the messages of each topic, here put in order."""
     topics: dict[str, dict[str, None]] = {}
     for topic, message_type in types:
         topics.setdefault(topic, {})[message_type] = None
     messages = {}
     for topic, its in rows.items():
-        if its:  # those of equal times in the order in which they come
-            log_times, schemas, data = zip(*sorted(its, key=itemgetter(0)), strict=True)
+        if ordered := sorted(its, key=itemgetter(0)):  # those of equal times stay in their order
+            log_times, schemas, data = zip(*ordered, strict=True)
             messages[topic] = RawMessages(np.array(log_times, dtype=np.int64), schemas, data)
     return Bag({topic: list(its) for topic, its in topics.items()}, messages, metadata)
 
@@ -227,7 +227,7 @@ def _read_mcap(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
     of = {number: schemas.get(channel.schema_id) for number, channel in channels.items()}
     types = ((channel.topic, _type_name(channel, of[number])) for number, channel in channels.items())
     rows = {
-        topic: [(time, of[number], data) for time, number, data in its] for topic, its in messages.items()
+        topic: ((time, of[number], data) for time, number, data in its) for topic, its in messages.items()
     }
     return _bag(types, rows, metadata.get(METADATA))
 

@@ -50,11 +50,11 @@ class Decoded(NamedTuple):
 def decoded(where: str, messages: RawMessages) -> list[Decoded]:
     """All messages of a topic in groups, ordered by their first row; an InputError where one is damaged."""
     schemas = {id(schema): schema for schema in messages.schemas}
-    keys = [(id(schema), len(data)) for schema, data in zip(messages.schemas, messages.data, strict=True)]
-    layouts, owners = np.unique(np.array(keys, dtype=np.int64), axis=0, return_inverse=True)
+    keys = [np.fromiter(map(id, messages.schemas), np.int64), np.fromiter(map(len, messages.data), np.int64)]
+    layouts, owners = np.unique(np.stack(keys), axis=1, return_inverse=True)
     groups: list[Decoded] = []
     with damage_named(where, "message"):
-        for number, (kind, length) in enumerate(layouts.tolist()):
+        for number, (kind, length) in enumerate(layouts.T.tolist()):
             rows = np.flatnonzero(owners.ravel() == number)
             raw = np.frombuffer(b"".join(messages.data[row] for row in rows.tolist()), dtype=np.uint8)
             schema = schemas[kind]

@@ -49,7 +49,7 @@ def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Re
             provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
             where = f"{folder}: {name}"
             if isinstance(topics.pose, JointPose):
-                angles = {"joint_positions": columns[topics.pose.topic]}
+                angles: dict[Kind, np.ndarray] = {"joint_positions": columns[topics.pose.topic]}
                 joints = _joints(features[topics.pose.topic])
                 series = JointSeries(topics.pose.topic, joints, 0, stamps, angles)
                 pose = joint_pose(where, [series], topics.pose).values  # noqa: PD011 - of a stream
