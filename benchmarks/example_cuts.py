@@ -18,7 +18,7 @@ from structlearn.core.parallel import parallel_map
 from structlearn.readers import synchronise
 from structlearn.segmentation.repeats import split
 from structlearn.segmentation.segments import cut
-from structlearn.tasks.pick_and_place_world import MOVES, as_recording, session, takes
+from structlearn.tasks.pick_and_place_world import MOVES, SLOW, as_recording, session, takes
 from structlearn.tasks.task_entry import read_task
 
 KINDS = {
@@ -26,13 +26,14 @@ KINDS = {
     "twitch": {"twitch": True},
     "hesitation": {"hesitation": True},
     "both": {"twitch": True, "hesitation": True},
+    "slow": {"hand": SLOW},  # and a hand that sways by 1 mm
 }
 
 
-def errors_ms(seed: int, moves: int, kind: str) -> pd.DataFrame:
+def errors_ms(seed: int, moves: int, kind: str, ends: str) -> pd.DataFrame:
     """Absolute errors of one set, one row per end, and whether the cut is doubted; or why there is none."""
     task = read_task("pick")
-    parameters = task.segment.model_validate(task.segment.model_dump() | {"primitives": moves})
+    parameters = task.segment.model_validate(task.segment.model_dump() | {"primitives": moves, "ends": ends})
     made = takes(seed, moves, **KINDS[kind])
     demonstrations = [synchronise(as_recording(take), task.clock.rate_hz) for take in made]
     try:
@@ -106,12 +107,13 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--first", type=int, default=101)
     arguments.add_argument("--count", type=int, default=40)
+    arguments.add_argument("--ends", choices=("onset", "crossing"), default="onset")
     chosen = arguments.parse_args()
     seeds = range(chosen.first, chosen.first + chosen.count)
     header = True
     for kind in KINDS:
         for moves in (2, 3, 5):
-            sets = parallel_map(partial(errors_ms, moves=moves, kind=kind), seeds, "sets")
+            sets = parallel_map(partial(errors_ms, moves=moves, kind=kind, ends=chosen.ends), seeds, "sets")
             columns = ["seed", "planned_ms", "seen_ms", "doubted", "fault"]
             table = pd.concat([one.reindex(columns=columns) for one in sets], ignore_index=True)
             row = pd.DataFrame([summary(kind, moves, table)]).round(1)

@@ -44,10 +44,23 @@ MOVES = {
 
 GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}  # after how many moves the gripper closes and opens
 
-# Time: a move of 0.5 m takes about 2 s, a shorter one less, and no two are alike. At this pace the arm keeps
-# its limits also from and to the corners of the workspace (`make check TASK=pick`).
-SECONDS, SECONDS_PER_M = 1.0, 2.0
-TEMPO_SPREAD, MOVE_SPREAD = 0.08, 0.08  # std of the duration's logarithm, shared by all moves and of each
+
+@dataclass(frozen=True)
+class Hand:
+    """How a person leads the arm: a move of d metres takes about `seconds + seconds_per_m * d`."""
+
+    seconds: float
+    seconds_per_m: float
+    tempo_spread: float  # std of the duration's logarithm, shared by all moves of a demonstration
+    move_spread: float  # likewise, of each move
+    sway_mm: float  # std per axis
+
+
+# Briskly led, the arm keeps its limits also from and to the corners of the workspace (`make check TASK=pick`).
+BRISK = Hand(1.0, 2.0, 0.08, 0.08, 0.3)
+SLOW = Hand(2.0, 4.0, 0.04, 0.04, 1.0)
+
+# Pace
 SKEW, WAVES = 0.5, 0.15  # std of the exponents of the pace: early or late, and faster and slower in turns
 PAUSE_S, REST_S = (0.3, 1.0), (0.5, 1.2)  # between moves; before the first and after the last
 HESITATION_S, HESITATION_DEPTH = (0.05, 0.10), (0.85, 1.0)  # std of a dip of the pace, and its depth
@@ -61,7 +74,6 @@ RISE, BOW_SPREAD = 0.15, 0.05
 GRID_HZ = 600.0
 POSE_EVERY, JOINTS_EVERY, GRIPPER_EVERY = 5, 6, 20  # 120, 100 and 30 Hz
 CAPTURE_MM, CAPTURE_DEG = (0.2, 0.5), 0.1  # std per axis of a reading of motion capture
-HAND_MM = 0.3  # std per axis of a hand that leads
 JITTER_S = 0.001
 OPEN_M, CLOSED_M, GRIPPER_S = 0.04, 0.015, 0.2  # of each finger; how long it takes
 PART_KG, FORCE_N = 0.6, 0.15  # std of the wrist's reading per axis
@@ -97,6 +109,7 @@ def takes(
     twitch: bool = False,
     hesitation: bool = False,
     without: Mapping[str, str] | None = None,
+    hand: Hand = BRISK,
 ) -> list[Take]:
     """Demonstrations of one person, of 2, 3 or 5 moves (`MOVES`).
 
@@ -107,7 +120,7 @@ def takes(
     for number, source in enumerate(np.random.SeedSequence([seed, moves]).spawn(count), 1):
         name = f"{number:02d}"
         goals = [(move, goal) for move, goal in MOVES[moves].items() if move != skipped.get(name)]
-        found.append(_take(name, seed, goals, [GRASP[moves]], twitch, hesitation, source))
+        found.append(_take(name, seed, goals, [GRASP[moves]], twitch, hesitation, hand, source))
     return found
 
 
@@ -118,7 +131,7 @@ def session(
     source = np.random.SeedSequence([seed, moves, repeats])
     closes, opens = GRASP[moves]
     grasps = [(closes + done, opens + done) for done in range(0, moves * repeats, moves)]
-    return _take(name, seed, list(MOVES[moves].items()) * repeats, grasps, twitch, hesitation, source)
+    return _take(name, seed, list(MOVES[moves].items()) * repeats, grasps, twitch, hesitation, BRISK, source)
 
 
 def as_recording(take: Take) -> Recording:
@@ -171,6 +184,7 @@ def _take(
     grasps: Sequence[tuple[int, int]],
     twitch: bool,
     hesitation: bool,
+    led_by: Hand,
     source: np.random.SeedSequence,
 ) -> Take:
     drawn, hand, capture, arm = source.spawn(4)
@@ -179,7 +193,7 @@ def _take(
     points = np.array([PLACES[stop] + SCATTER_M[stop] * rng.standard_normal(3) for stop in stops])
     yaws = np.radians([YAW_DEG[stop] + YAW_SCATTER_DEG * rng.standard_normal() for stop in stops])
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    tempo = TEMPO_SPREAD * rng.standard_normal()
+    tempo = led_by.tempo_spread * rng.standard_normal()
     rests = [rng.uniform(*REST_S), *rng.uniform(*PAUSE_S, len(goals) - 1), rng.uniform(*REST_S)]
     twitches, again = rng.integers(len(rests)), rng.uniform(*PAUSE_S)
     lasts, far, way = rng.uniform(*TWITCH_S), rng.uniform(*TWITCH_M), rng.standard_normal(3)
@@ -192,8 +206,8 @@ def _take(
             twitched = now
             now += lasts + again
         if place < len(goals):
-            longer = np.exp(tempo + MOVE_SPREAD * rng.standard_normal())
-            duration = (SECONDS + SECONDS_PER_M * lengths[place]) * longer
+            longer = np.exp(tempo + led_by.move_spread * rng.standard_normal())
+            duration = (led_by.seconds + led_by.seconds_per_m * lengths[place]) * longer
             made.append(_move(now, duration, place == hesitates, rng))
             now = made[-1].end
     time = np.arange(int(now * GRID_HZ)) / GRID_HZ
@@ -208,7 +222,9 @@ def _take(
         there = np.clip((time - twitched) / lasts, 0.0, 1.0)[:, None]
         position = position + 16 * (there * (1 - there)) ** 2 * far * way / np.linalg.norm(way)
     velocity = np.gradient(position, 1 / GRID_HZ, axis=0)
-    shaken, turned = hand_noise(velocity, np.zeros(len(time)), HAND_MM, GRID_HZ, np.random.default_rng(hand))
+    shaken, turned = hand_noise(
+        velocity, np.zeros(len(time)), led_by.sway_mm, GRID_HZ, np.random.default_rng(hand)
+    )
     turned[:, 2] += yaw
     held = np.zeros(len(time))
     for closes, opens in grasps:
