@@ -56,7 +56,7 @@ class Hand:
     sway_mm: float  # std per axis
 
 
-# Briskly led, the arm keeps its limits also from and to the corners of the workspace (`make check TASK=pick`).
+# Briskly led, the arm keeps its limits from and to the corners of the workspace (`make check TASK=pick`).
 BRISK = Hand(1.0, 2.0, 0.08, 0.08, 0.3)
 SLOW = Hand(2.0, 4.0, 0.04, 0.04, 1.0)
 
