@@ -129,7 +129,7 @@ def reach_frame(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
 def check_clear(solid: Obstacle, start: np.ndarray, goal: np.ndarray) -> None:
     """Raise InputError if an obstacle contains the start or the goal: no reach can avoid it then."""
     for end, point in (("start", start), ("goal", goal)):
-        if solid.contains(point):
+        if solid.signed_distance(point) <= 0.0:
             place = ", ".join(f"{value:g}" for value in solid.centre)
             raise InputError(f"the {solid.shape} at ({place}) m contains the {end} of the reach")
 
