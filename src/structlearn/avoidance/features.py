@@ -84,7 +84,7 @@ def displaced(features: np.ndarray, position: np.ndarray, scaled_velocity: np.nd
 
 
 def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
-    """Distance (...) m of positions (..., 3) to the closest point of clouds (..., P, 3), NaN if not finite."""
+    """Distance (...) m of positions (..., 3) to the closest point of clouds (..., P, 3), or NaN."""
     return _norm(_closest_points(position, cloud)[..., 0, :])
 
 
