@@ -161,25 +161,16 @@ class _Feedback:
         """Coupling term (B, 3) a step after the first sample of a piece of the movement with one goal."""
         k = first + step
         if k > self._done:  # the sample at which the goal changes belongs to two pieces
-            pairs = zip(self._obstacles, self._extent, strict=True)
-            terms = [self._term(obstacle, *extent, k, goal, x, xd) for obstacle, extent in pairs]
+            terms = [self._term(number, k, goal, x, xd) for number in range(len(self._obstacles))]
             self.asked[:, k] = strongest_pushes(np.stack(terms))
             self.coupling[:, k] = self._reach.admissible(k, self.asked[:, k])
             self._reach.advance(self.coupling[:, k])
             self._done = k
         return self.coupling[:, k]
 
-    def _term(
-        self,
-        obstacle: CloudBatch,
-        first_x: np.ndarray,
-        last_x: np.ndarray,
-        k: int,
-        goal: np.ndarray,
-        x: np.ndarray,
-        xd: np.ndarray,
-    ) -> np.ndarray:
+    def _term(self, number: int, k: int, goal: np.ndarray, x: np.ndarray, xd: np.ndarray) -> np.ndarray:
         """Post-processed coupling term (B, 3) for one obstacle."""
+        obstacle, (first_x, last_x) = self._obstacles[number], self._extent[number]
         moved = obstacle.displacement(float(self._time[k]))
         velocity = (moved - obstacle.displacement(float(self._time[k - 1]))) / self._dt
         seen = features(x - moved, xd - velocity, self._tau, obstacle.points, obstacle.centre)

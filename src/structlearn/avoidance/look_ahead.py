@@ -29,7 +29,7 @@ STEP_CELLS = 0.5  # step along the way, in cells: the direction is interpolated 
 
 
 class LookAheadParameters(Parameters):
-    """Grid, costs and distances ahead. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.look_ahead`."""
+    """Grid, costs, distances ahead. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.look_ahead`."""
 
     cell_m: float = Field(gt=0, le=0.1)
     margin_m: float = Field(ge=0, le=1)
