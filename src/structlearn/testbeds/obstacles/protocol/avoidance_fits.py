@@ -107,11 +107,8 @@ def learn(
         }
         for person in datasets
     }
-    how: dict[str, Any] = {
-        "parameters": parameters.phase_modulated,
-        "hidden": parameters.phase_modulated_hidden,
-    }
-    train = partial(train_phase_modulated, **how)
+    training, hidden = parameters.phase_modulated, parameters.phase_modulated_hidden
+    train = partial(train_phase_modulated, parameters=training, hidden=hidden)
     found = parallel_map(train, _training(modulating), "phase-modulated networks")
     sources = [one.learned_from for one in modulating]
     models[modulated] = {**models[modulated], PHASE_MODULATED: dict(zip(sources, found, strict=True))}

@@ -168,7 +168,7 @@ def _detour(
     person: AvoiderParameters,
     chance: np.ndarray,
 ) -> np.ndarray:
-    """Displacement (D, 3) of the closest points (D, 3) to the side of least cost, with random parts (D, S)."""
+    """Displacement (D, 3) of the closest points (D, 3) to the side of least cost; chance (D, S) is random."""
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
     sides = np.outer(np.cos(angle), axes[:, 1]) + np.outer(np.sin(angle), axes[:, 2])  # (S, 3)
     tried = points[:, None, None] + sides[:, None] * DETOURS_M[:, None]  # (D, S, M, 3)

@@ -1,9 +1,9 @@
 """Places of obstacles: 40 settings for each of three shapes, and 63 unseen spheres (IV.8.3, IV.8.7).
 
 The recorded settings are not public. These approximate what is known of them: an unhindered reach hits the
-obstacle in 4 of 120 scenarios, 43 of 120 have a dominant axis of avoidance, the closest distance is 5 radii on
-average (table IV.1), and in the public samples obstacles lie up to 1.1 m along and 0.9 m beside the reach, up
-to 0.25 m higher or lower.
+obstacle in 4 of 120 scenarios, 43 of 120 have a dominant axis of avoidance, the closest distance is 5 radii
+on average (table IV.1), and in the public samples obstacles lie up to 1.1 m along and 0.9 m beside the reach,
+up to 0.25 m higher or lower.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ FAR_M = (0.9, 0.2)  # half width sideways and upwards of the box in which far ob
 FAR_CLEARANCE_M = 0.25  # from the line of the reach to the centre of a far obstacle: no detour is needed
 
 END_CLEARANCE_M = 0.06
-"""From start or goal to the surface of any obstacle: a hand has to fit, and the unseen spheres are as close."""
+"""From start or goal to the surface of any obstacle: a hand has to fit; unseen spheres are as close."""
 
 GRID_ALONG = np.array([-1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0]) / 6.0
 """Seven points from start to goal, the two at the ends pushed one spacing outwards."""
