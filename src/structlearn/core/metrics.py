@@ -6,8 +6,13 @@ is cut into blocks that are longer than what its errors remember, and blocks are
 costs as much as there are blocks, however many samples they have.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.special import ndtri, stdtrit
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -99,3 +104,8 @@ def percentiles(samples: np.ndarray, confidence: float = 0.95) -> tuple[np.ndarr
     tail = 0.5 * (1.0 - confidence)
     low, high = np.quantile(samples, [tail, 1.0 - tail], axis=0)
     return low, high
+
+
+def matching(table: "pd.DataFrame", **values: object) -> "pd.DataFrame":
+    """Rows of a table with these values in these columns."""
+    return table[np.logical_and.reduce([table[name] == value for name, value in values.items()])]

@@ -24,6 +24,7 @@ from structlearn.avoidance.learned_models import (
     SETTING,
 )
 from structlearn.avoidance.shapes import SHAPES
+from structlearn.core.metrics import matching
 from structlearn.core.params import Population, read_values
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.readers.demonstration import Demonstration
@@ -132,7 +133,7 @@ class ObstacleResults:
         rules: str = LIMITED,
     ) -> pd.DataFrame:
         """Rows of `by_person` of one protocol and kind of model."""
-        its = _matching(self.by_person, protocol=protocol, model=model, rules=rules)
+        its = matching(self.by_person, protocol=protocol, model=model, rules=rules)
         return its[its["learned_from"].isin(_listed(learned_from))]
 
     def hits(self, protocol: str, model: str = NO_MODEL, learned_from: str | Iterable[str] = "") -> int:
@@ -157,7 +158,7 @@ class ObstacleResults:
     def fit(self, model: str, learned_from: str, obstacle: str, part: str = "test") -> pd.DataFrame:
         """Rows of `fits` of a model that learned several scenarios, one per person, in their order."""
         keys = {"model": model, "learned_from": learned_from, "obstacle": obstacle, "part": part}
-        return _matching(self._of_people(self.fits), **keys)
+        return matching(self._of_people(self.fits), **keys)
 
     def fit_by_person(self, model: str, all_shapes: bool = False) -> np.ndarray:
         """Held-out `nmse_across` (P,), mean over shapes, of models of a shape each or of one of all."""
@@ -166,7 +167,7 @@ class ObstacleResults:
 
     def setting_fits(self, column: str, part: str) -> pd.DataFrame:
         """NMSE of models that learned one scenario: a row per scenario that has it, a column per model."""
-        fits = _matching(self._of_people(self.fits), learned_from=SETTING, part=part)
+        fits = matching(self._of_people(self.fits), learned_from=SETTING, part=part)
         wide = fits.pivot_table(index=["person", "obstacle", "scenario"], columns="model", values=column)
         return wide.reindex(columns=[NETWORK, HUMAN_INSPIRED]).dropna()
 
@@ -193,11 +194,6 @@ class ObstacleResults:
 
 def _listed(names: str | Iterable[str]) -> list[str]:
     return [names] if isinstance(names, str) else list(names)
-
-
-def _matching(table: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """Rows with these values in these columns."""
-    return table[(table[list(values)] == pd.Series(values)).all(axis=1)]
 
 
 def reaches_by_person(scores: pd.DataFrame, farthest_m: float) -> pd.DataFrame:
@@ -249,7 +245,7 @@ def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None
     """Errors of the coupling term."""
     own = results.setting_fits("nmse_dominant", "test")
     fits = results.fits[results.fits["person"].isin(results.people)]
-    fits = _matching(fits, part="test", learned_from=SETTING, model=NETWORK)
+    fits = matching(fits, part="test", learned_from=SETTING, model=NETWORK)
     find.exact("dominant_scenarios", len(own))
     find.exact("nmse_dominant", fits["nmse_dominant"].mean(), len(own))
     find.exact("nmse_without_dominant", fits.loc[fits["dominant"] == "", "nmse_across"].mean())

@@ -135,7 +135,10 @@ def write_avoidance_demonstrations(
             curves = rrb.Vertical(*_send_signals(stream, one, baseline))
             detail = scene_view(name, contents, points, floor)
             details.append(rrb.Horizontal(detail, curves, column_shares=[4, 3], name=name))
-        views = {"chosen scenarios": rrb.Grid(*scenes, grid_columns=3), "all settings": settings}
+        views: dict[str, rrb.Container | rrb.View] = {
+            "chosen scenarios": rrb.Grid(*scenes, grid_columns=3),
+            "all settings": settings,
+        }
         tabs = [
             rrb.Horizontal(view, notes_view(), column_shares=[4, 1], name=words)
             for words, view in views.items()
@@ -252,7 +255,7 @@ def _send_model(
             send_curve(stream, curve, reach.time, reach.coupling[:, axis], label, colour)
     parts = ("obstacle", "demonstrated", BARE.name, "axes", kind)
     view = scene_view(KINDS[kind].name, [f"{entity(name, part)}/**" for part in parts], points, floor)
-    distance = plot("distance to the surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
+    nearness = plot("distance to the surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
     limit = ROOM * float(np.abs(one.targets[["target_y", "target_z"]].to_numpy()).max())
     terms = []
     for direction in DIRECTIONS.values():
@@ -261,7 +264,7 @@ def _send_model(
         term = plot(f"coupling {direction} (m)", contents, legend=False)
         term.properties["ScalarAxis"] = rrb.ScalarAxis(range=(-limit, limit))
         terms.append(term)
-    return rrb.Vertical(view, distance, *terms, row_shares=[5, 2, 2, 2])
+    return rrb.Vertical(view, nearness, *terms, row_shares=[5, 2, 2, 2])
 
 
 def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from structlearn.core.metrics import matching
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import UNKNOWN, Evidence, Found, clustered_share, difference
 from structlearn.reporting.findings import Findings
@@ -33,7 +34,7 @@ from structlearn.testbeds.servoing.names import (
     TEXT,
     dynamics_name,
 )
-from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores, matching
+from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     AS_DATA,
     Comparison,
@@ -243,10 +244,14 @@ def findings(results: ServoingResults) -> Findings:
     _of_person(find, results)
     if not results.people.count:
         find.mark(HEADLINES_OF_ONE)
-    over_people = find.among("people", PEOPLE_STUDY)
-    _prediction(over_people, results.people.numbers)
-    _closed_loop(over_people, results)
+    over_people(find.among("people", PEOPLE_STUDY), results)
     return find
+
+
+def over_people(find: Findings, results: ServoingResults) -> None:
+    """Rows that claims and sentences rest on."""
+    _prediction(find, results.people.numbers)
+    _closed_loop(find, results)
 
 
 def rate(trials: ControllerScores, variant: Variant) -> Evidence:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
+from structlearn.core.metrics import matching
 from structlearn.tactile.electrodes import path_length, skin_distance
 from structlearn.testbeds.servoing.protocol.servo_variants import ToleranceParameters, Variant
 from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
@@ -130,8 +131,3 @@ class ControllerScores:
 def rows_of(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
     """Rows of one controller of a table with the columns `KEYS`."""
     return matching(table, **vars(variant))
-
-
-def matching(table: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """Rows of a table that have these values in these columns."""
-    return table[np.logical_and.reduce([table[name] == value for name, value in values.items()])]

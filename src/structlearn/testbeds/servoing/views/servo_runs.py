@@ -11,11 +11,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import quaternion
+from structlearn.core.metrics import matching
 from structlearn.palette import GREY
 from structlearn.simulation.touch import Handle
 from structlearn.tactile.electrodes import Skin
 from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, LATENT, OURS, TEXT, TRUE
-from structlearn.testbeds.servoing.protocol.servo_scores import matching
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 from structlearn.testbeds.servoing.views import servoing_scene as scene
 from structlearn.viewer.rrd import colour_words, entity, layout, recording, rgba, send_curve, send_notes
