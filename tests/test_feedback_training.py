@@ -16,6 +16,7 @@ from structlearn.feedback.supervised_training import (
     CHOOSING,
     DECAY,
     LearningCurves,
+    Stack,
     StackedData,
     evaluate,
     predict,
@@ -24,7 +25,7 @@ from structlearn.feedback.supervised_training import (
     target_scale,
     train,
 )
-from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
+from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, seeded
 
 QUICK = committed(TrainingParameters, "compare_models", steps=60, evaluate_every=20, batch_size=16)
 
@@ -42,15 +43,15 @@ def stacked(data, parameters=QUICK, chosen=slice(None)):
     )
 
 
-def networks(models, seed=0, dropout=0.5):
-    generator = torch.Generator().manual_seed(seed)
-    return StackedPhaseModulatedNetworks(models, 6, (20,), 25, dropout, generator)
+def networks(models, dropout=0.5):
+    network = StackedPhaseModulatedNetworks(models, 6, (20,), 25, dropout, seeded(0))
+    return Stack(network.parameters(), network.forward)
 
 
 def test_a_known_coupling_is_learnt_and_exported():
     data = toy_dataset(noise=0.02, offset=0.0)
     parameters = committed(
-        TrainingParameters, "compare_models", steps=1500, evaluate_every=250, dropout=0.1, learning_rate=3e-3
+        TrainingParameters, "compare_models", steps=800, evaluate_every=200, dropout=0.1, learning_rate=3e-3
     )
     network = train_final(PhaseModulatedNetwork, data, parameters, (40,))
     phase = data.phase, data.phase_velocity
@@ -64,11 +65,8 @@ def test_a_known_coupling_is_learnt_and_exported():
 
 def test_a_model_learns_the_same_alone_and_in_a_stack():
     data = toy_dataset()
-    together, alone = networks(4), networks(1)
-    with torch.no_grad():
-        for values, found in zip(alone.parameters(), together.parameters(), strict=True):
-            values.copy_(found[2:3])
-    alone.dropout.generator.set_state(together.dropout.generator.get_state())
+    together, alone = networks(4, dropout=0.0), networks(1, dropout=0.0)
+    restore(alone, [values[2:3] for values in together.weights])
     all_curves = train(together, stacked(data), QUICK)
     own_curves = train(alone, stacked(data, chosen=slice(2, 3)), QUICK)
     np.testing.assert_allclose(own_curves.nmse[:, 0], all_curves.nmse[:, 2], rtol=1e-3)
@@ -77,17 +75,17 @@ def test_a_model_learns_the_same_alone_and_in_a_stack():
 
 def test_a_step_is_that_of_torch_on_every_tensor():
     ours, theirs = networks(2), networks(2)
-    optimiser = RootMeanSquarePropagation(ours.parameters(), QUICK.learning_rate, DECAY)
-    reference = torch.optim.RMSprop(theirs.parameters(), QUICK.learning_rate, DECAY, eps=1e-8)
+    optimiser = RootMeanSquarePropagation(ours.weights, QUICK.learning_rate, DECAY)
+    reference = torch.optim.RMSprop(theirs.weights, QUICK.learning_rate, DECAY, eps=1e-8)
     generator = torch.Generator().manual_seed(0)
     for _ in range(5):
         inputs = torch.randn(2, 30, 6, generator=generator)
         modulation = torch.randn(2, 30, 25, generator=generator)
-        optimiser.step(ours.forward(inputs, modulation).square().mean())
+        optimiser.step(ours.forward(inputs, modulation, True).square().mean())
         reference.zero_grad()
-        theirs.forward(inputs, modulation).square().mean().backward()
+        theirs.forward(inputs, modulation, True).square().mean().backward()
         reference.step()
-    for one, other in zip(ours.parameters(), theirs.parameters(), strict=True):
+    for one, other in zip(ours.weights, theirs.weights, strict=True):
         torch.testing.assert_close(one, other, atol=1e-6, rtol=1e-4)
 
 

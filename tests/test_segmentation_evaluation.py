@@ -8,17 +8,16 @@ from reporting_scraping import PARAMETERS, demonstration, noise_table
 from structlearn.primitives.sequence import largest_acceleration_jump
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.cut_errors import (
-    Dwells,
     aligned_segments,
-    aligned_spread_mm,
     between_dwells,
     cut_errors,
-    distances_to_reference_mm,
+    distances_mm,
     downsampling_effect,
     errors_by_level,
     errors_by_seed,
     mean_cut_errors_ms,
     paired_comparison,
+    spread_mm,
     wins_at_every_noise_level,
 )
 from structlearn.segmentation.segments import cut
@@ -54,7 +53,7 @@ def test_aligned_stretched_copies_coincide(two_move_demonstrations):
     curves, names = aligned_segments(two_move_demonstrations, segmentation, "down", "wls", "z")
     assert curves.shape == (5, 200, 1)
     assert names == ["01", "02", "03", "04", "05"]
-    assert aligned_spread_mm(two_move_demonstrations, segmentation, "down", "wls", "z") < 1.0
+    assert spread_mm(curves) < 1.0
 
 
 def test_downsampling_work_falls_with_the_square(two_move_demonstrations):
@@ -68,8 +67,9 @@ def test_downsampling_work_falls_with_the_square(two_move_demonstrations):
 def test_dwells_keep_the_movement_and_know_where_it_is():
     path = np.column_stack([np.linspace(0, 0.4, 500), np.zeros(500), np.zeros(500)])
     reach = Demonstration("a", np.arange(500) * 1e-3, path)
-    dwells = Dwells(0.3, 1.0, 5.0)
-    quiet, noisy = (between_dwells(reach, dwells, noise, np.random.default_rng(0)) for noise in (0.0, 2e-3))
+    quiet, noisy = (
+        between_dwells(reach, (0.3, 1.0), 5.0, noise, np.random.default_rng(0)) for noise in (0.0, 2e-3)
+    )
     first, last = np.round(quiet.true_segments[0] / 1e-3).astype(int)
     np.testing.assert_array_equal(quiet.position[first : last + 1], path)
     assert (quiet.position[:first] == path[0]).all()
@@ -107,9 +107,9 @@ def test_distance_to_the_reference_does_not_see_where_a_segment_lies():
     shifted = replace(first, name="shifted", position=first.position + np.array([0.1, -0.2, 0.3]))
     segmentation = cut([first, shifted], PARAMETERS)
     for method in ("zvc", "wls"):
-        distances = distances_to_reference_mm([first, shifted], segmentation, "down", method, "z")
-        assert list(distances.index) == ["shifted"]
-        assert distances.to_numpy() == pytest.approx(0.0, abs=1e-6)
+        curves, names = aligned_segments([first, shifted], segmentation, "down", method, "z")
+        distances = distances_mm(curves, names.index(first.name))
+        assert distances == pytest.approx([0.0], abs=1e-6)
 
 
 def test_jump_of_the_acceleration_is_found_at_switches_only():

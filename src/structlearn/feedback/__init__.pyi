@@ -1,11 +1,5 @@
-from .coupling import (
-    orientation_target as orientation_target,
-    position_target as position_target,
-)
-from .coupling_dataset import (
-    CouplingDataset as CouplingDataset,
-    leave_one_out as leave_one_out,
-)
+from .coupling import orientation_target as orientation_target, position_target as position_target
+from .coupling_dataset import CouplingDataset as CouplingDataset, leave_one_out as leave_one_out
 from .coupling_model import (
     Compiled as Compiled,
     CouplingModel as CouplingModel,
@@ -16,10 +10,7 @@ from .coupling_model import (
     read_networks as read_networks,
     write_networks as write_networks,
 )
-from .runtime import (
-    Controller as Controller,
-    Status as Status,
-)
+from .runtime import Controller as Controller, Status as Status
 from .skill import (
     FadingParameters as FadingParameters,
     Limits as Limits,

@@ -1,19 +1,19 @@
-"""Corrected demonstrations as paths, and how far from them a feedback model leads.
+"""Corrected demonstrations as paths, and their distance from the path that a feedback model unrolls.
 
     r = R c        error = rms (R c - r_cd)
 
-The path needs no file of its own: the primitive with c_target as its coupling term is the demonstration
-(`coupling`), so r_cd follows from the coupling dataset. `stacked_pmnn` learns to follow such paths.
+The primitive with c_target as its coupling term is the demonstration (`coupling`), so r_cd follows from the
+coupling dataset. `stacked_pmnn` learns to follow such paths.
 
-The transformation system is linear in c, so what a coupling term (held over each step) adds to a movement is
-a sum of responses. They depend on dt / tau alone: on a grid of T samples in normalised time all movements
-share one matrix, whatever their durations.
+The transformation system is linear in c, so a coupling term (held over each step) adds a sum of responses to
+a movement. They depend on dt / tau alone: on a grid of T samples in normalised time all movements share one
+matrix, whatever their durations.
 
 For positions, and for turns about one fixed axis, this is exact. A correction of 10 degrees about a fixed
 axis, on top of a nominal movement through 1, 4 and 10 degrees about other axes, differs from
 `primitives.orientation.unroll` by less than 0.001, 0.02 and 0.1 degrees, since rotations do not commute;
-corrections of 2, 5 and 10 degrees about two axes at once by less than 0.15, 0.35 and 0.7 degrees (the tests
-hold it). That is below what feedback models leave over, so there is no sequential unroll on SO(3) here.
+corrections of 2, 5 and 10 degrees about two axes at once by less than 0.15, 0.35 and 0.7 degrees. That is
+below the error of feedback models, so there is no sequential unroll on SO(3) here.
 """
 
 from collections.abc import Mapping
@@ -69,11 +69,11 @@ class CorrectedPaths:
 
 
 def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
-    """Demonstrations of a coupling dataset in normalised time, with the corrections that they asked for.
+    """Demonstrations of a coupling dataset in normalised time, ordered by setting, then demonstration.
 
     The correction is unrolled at the demonstration's own rate, so that nothing faster than the common samples
-    folds into it; everything is then interpolated linearly. Ordered by setting, then demonstration. Raises
-    InputError: a demonstration is not on a uniform clock from the start to the end of the primitive.
+    aliases; everything is then interpolated linearly. Raises InputError: a demonstration is not on a uniform
+    clock from the start to the end of the primitive.
     """
     keys = sorted(set(zip(dataset.setting.tolist(), dataset.demonstration.tolist(), strict=True)))
     found = []
@@ -94,10 +94,7 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
 
 
 def unrolled_error(network: CouplingModel, paths: CorrectedPaths) -> np.ndarray:
-    """Difference between the unrolled and the demonstrated path, given the demonstration's sensors.
-
-    Returns (L,) m or rad, root mean square over each demonstration.
-    """
+    """Rms distance (L,), m or rad, of the unrolled from the demonstrated path, given its recorded sensors."""
     unrolled = network.coupling(paths.deviation, *paths.phase) @ paths.response.T
     return np.sqrt(np.mean((unrolled - paths.correction) ** 2, axis=1))
 
@@ -105,25 +102,24 @@ def unrolled_error(network: CouplingModel, paths: CorrectedPaths) -> np.ndarray:
 def path_errors(
     datasets: Mapping[str, CouplingDataset], models: Mapping[str, Mapping[str, CouplingModel]]
 ) -> pd.DataFrame:
-    """Errors of the unrolled roll path, given the recorded sensors, over all demonstrations.
+    """`unrolled_error` of roll paths: `model`, `primitive`, `setting_deg`, `demonstration`, `error_deg`.
 
     `datasets`: by the primitive's name, with settings that were and were not learned from. `models`: networks
-    by primitive, by model. Returns one row per model, primitive and demonstration: `model`, `primitive`,
-    `setting_deg`, `demonstration`, `error_deg` (rms over the movement).
+    by primitive, by model.
     """
     tables = []
     for name, dataset in datasets.items():
         paths = corrected_paths(dataset, SAMPLES)
         for model, networks in models.items():
+            columns = {"model": model, "primitive": name, "setting_deg": paths.setting}
+            columns |= {"demonstration": paths.demonstration}
             errors = np.degrees(unrolled_error(networks[name], paths))
-            keys = {"model": model, "primitive": name, "setting_deg": paths.setting}
-            columns = keys | {"demonstration": paths.demonstration, "error_deg": errors}
-            tables.append(pd.DataFrame(columns))
+            tables.append(pd.DataFrame(columns | {"error_deg": errors}))
     return pd.concat(tables, ignore_index=True)
 
 
 def split(paths: CorrectedPaths, share: float, seed: int) -> tuple[CorrectedPaths, CorrectedPaths]:
-    """Demonstrations to train on and demonstrations to validate on; no number of a demonstration is in both.
+    """Demonstrations to train and to validate on; no number of a demonstration is in both.
 
     `share`: of the demonstration numbers, to validate on; at least one. Raises InputError: there is only one.
     """

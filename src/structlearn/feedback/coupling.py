@@ -50,8 +50,7 @@ def position_target(
 ) -> np.ndarray:
     """Coupling target (T, D) of a corrected vector movement (eq. IV.23); 0 at the first sample.
 
-    `path`: corrected demonstration of one primitive, (T, D), in the primitive's coordinates. `goal`: (D,)
-    steady goal; default the primitive's.
+    `path`: (T, D) in the primitive's coordinates. `goal`: (D,) steady goal; default the primitive's.
     """
     goal = primitive.goal if goal is None else goal
     tau = canonical.time_constant(path.duration)
@@ -69,8 +68,8 @@ def reach_target(path: Trajectory, primitive: PositionPrimitive) -> np.ndarray:
     The transformation system is the same along all axes, so a coupling term turns with the local frame, which
     is that from the reach's own start to the goal of the nominal primitive.
 
-    `path`: corrected demonstration of one primitive, (T, 3) m in the base frame. Returns (T, 3) c_target in
-    m; 0 at the first sample. Raises InputError: the path starts at the goal, so that there is no local frame.
+    `path`: (T, 3) m in the base frame. Returns (T, 3) c_target in m; 0 at the first sample. Raises
+    InputError: the path starts at the goal, so that there is no local frame.
     """
     start = path.position[0]
     try:
@@ -86,8 +85,7 @@ def orientation_target(
 ) -> np.ndarray:
     """Coupling target (T, 3) of a corrected orientation movement, base frame (eq. IV.24); 0 at first.
 
-    `path`: corrected demonstration of one primitive, (T, 4) orientations. `goal`: (4,) steady goal; default
-    the primitive's.
+    `path`: (T, 4) orientations. `goal`: (4,) steady goal; default the primitive's.
     """
     goal = primitive.goal if goal is None else goal
     tau = canonical.time_constant(path.duration)

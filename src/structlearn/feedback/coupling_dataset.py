@@ -1,15 +1,15 @@
-"""Supervised data of a feedback model: sensor deviations, phase, and the coupling term that was demonstrated.
+"""Supervised data of a feedback model: sensor deviations, phase, and the demonstrated coupling term.
 
-One row per sample, keyed by setting and demonstration; the same numbers of a demonstration in different
-settings belong together in leave-one-demonstration-out tests. A coupling term of several dimensions is
-learned one by one (IV.6.2.3.2): a dataset is of one axis, and those of one primitive differ in their target
-alone, so that they share a table.
+One row per sample, keyed by setting and demonstration; demonstrations of the same number in different
+settings belong together in leave-one-demonstration-out tests. Each dimension of a coupling term is learned by
+itself (IV.6.2.3.2): a dataset is of one axis, and those of one primitive differ in their target alone, so
+that they share a table.
 
 Fold k of the leave-one-demonstration-out protocol (IV.9.3) leaves out demonstration k of *every* setting as
 its generalisation part. The rest is shuffled and split into train, validation and test. The text shuffles
 single samples: then the neighbours of every validation sample, 10 ms away, are training samples, and only the
-generalisation part tells how well a model does on a new demonstration. Longer chunks of consecutive samples
-part neighbours; what a demonstration has of its own is on both sides all the same.
+generalisation part measures how well a model does on a new demonstration. Longer chunks of consecutive
+samples separate neighbours, but samples of one demonstration are still on both sides.
 """
 
 from collections.abc import Mapping, Sequence
@@ -47,7 +47,7 @@ class CouplingDataset:
 
 
 COLUMNS = tuple(field.name for field in fields(CouplingDataset) if field.name != "groups")
-"""What a dataset has of every sample."""
+"""Fields that have a value per sample."""
 
 
 def concatenated(parts: Sequence[CouplingDataset]) -> CouplingDataset:
@@ -69,10 +69,10 @@ def from_table(table: pd.DataFrame) -> CouplingDataset:
 
 
 def to_axes_table(datasets: Mapping[Axis, CouplingDataset]) -> pd.DataFrame:
-    """One row per sample of what was demonstrated of one primitive on several axes.
+    """One row per sample of the datasets of one primitive on several axes.
 
-    Returns `setting` (a label), `demonstration`, `time_s`, `phase`, `phase_velocity`, `target_<axis>` of each
-    axis, and the deviation of each channel: `channel_00`, ... in the first group, in others
+    Columns: `setting` (a label), `demonstration`, `time_s`, `phase`, `phase_velocity`, `target_<axis>` of
+    each axis, and the deviation of each channel: `channel_00`, ... in the first group, in others
     `channel_<group>_00`, ...
     """
     first = next(iter(datasets.values()))
@@ -82,10 +82,7 @@ def to_axes_table(datasets: Mapping[Axis, CouplingDataset]) -> pd.DataFrame:
 
 
 def from_axes_table(table: pd.DataFrame) -> dict[Axis, CouplingDataset]:
-    """The datasets of a table written by `to_axes_table`, by axis.
-
-    Raises KeyError: the table is of another kind.
-    """
+    """The datasets of a table written by `to_axes_table`, by axis; KeyError for a table of another kind."""
     axes = [axis for axis in AXES if f"target_{axis}" in table.columns]
     if not axes:
         raise KeyError("target_<axis>")
@@ -131,7 +128,7 @@ FRACTIONS = (0.075, 0.075)  # Of the samples that are not left out, for validati
 
 @dataclass(frozen=True)
 class Fold:
-    """Rows of a dataset by what they are used for; all disjoint."""
+    """Rows of a dataset by their use; all disjoint."""
 
     number: int | None  # of the demonstration that is left out; None where none is
     train: np.ndarray  # rows that make gradients, standardisation and principal components
@@ -139,59 +136,51 @@ class Fold:
     test: np.ndarray  # rows of the same demonstrations that choose nothing
     generalization: np.ndarray  # all rows of the left-out demonstration
 
-    @property
-    def stream(self) -> int:
-        """Which random numbers are the fold's own."""
-        return _stream(self.number)
-
     def parts(self) -> tuple[np.ndarray, ...]:
         """The rows in the order of `PARTS`."""
         return tuple(getattr(self, part) for part in PARTS)
 
 
+def stream(left_out: int | None) -> int:
+    """Number of the random stream of a fold."""
+    return 0 if left_out is None else left_out + 1
+
+
 def leave_one_out(
     dataset: CouplingDataset, fractions: Sequence[float], chunk_samples: int, seed: int
 ) -> list[Fold]:
-    """One fold per demonstration number.
-
-    `dataset`: samples of all demonstrations; those of one demonstration follow each other in time.
-    `fractions`: of validation and test among the remaining demonstrations; the others train. `chunk_samples`:
-    consecutive samples that go to the same part; 1 is the text. Raises InputError: fewer than two
-    demonstrations, or a part would be empty.
-    """
+    """One fold per demonstration number; arguments and errors as `without_generalization`."""
     numbers = np.unique(dataset.demonstration)
     if len(numbers) < 2:
         raise InputError(f"{len(numbers)} demonstration per setting: nothing is left when one is left out")
-    return [_fold(dataset, int(number), fractions, chunk_samples, seed) for number in numbers]
+    arguments = (fractions, chunk_samples, seed)
+    return [without_generalization(dataset, *arguments, int(number)) for number in numbers]
 
 
 def without_generalization(
-    dataset: CouplingDataset, fractions: Sequence[float], chunk_samples: int, seed: int
+    dataset: CouplingDataset,
+    fractions: Sequence[float],
+    chunk_samples: int,
+    seed: int,
+    left_out: int | None = None,
 ) -> Fold:
-    """The split of all demonstrations, for the model that is used in the end.
+    """The split of all demonstrations but one, or of all, for the model that is used in the end.
 
-    Arguments and errors as `leave_one_out`.
+    `dataset`: samples of all demonstrations; those of one demonstration follow each other in time.
+    `fractions`: of validation and test among the remaining demonstrations; the others train. `chunk_samples`:
+    consecutive samples that go to the same part; 1 in the text. Raises InputError: a part would be empty.
     """
-    return _fold(dataset, None, fractions, chunk_samples, seed)
-
-
-def _fold(
-    dataset: CouplingDataset, number: int | None, fractions: Sequence[float], chunk_samples: int, seed: int
-) -> Fold:
-    left_out = np.full(len(dataset.target), False) if number is None else dataset.demonstration == number
+    apart = np.full(len(dataset.target), False) if left_out is None else dataset.demonstration == left_out
     chunks = _chunks(dataset, chunk_samples)
-    remaining = np.unique(chunks[~left_out])
+    remaining = np.unique(chunks[~apart])
     sizes = [round(fraction * len(remaining)) for fraction in fractions]
     if min(*sizes, len(remaining) - sum(sizes)) < 1:
         raise InputError(f"{len(remaining)} chunks of samples are too few for train, validation and test")
-    shuffled = np.random.default_rng([seed, _stream(number)]).permutation(remaining)
-    validation, test, train = np.split(shuffled, np.cumsum(sizes))
-    train, validation, test = (np.flatnonzero(np.isin(chunks, part)) for part in (train, validation, test))
-    return Fold(number, train, validation, test, generalization=np.flatnonzero(left_out))
-
-
-def _stream(number: int | None) -> int:
-    return 0 if number is None else number + 1
+    shuffled = np.random.default_rng([seed, stream(left_out)]).permutation(remaining)
+    validation, test, train = (
+        np.flatnonzero(np.isin(chunks, part)) for part in np.split(shuffled, np.cumsum(sizes))
+    )
+    return Fold(left_out, train, validation, test, generalization=np.flatnonzero(apart))
 
 
 def _chunks(dataset: CouplingDataset, chunk_samples: int) -> np.ndarray:
@@ -200,5 +189,4 @@ def _chunks(dataset: CouplingDataset, chunk_samples: int) -> np.ndarray:
     starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
     rows = np.arange(len(dataset.target))
     within = rows - np.repeat(starts, np.diff([*starts, len(rows)]))
-    first = within % chunk_samples == 0
-    return np.cumsum(first) - 1
+    return np.cumsum(within % chunk_samples == 0) - 1

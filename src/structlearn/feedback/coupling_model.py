@@ -1,13 +1,12 @@
 """Interface of feedback networks: training, files, and evaluation by tick and by batch.
 
-A network is one module of `feedback.models` with one subclass of `CouplingModel`, and is picked in
-`params.yaml` by the module's name. It is trained on a `CouplingDataset`, saved as its arrays, and evaluated
-by one compiled kernel, which the controller calls in its tick, simulators in their loops, and `coupling` for
-batches:
+A network is one module of `feedback.models` with one subclass of `CouplingModel`, chosen in `params.yaml` by
+the module's name. It is trained on a `CouplingDataset`, saved as its arrays, and evaluated by one compiled
+kernel, which the controller calls in its tick, simulators in their loops, and `coupling` for batches:
 
     c = kernel(sizes, values, row, deviations, memory)                              (eq. IV.25)
 
-What depends on time alone, and so is known before a robot moves, stands in `row`, one row of `table(p, u)`.
+`row`, one row of `table(p, u)`, holds what depends on time alone and so is known before a robot moves.
 """
 
 import importlib
@@ -69,7 +68,7 @@ class NetworkParameters(Parameters):
 
     @property
     def model(self) -> "type[CouplingModel]":
-        """The network; InputError where there is none of this name."""
+        """Class of the network; InputError where there is none of this name."""
         return named_model(self.network)
 
 
@@ -91,11 +90,11 @@ movement begins, and is kept from sample to sample.
 
 
 class Compiled(NamedTuple):
-    """A network's own numbers, as its kernel takes them."""
+    """Arguments of a network's kernel that are the same at all samples."""
 
     sizes: np.ndarray  # (S,) whole numbers
     values: np.ndarray  # (V,) numbers
-    memory: int  # how many numbers it remembers
+    memory: int  # how many numbers it remembers from sample to sample
 
 
 @dataclass(frozen=True)
@@ -114,10 +113,9 @@ class CouplingModel(ABC):
     ) -> "Sequence[Trained]":
         """Train one model per job.
 
-        `jobs`: of equal sizes; they differ in fold, in target, or in what a deviation is. `parameters`: of
-        the training, as far as the network has use for them. `initial`: model to start from, which keeps its
-        shape and the standardisation of its inputs. Raises InputError: too few samples, or the target is
-        constant.
+        `jobs`: of equal sizes; they differ in fold, in target, or in what a deviation is. `initial`: model to
+        start from, which keeps its shape and the standardisation of its inputs. Raises InputError: too few
+        samples, or the target is constant.
         """
 
     def train_in_unroll(
@@ -138,11 +136,11 @@ class CouplingModel(ABC):
 
     @abstractmethod
     def table(self, p: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """What the kernel needs to know of phases (T,) and phase velocities (T,): (T, K) rows."""
+        """The kernel's rows (T, K) at phases (T,) and phase velocities (T,)."""
 
     @abstractmethod
     def compiled(self) -> Compiled:
-        """What the kernel needs to know beside."""
+        """The kernel's other arguments."""
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Fields of the model, for its file; of layers `<field>.<number>.weights` and `.biases`."""
@@ -168,16 +166,15 @@ class CouplingModel(ABC):
         return cls(**{field.name: read[field.type](field.name) for field in fields(cls)})
 
     def fault(self) -> str:
-        """What is wrong with the model, after "the network of ..."; empty where nothing is."""
+        """What is wrong with the model, to follow "the network of ..."; empty if nothing is."""
         finite = all(np.isfinite(array).all() for array in self.arrays().values())
         return "" if finite else "holds a value that is not finite"
 
     def coupling(self, deviation: np.ndarray, p: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Coupling terms of a batch, by the compiled kernel.
+        """Coupling terms c (...) of a batch, by the compiled kernel.
 
-        `deviation`: (..., D) sensor deviations; samples of a movement follow each other in time. `p`: phase,
-        of the batch's shape (...) or of its last axes. Returns (...) coupling terms c. Raises ValueError:
-        there are fewer channels than the network takes.
+        `deviation`: (..., D) sensor deviations; samples of a movement follow each other in time. `p`, `u`: of
+        the batch's shape (...) or of its last axes. Raises ValueError: the network takes more channels.
         """
         *batch, channels = np.shape(deviation)
         if channels < self.inputs:
@@ -224,7 +221,7 @@ def train_final(
 ) -> CouplingModel:
     """Train the model that is used in the end on all demonstrations; validation says where it stops.
 
-    Arguments and errors as `CouplingModel.train`; with an initial model as in reinforcement learning.
+    Arguments and errors as `CouplingModel.train`; refinement starts from an initial model.
     """
     fold = without_generalization(dataset, FRACTIONS, parameters.chunk_samples, parameters.seed)
     (trained,) = model.train([(dataset, fold)], parameters, hidden, initial)
@@ -232,10 +229,7 @@ def train_final(
 
 
 def named_model(name: str) -> type[CouplingModel]:
-    """The network that a module of `feedback.models` defines.
-
-    Raises InputError: there is no such module, or it does not define one network.
-    """
+    """The network that a module of `feedback.models` defines; InputError if there is none of this name."""
     known = sorted(module.name for module in pkgutil.iter_modules(models.__path__))
     if name not in known:
         raise InputError(f"there is no feedback network '{name}' among {', '.join(known)}")
@@ -251,7 +245,7 @@ def named_model(name: str) -> type[CouplingModel]:
 
 
 def model_name(model: CouplingModel) -> str:
-    """The name of the module that a network is of; the inverse of `named_model`."""
+    """Name of a network's module; the inverse of `named_model`."""
     return type(model).__module__.rpartition(".")[2]
 
 
@@ -265,11 +259,7 @@ def write_networks(networks: Sequence[tuple[str, CouplingModel]], path: str | Pa
 
 
 def read_networks(path: str | Path) -> dict[str, CouplingModel]:
-    """Read the networks of a file by name.
-
-    Raises InputError: the file is missing, no safetensors, or holds something else; or a weight is not
-    finite.
-    """
+    """Read the networks of a file by name; InputError for another file, or a weight that is not finite."""
     tensors = read_tensors(path)
     with holding(path, "feedback networks"):
         names = json.loads(read_description(path))["coupling_models"]

@@ -1,13 +1,12 @@
 """Supervised data of corrected demonstrations: sensor deviations, coupling targets (IV.9.1.3, eq. IV.22).
 
-Poses come at 300 Hz, electrodes at 100 Hz with clocks of their own; reading a demonstration puts them on one
-clock (`readers.clock`). Everything here is on that clock; the data are thinned to the sensor's rate, since
-samples in between would be interpolations that count twice.
+All signals of a demonstration are on one clock (`readers.clock`): poses come at 300 Hz, electrodes at 100 Hz.
+The data are thinned to the sensor's rate, since samples in between would be interpolations that count twice.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -25,6 +24,7 @@ from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
+    Path,
     Trajectory,
     differentiated,
     differentiated_orientation,
@@ -73,7 +73,7 @@ class CorrectionParameters(Parameters):
 
 
 class SupervisionParameters(CorrectionParameters):
-    """The same on a board that tilts; settings that are not learned from test generalisation."""
+    """Corrections on a board that tilts; settings that are not learned from test generalisation."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
 
@@ -98,11 +98,10 @@ class SupervisionParameters(CorrectionParameters):
 def learn_expected(
     runs: Sequence[Demonstration], cuts: Cuts, smoothing_hz: float, sensors: Sequence[Sensor]
 ) -> dict[str, VectorPrimitive]:
-    """Expected traces of every primitive from nominal executions (associative skill memory).
+    """Expected traces of every primitive from the nominal executions in its cuts (associative skill memory).
 
-    Runs that are not in `cuts` are left out. `smoothing_hz`: low-pass of the traces; about 12 / duration is
-    what 25 kernels resolve. Returns by primitive, a vector primitive with one dimension per channel. Raises
-    InputError: a run has no stream of a sensor.
+    `smoothing_hz`: low-pass of the traces; 25 kernels resolve about 12 / duration. Returns by primitive, a
+    vector primitive with one dimension per channel. Raises InputError: a run has no stream of a sensor.
     """
     traces = {run.name: without_offset(felt(run, sensors)) for run in runs}
     return {
@@ -117,7 +116,7 @@ def learn_expected(
 
 @dataclass(frozen=True)
 class CorrectedPrimitive:
-    """One primitive in one corrected demonstration; paths are None where no such axis is asked for."""
+    """One primitive in one corrected demonstration; a path is None if none of its axes is corrected."""
 
     time: np.ndarray  # (T,) s since the primitive's start
     point: Trajectory | None  # (T, 3) corrected position, smoothed
@@ -136,8 +135,8 @@ def corrected_primitive(
 ) -> CorrectedPrimitive:
     """Supervised data of one primitive in one corrected demonstration, on its clock.
 
-    `cut`: `start_s` and `end_s` of the primitive in it. Raises InputError: orientation or a sensor's stream
-    is missing, or the primitive turns beyond half a circle.
+    `cut`: `start_s` and `end_s` of the primitive. Raises InputError: orientation or a sensor's stream is
+    missing, or the primitive turns beyond half a circle.
     """
     dt, ticks = demonstration.dt, _ticks(demonstration, cut)
     time, deviating = executed_primitive(demonstration, cut, expected, parameters.sensors)
@@ -160,11 +159,10 @@ def corrected_primitive(
 def executed_primitive(
     run: Demonstration, cut: pd.Series, expected: VectorPrimitive, sensors: Sequence[Sensor]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sensor deviations of one primitive in an execution.
+    """Times (T,) in s since the primitive's start and sensor deviations (T, D) of one primitive in a run.
 
-    `run`: complete, since the sensors' offset is taken at its start. `cut`: `start_s` and `end_s` of the
-    primitive in it. Returns (T,) s since the primitive's start, and (T, D) deviations. Raises InputError: a
-    sensor's stream is missing, or has other channels than the expected traces.
+    `run`: complete, since the sensors' offset is taken at its start. `cut`: `start_s` and `end_s`. Raises
+    InputError: a sensor's stream is missing, or has other channels than the expected traces.
     """
     trace = _part(without_offset(felt(run, sensors)), run, cut)
     if trace.shape[1] != len(expected.start):
@@ -176,7 +174,7 @@ def executed_primitive(
 
 
 def felt(run: Demonstration, sensors: Sequence[Sensor]) -> np.ndarray:
-    """Readings (T, D) of the sensors of a run, side by side. Raises InputError: one was not recorded."""
+    """Readings (T, D) of the sensors of a run, side by side; InputError if one was not recorded."""
     for sensor in sensors:
         if getattr(run, sensor) is None:
             raise InputError(f"{run.name}: has no {sensor} stream, which feedback is learned from")
@@ -184,7 +182,7 @@ def felt(run: Demonstration, sensors: Sequence[Sensor]) -> np.ndarray:
 
 
 def channel_groups(run: Demonstration, sensors: Sequence[Sensor]) -> tuple[int, ...]:
-    """`CouplingDataset.groups` of what a run felt: counts, N and N m each are a group; none where all are."""
+    """`CouplingDataset.groups` of a run: counts, N and N m are a group each; none if there is only one."""
     groups = [(3, 3) if sensor == WRENCH else (getattr(run, sensor).shape[1],) for sensor in sensors]
     return sum(groups, ()) if sum(map(len, groups)) > 1 else ()
 
@@ -192,7 +190,7 @@ def channel_groups(run: Demonstration, sensors: Sequence[Sensor]) -> tuple[int, 
 def sensor_channels(
     sensors: Sequence[Sensor], expected: Mapping[str, VectorPrimitive]
 ) -> tuple[tuple[str, int], ...]:
-    """Sensors with their numbers of channels, of which expected traces have the sum; none without traces."""
+    """Sensors with their numbers of channels, which add up to the expected traces'; none without traces."""
     if not expected:
         return ()
     total = len(next(iter(expected.values())).start)
@@ -203,7 +201,7 @@ def sensor_channels(
 def require_parts(
     names: Sequence[str], primitives: Sequence[PosePrimitive], expected: Mapping[str, VectorPrimitive]
 ) -> None:
-    """InputError where there is no primitive of one of these names, or nothing is expected of its sensors."""
+    """InputError if one of these primitives is unknown or has no expected traces."""
     known = [primitive.name for primitive in primitives]
     for name in names:
         if name not in known:
@@ -221,18 +219,17 @@ def coupling_dataset(
     expected: VectorPrimitive,
     parameters: CorrectionParameters,
 ) -> tuple[dict[Axis, CouplingDataset], pd.DataFrame]:
-    """Supervised data of one primitive, and how well they hold together.
+    """Supervised data of one primitive by axis, and consistency checks of each demonstration.
 
     `demonstrations`: corrected ones by setting, in degrees or by label. `cuts`: the primitive's segments by
     setting; demonstrations that are not in it are left out. Raises InputError: no demonstration could be cut,
     or one lacks a stream.
 
-    Returns:
-        The dataset of each axis, and one row per demonstration: `setting` (`setting_deg` if it is a number),
-        `demonstration`, `name`; with axes of rotation `reproduction_deg`, largest distance between the
-        demonstration and the primitive unrolled with the target on these axes alone; `smoothing_deg`, rms of
-        what the low-pass took away; `others`, rms of the target about the other axes relative to the rms
-        about these; with axes of position likewise `reproduction_m`, `smoothing_m` and `others_position`.
+    Checks are one row per demonstration: `setting` (`setting_deg` if it is a number), `demonstration`,
+    `name`; with axes of rotation `reproduction_deg`, largest distance between the demonstration and the
+    primitive unrolled with the target on these axes alone; `smoothing_deg`, rms of what the low-pass removed;
+    `others`, rms of the target about the other axes relative to the rms about these; with axes of position
+    likewise `reproduction_m`, `smoothing_m` and `others_position`.
     """
     parts, checks = [], []
     for setting, runs in demonstrations.items():
@@ -270,10 +267,7 @@ def level_dataset(
     parameters: CorrectionParameters,
     setting: float | str = 0.0,
 ) -> CouplingDataset:
-    """Supervised data of one primitive in nominal executions in the default setting, with c_target = 0.
-
-    `cuts`: the primitive's segments in them; executions that are not in it are left out.
-    """
+    """Supervised data of one primitive in the nominal executions that are in its cuts, with c_target = 0."""
     parts = []
     for number, run in enumerate(runs):
         if run.name in cuts.index:
@@ -284,7 +278,7 @@ def level_dataset(
 
 
 def thinned(time: np.ndarray, rate_hz: float) -> slice:
-    """Samples of a clock (T,) that are kept to have about so many per second."""
+    """Samples of a clock (T,) to keep for about this rate."""
     return slice(None, None, max(1, round(1.0 / (rate_hz * (time[1] - time[0])))))
 
 
@@ -306,42 +300,34 @@ def _checks(
     primitive: PosePrimitive,
     axes: Sequence[Axis],
 ) -> dict[str, float]:
-    """What `coupling_dataset` tells of each demonstration."""
-    found, (point, turn) = {}, (corrected.point, corrected.turn)
+    """Reproduction, smoothing and other axes of one demonstration, see `coupling_dataset`."""
+    found, (point, turn), target = {}, (corrected.point, corrected.turn), corrected.target
+    chosen = np.isin(AXES, axes)
+    kept = np.where(chosen, target, 0.0)
     if turn is not None and primitive.orientation is not None and run.orientation is not None:
-        chosen = np.isin(AXES[3:], axes)
-        along = np.where(chosen, corrected.target[:, 3:], 0.0)
-        again = primitive.orientation.unroll(
-            turn.dt,
-            start=turn.orientation[0],
-            duration=turn.duration,
-            velocity=turn.angular_velocity[0],
-            acceleration=turn.angular_acceleration[0],
-            coupling=lambda k, q, w: along[k],
-        )
+        again = _repeated(primitive.orientation, turn, turn.orientation[0], kept[:, 3:])
         distance = quaternion.angle_between(again.orientation, turn.orientation)
         smoothing = quaternion.angle_between(turn.orientation, _part(run.orientation, run, cut))
         found["reproduction_deg"] = float(np.degrees(distance.max()))
         found["smoothing_deg"] = float(np.degrees(np.sqrt(np.mean(smoothing**2))))
-        found["others"] = _others(corrected.target[:, 3:], chosen)
+        found["others"] = _others(target[:, 3:], chosen[3:])
     if point is not None:
-        chosen = np.isin(AXES[:3], axes)
         frame = local_frame(point.position[0], primitive.position.goal, primitive.position.frame)
-        shift = np.where(chosen, corrected.target[:, :3], 0.0) @ frame
-        moved = primitive.position.unroll(
-            point.dt,
-            start=point.position[0],
-            duration=point.duration,
-            velocity=point.velocity[0],
-            acceleration=point.acceleration[0],
-            coupling=lambda k, x, xd: shift[k],
-        )
+        moved = _repeated(primitive.position, point, point.position[0], kept[:, :3] @ frame)
         distance = np.linalg.norm(moved.position - point.position, axis=1)
         smoothing = np.linalg.norm(point.position - _part(run.position, run, cut), axis=1)
         found["reproduction_m"] = float(distance.max())
         found["smoothing_m"] = float(np.sqrt(np.mean(smoothing**2)))
-        found["others_position"] = _others(corrected.target[:, :3], chosen)
+        found["others_position"] = _others(target[:, :3], chosen[:3])
     return found
+
+
+def _repeated(primitive: Any, path: Path, start: np.ndarray, coupling: np.ndarray) -> Any:
+    """The primitive from the initial state of a path, with a coupling term (T, 3) over time."""
+    velocity, acceleration = (rate[0] for rate in path.rates)
+    return primitive.unroll(
+        path.dt, start, None, path.duration, velocity, acceleration, lambda k, x, xd: coupling[k]
+    )
 
 
 def _others(target: np.ndarray, chosen: np.ndarray) -> float:

@@ -2,12 +2,12 @@
 
 `pointwise` is the dissertation's: samples are treated as independent, and all are of a board that is tilted.
 `level` is ours: it learns from executions on the level board too, where nothing is to be corrected.
-`unrolled` is what the dissertation names as future work (V.2): its network goes on training inside a
+`unrolled` is what the dissertation names as future work (V.2): training of its network continues inside a
 differentiable primitive, such that the unrolled path follows the corrected demonstration. Which one is better
 is decided on the board, in closed loop.
 
-Representations are compared by leave-one-demonstration-out tests (IV.9.3: table IV.5, figure IV.16): all
-folds of one train together; the representations are spread over the cores.
+Representations are compared by leave-one-demonstration-out tests (IV.9.3: table IV.5, figure IV.16); the
+folds of a representation train as one stack, the representations are spread over the cores.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -58,35 +58,27 @@ def train_models(
     parameters: FeedbackParameters,
     models: Sequence[str] = MODELS,
 ) -> dict[str, list[tuple[Key, CouplingModel]]]:
-    """Train models for every primitive; of several axes each has a network of its own (IV.6.2.3.2).
+    """Networks of each model by the keys of the datasets: one per primitive and axis (IV.6.2.3.2).
 
-    `datasets`: corrections by the primitive's name, or by whatever tells primitive and axis. `level`: of
-    `coupling_targets.level_dataset`, likewise, for the model `level` alone. `models`: which of
-    `MODELS` are trained. Returns by model, its networks by the keys of the datasets.
+    `datasets`: corrections by the primitive's name, or by a key of primitive and axis. `level`: of
+    `coupling_targets.level_dataset`, likewise, for the model `level` alone.
     """
-    learned_from = {
-        model: {
-            key: concatenated([dataset, level[key]]) if model == LEVEL else dataset
-            for key, dataset in datasets.items()
-        }
+    work = [
+        (model, concatenated([dataset, level[key]]) if model == LEVEL else dataset, parameters)
         for model in models
-    }
-    work = [(model, dataset, parameters) for model in models for dataset in learned_from[model].values()]
+        for key, dataset in datasets.items()
+    ]
     networks = iter(parallel_map(_trained, work, "training feedback models"))
     return {model: [(key, next(networks)) for key in datasets] for model in models}
 
 
 def _trained(work: tuple[str, CouplingDataset, FeedbackParameters]) -> CouplingModel:
     model, dataset, parameters = work
-    if model == UNROLLED:
-        return _train_inside(dataset, parameters)
-    return train_final(parameters.model, dataset, parameters.pointwise, parameters.hidden)
-
-
-def _train_inside(dataset: CouplingDataset, parameters: FeedbackParameters) -> CouplingModel:
-    """Start from a pointwise model that has not seen the demonstrations which choose the step."""
+    if model != UNROLLED:
+        return train_final(parameters.model, dataset, parameters.pointwise, parameters.hidden)
     paths = corrected_paths(dataset, SAMPLES)
     training, validation = split(paths, parameters.validation_share, parameters.unrolled.seed)
+    # it starts from a pointwise model that has not seen the demonstrations which choose the step
     seen = np.isin(dataset.demonstration, np.unique(training.demonstration))
     initial = train_final(parameters.model, dataset.where(seen), parameters.pointwise, parameters.hidden)
     return initial.train_in_unroll(training, validation, parameters.unrolled)
@@ -101,13 +93,13 @@ NETWORKS = {
     "pca": ("pca", ()),
     "autoencoder": ("autoencoded", ()),
 }
-"""By representation, its module of `feedback.models` and the nodes of the regular hidden layers; `pmnn_6` has
-about as many as there are principal components."""
+"""By representation, its module of `feedback.models` and the nodes of the regular hidden layers, of which
+`pmnn_6` has about as many as there are principal components."""
 
 REPRESENTATIONS = tuple(NETWORKS)
 
 STOPPINGS = ("validation", "generalization")
-"""The part whose error names the step; generalization is the dissertation's, optimistic choice."""
+"""The part whose error chooses the step; generalization is the dissertation's, optimistic choice."""
 
 CLAIMS = (
     ("pmnn_100", "pmnn_0"),
@@ -127,23 +119,19 @@ CLAIMS = (
 def compare_representations(
     datasets: Mapping[str, CouplingDataset], parameters: TrainingParameters
 ) -> dict[str, pd.DataFrame]:
-    """Train every representation on every fold.
+    """Train every representation on every fold of every primitive.
 
-    `datasets`: samples by the primitive's name. Returns by primitive: `representation`, `fold`, `stopping`,
-    `step`, `train`, `validation`, `test`, `generalization` (NMSE at that step) and `dimensions` (of the code;
-    missing where the deviations are not compressed first). Raises InputError: fewer than two demonstrations,
-    too few samples, or a constant target.
+    Returns by primitive: `representation`, `fold`, `stopping`, `step`, `train`, `validation`, `test`,
+    `generalization` (NMSE at that step) and `dimensions` (of the code; missing where deviations are not
+    compressed first). Raises InputError: fewer than two demonstrations, few samples, or a constant target.
     """
-    work = [(dataset, parameters, name) for name in _LONGEST_FIRST for dataset in datasets.values()]
-    tables = iter(parallel_map(_evaluated, work, "comparing representations"))
-    found = {name: {primitive: next(tables) for primitive in datasets} for name in _LONGEST_FIRST}
+    keys = list(product(reversed(REPRESENTATIONS), datasets))  # the autoencoder takes longest
+    work = [(datasets[primitive], parameters, name) for name, primitive in keys]
+    found = dict(zip(keys, parallel_map(_evaluated, work, "comparing representations"), strict=True))
     return {
-        primitive: pd.concat([found[name][primitive] for name in REPRESENTATIONS], ignore_index=True)
+        primitive: pd.concat([found[name, primitive] for name in REPRESENTATIONS], ignore_index=True)
         for primitive in datasets
     }
-
-
-_LONGEST_FIRST = ("autoencoder", "ffnn_phase", "ffnn", "pmnn_100", "pmnn_6", "pca", "pmnn_0")
 
 
 def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.DataFrame:
@@ -164,15 +152,13 @@ def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.Data
 
 
 def paired_orderings(table: pd.DataFrame) -> pd.DataFrame:
-    """Whether the dissertation's orderings hold, in pairs over the folds.
+    """Whether the dissertation's orderings hold, in pairs over the folds of `compare_representations`.
 
     Folds share most of their training samples, so their differences are not independent and the intervals
-    are somewhat too narrow.
-
-    `table`: of `compare_representations`. Returns per stopping and claim: `better`, `worse` (as claimed),
-    `difference` (mean over folds of the latter's generalisation NMSE minus the former's; positive as
-    claimed), `half_width` of its 95 % confidence interval, `p_value` (two-sided Wilcoxon signed-rank test)
-    and the `verdict`: better, worse or undecided, by the interval.
+    are somewhat too narrow. Returns per stopping and claim: `better`, `worse` (as claimed), `difference`
+    (mean over folds of the latter's generalisation NMSE minus the former's; positive as claimed),
+    `half_width` of its 95 % confidence interval, `p_value` (two-sided Wilcoxon signed-rank test) and the
+    `verdict`: better, worse or undecided, by the interval.
     """
     from scipy import stats
 

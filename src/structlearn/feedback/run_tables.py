@@ -1,6 +1,7 @@
 """Run tables of a skill: everything that depends on time, start and goals only, computed in advance."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +11,14 @@ from structlearn.core.frames import local_frame
 from structlearn.feedback.controller_tick import Plan
 from structlearn.feedback.coupling import AXES
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
+from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives import canonical, kernels, transformation
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PoseGoal, default_goals
 from structlearn.primitives.vector import relative_scale, sample_count
 
 Place = tuple[int, int]  # Index of the primitive, index of the axis
+Point = tuple[np.ndarray, np.ndarray, np.ndarray]  # Position, velocity, acceleration (3,) each
 
 HELD_DURATIONS = 4.0
 """How many durations after its end the last primitive's terms go on: by then u is 1e-11, and becomes 0."""
@@ -24,22 +26,21 @@ HELD_DURATIONS = 4.0
 MOST_TICKS = 10**7
 """Of a run, which is planned ahead: almost three hours at 1 kHz; more suggests a unit error."""
 
+UNIT_TOLERANCE = 1e-6  # How far the norm of a quaternion may be from 1
+
 
 def plan_in_time(
     skill: ReactiveSkill,
     rate_hz: float,
     durations: Sequence[float],
-    goals: Sequence[np.ndarray],
-    turned_goals: Sequence[np.ndarray],
+    goals: Sequence[PoseGoal],
     feedback: bool,
 ) -> Plan:
-    """The plan of a run, but for the position's forcing term, which `forcing_in_base_frame` gives.
+    """The plan of a run but for the position's forcing term, see `forcing_in_base_frame`.
 
-    `rate_hz`: ticks per second. `durations`: of the primitives in s. `goals`, `turned_goals`: (3,) m and (4,)
-    of the primitives. `feedback`: whether networks are used.
+    `durations` in s and `goals` of the primitives; `feedback`: whether networks are used.
     """
     dt, limits, axes = 1.0 / rate_hz, skill.limits, skill.axes
-    ages = [round(seconds * rate_hz) for seconds in (limits.offset_within_s, limits.stale_after_s)]
     taus = np.array([canonical.time_constant(duration) for duration in durations])
     counts = [sample_count(duration, dt) for duration in durations]
     counts[-1] = sample_count((1.0 + HELD_DURATIONS) * durations[-1], dt)
@@ -56,8 +57,7 @@ def plan_in_time(
             weights = primitive.orientation.weights
             turning[part] = kernels.sampled_features(count, dt / tau, len(weights)) @ weights
         if primitive.name in skill.expected:
-            traces = skill.expected[primitive.name]
-            until = dt * (count - 1)
+            traces, until = skill.expected[primitive.name], dt * (count - 1)
             expected[part] = traces.unroll(dt, duration=durations[index], until=until).position
     turning[-1] = 0.0
     phases = [
@@ -68,14 +68,14 @@ def plan_in_time(
         rows=rows,
         matrix=np.stack([transformation.step_matrix(dt / tau) for tau in taus]),
         tau=taus,
-        position_goal=np.array(goals, dtype=float),
-        orientation_goal=np.array(turned_goals, dtype=float),
+        position_goal=np.array([goal.position for goal in goals], dtype=float),
+        orientation_goal=np.array([goal.orientation for goal in goals], dtype=float),
         position_forcing=np.zeros((rows[-1], 3)),
         orientation_forcing=turning,
         expected=expected,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
         limits=limits.of(axes, dt),
-        ages=np.array(ages, dtype=np.int64),
+        ages=np.array([round(limits.offset_within_s * rate_hz), round(limits.stale_after_s * rate_hz)]),
         **compiled_networks(networks, phases, len(axes)),
     )
 
@@ -83,49 +83,40 @@ def plan_in_time(
 def compiled_networks(
     networks: Mapping[Place, CouplingModel], phases: Sequence[tuple[np.ndarray, np.ndarray]], axes: int
 ) -> dict[str, np.ndarray]:
-    """The parts of a `Plan` that are the networks'; `phases`: p and u (T_i,) of each primitive."""
-    shape, rows = (len(phases), axes), np.cumsum([0, *(len(p) for p, _ in phases)])
-    compiled = {place: network.compiled() for place, network in networks.items()}
+    """The networks' fields of a `Plan`; `phases`: p and u (T_i,) of each primitive."""
+    rows = np.cumsum([0, *(len(p) for p, _ in phases)])
     tables = {place: network.table(*phases[place[0]]) for place, network in networks.items()}
     table = np.zeros((rows[-1], axes, max((one.shape[1] for one in tables.values()), default=0)))
     for (index, place), own in tables.items():
         table[rows[index] : rows[index + 1], place, : own.shape[1]] = own
+
+    def padded(found: Sequence[Sequence[float] | np.ndarray], kind: type = np.int64) -> np.ndarray:
+        """Numbers of each network, of any length, as (P, D, longest); 0 where there are none."""
+        values: np.ndarray = np.zeros((len(phases), axes, max([1, *map(len, found)])), dtype=kind)
+        for place, own in zip(networks, found, strict=True):
+            values[place][: len(own)] = own
+        return values
+
+    compiled = [network.compiled() for network in networks.values()]
     return {
         "table": table,
-        "kernels": _padded(shape, {place: [one.kernel.address] for place, one in networks.items()})[..., 0],
-        "inputs": _padded(shape, {place: [one.inputs] for place, one in networks.items()})[..., 0],
-        "memory": _padded(shape, {place: [one.memory] for place, one in compiled.items()})[..., 0],
-        "sizes": _padded(shape, {place: one.sizes for place, one in compiled.items()}),
-        "values": _padded(shape, {place: one.values for place, one in compiled.items()}, float),
+        "kernels": padded([[network.kernel.address] for network in networks.values()])[..., 0],
+        "inputs": padded([[network.inputs] for network in networks.values()])[..., 0],
+        "memory": padded([[one.memory] for one in compiled])[..., 0],
+        "sizes": padded([one.sizes for one in compiled]),
+        "values": padded([one.values for one in compiled], float),
     }
 
 
-def _padded(
-    shape: tuple[int, int], found: Mapping[Place, Sequence[float] | np.ndarray], kind: type = np.int64
-) -> np.ndarray:
-    """Numbers of any length by place as a table (*shape, longest), 0 where there are none."""
-    values: np.ndarray = np.zeros((*shape, max([1, *map(len, found.values())])), dtype=kind)
-    for place, own in found.items():
-        values[place][: len(own)] = own
-    return values
-
-
 def forcing_in_base_frame(
-    skill: ReactiveSkill,
-    plan: Plan,
-    dt: float,
-    first: int,
-    state: tuple[np.ndarray, np.ndarray, np.ndarray],
-    goals: np.ndarray,
+    skill: ReactiveSkill, plan: Plan, dt: float, first: int, state: Point, goals: np.ndarray
 ) -> np.ndarray:
-    """Forcing term of the positions from one primitive to the last, each in the frame of its reach.
+    """Forcing term (R, 3) of the plan's positions, with new rows from the primitive `first` on.
 
-    Frame and amplitude of a primitive are those from where it will start without feedback: it is unrolled
-    here. What feedback on the position has left over where it does start is taken up by the evolving goal.
+    Frame and amplitude of a primitive are those of its reach from where it will start without feedback: it is
+    unrolled here, from the state at the start of the first. The evolving goal takes up what feedback shifts.
 
-    `dt`: length of a tick in s. `state`: position, velocity, acceleration (3,) at its start. `goals`: (P, 3)
-    m. Returns (R, 3) the plan's forcing with new rows from that primitive on. Raises InputError: a
-    primitive's start and goal define no local frame.
+    `goals`: (P, 3) m. Raises InputError: a primitive's start and goal define no local frame.
     """
     forcing = plan.position_forcing.copy()
     for index in range(first, len(plan.tau)):
@@ -136,23 +127,16 @@ def forcing_in_base_frame(
         except ValueError as error:
             raise InputError(f"'{primitive.name}' from {state[0]} to {goals[index]}: {error}") from error
         part = slice(plan.rows[index], plan.rows[index + 1])
-        count = plan.rows[index + 1] - plan.rows[index]
         scale = relative_scale((goals[index] - state[0]) @ axes, local.goal - local.start, local.scaled)
-        features = kernels.sampled_features(count, dt / tau, len(local.weights))
+        features = kernels.sampled_features(part.stop - part.start, dt / tau, len(local.weights))
         forcing[part] = features @ (local.weights * scale) @ axes.T
         state = end_state(forcing[part], dt, tau, state, goals[index])
     forcing[-1] = 0.0
     return forcing
 
 
-def end_state(
-    forcing: np.ndarray,
-    dt: float,
-    tau: float,
-    state: tuple[np.ndarray, np.ndarray, np.ndarray],
-    goal: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity, acceleration (3,) at the last row of a forcing term (T, 3)."""
+def end_state(forcing: np.ndarray, dt: float, tau: float, state: Point, goal: np.ndarray) -> Point:
+    """State at the last row of a forcing term (T, 3)."""
     x, xd, xdd = state
     path = transformation.unroll(x, goal, forcing, dt, tau, xd, xdd)
     return path.position[-1], path.velocity[-1], path.acceleration[-1]
@@ -165,10 +149,9 @@ def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, d
     """
     if durations is None:
         durations = [primitive.duration for primitive in skill.primitives]
-    _check_count(skill, durations, "durations")
-    for primitive, duration in zip(skill.primitives, durations, strict=True):
+    for name, duration in _of_primitives(skill, durations, "durations"):
         if not (np.isfinite(duration) and sample_count(max(duration, 0.0), dt) >= 2):
-            raise InputError(f"the duration of '{primitive.name}' must be a tick at least, is {duration} s")
+            raise InputError(f"the duration of '{name}' must be a tick at least, is {duration} s")
     if sum(durations) > MOST_TICKS * dt:
         raise InputError(
             f"the run would have more than {MOST_TICKS} ticks: {sum(durations):g} s at {1 / dt:g} Hz"
@@ -176,37 +159,54 @@ def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, d
     return durations
 
 
-def checked_goals(
-    skill: ReactiveSkill, goals: Sequence[PoseGoal] | None
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Positions (3,) and orientations (4,) of the goals; default the demonstrations' means.
+def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> list[PoseGoal]:
+    """Goals, one per primitive; default the demonstrations' means; the identity where nothing turns.
 
     Raises InputError: another number of them, or one that is not finite, outside the workspace or no unit
     quaternion.
     """
+    found = []
     goals = default_goals(skill.primitives) if goals is None else goals
-    _check_count(skill, goals, "goals")
-    positions, orientations = [], []
-    for primitive, goal in zip(skill.primitives, goals, strict=True):
-        positions.append(checked_point(skill, goal.position, f"the goal of '{primitive.name}'"))
-        unturned = primitive.orientation is None
-        orientations.append(quaternion.IDENTITY if unturned else unit_goal(goal.orientation, primitive.name))
-    return positions, orientations
+    turned = [primitive.orientation is not None for primitive in skill.primitives]
+    for (name, goal), turns in zip(_of_primitives(skill, goals, "goals"), turned, strict=True):
+        position = checked_point(skill, goal.position, f"the goal of '{name}'")
+        found.append(PoseGoal(position, unit_goal(goal.orientation, name) if turns else quaternion.IDENTITY))
+    return found
 
 
 def checked_point(skill: ReactiveSkill, position: np.ndarray, what: str) -> np.ndarray:
     """A position (3,); InputError where it is not finite, or outside the workspace of the skill."""
-    point = require_finite(position, 3, what)
+    point = _finite(position, 3, what)
     if skill.workspace is not None:
         skill.workspace.require(point, what)
     return point
 
 
 def unit_goal(orientation: np.ndarray | None, name: str) -> np.ndarray:
-    """The goal orientation (4,) of a primitive with norm 1; InputError where it is none."""
-    return quaternion.normalised(require_unit(orientation, 4, f"the goal orientation of '{name}'"))
+    """The goal orientation (4,) of a primitive with norm 1; InputError as `checked_unit`."""
+    return quaternion.normalised(checked_unit(orientation, f"the goal orientation of '{name}'"))
 
 
-def _check_count(skill: ReactiveSkill, values: Sequence, what: str) -> None:
+def checked_unit(values: np.ndarray | None, what: str) -> np.ndarray:
+    """A quaternion (4,); InputError where it is not finite, or its norm is not 1."""
+    array = _finite(values, 4, what)
+    if abs(np.linalg.norm(array) - 1.0) > UNIT_TOLERANCE:
+        raise InputError(f"{what} must have norm 1, has {np.linalg.norm(array):.6g}")
+    return array
+
+
+def _finite(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} must be {size} numbers, is {values!r}") from error
+    if array.shape != (size,) or not np.isfinite(array).all():
+        raise InputError(f"{what} must be {size} finite numbers, is {array}")
+    return array
+
+
+def _of_primitives(skill: ReactiveSkill, values: Sequence, what: str) -> list[tuple[str, Any]]:
+    """Values with the names of their primitives; InputError for another number of them."""
     if len(values) != len(skill.primitives):
         raise InputError(f"there are {len(values)} {what} for {len(skill.primitives)} primitives")
+    return [(primitive.name, value) for primitive, value in zip(skill.primitives, values, strict=True)]

@@ -6,10 +6,10 @@
         flags = controller.tick(new_sensor_sample_or_None)
         robot.follow(controller.position, controller.orientation, ...)
 
-Everything that depends on time only is worked out before the first tick; a tick takes the sensor's newest
-sample, evaluates the networks and steps the pose exactly, for any rate. Whatever the sensor does, coupling
+Everything that depends on time only is computed before the first tick; a tick takes the sensor's newest
+sample, evaluates the networks and steps the pose exactly, at any rate. Whatever the sensor does, coupling
 terms are bounded in size and in their rate of change, and fade with the phase, so the goal is reached.
-`benchmarks/controller.py` tells how long ticks take on a machine, and what the long ones waited for.
+`benchmarks/controller.py` measures how long ticks take on a machine, and what the long ones waited for.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.feedback import controller_tick, run_tables
-from structlearn.feedback.skill import ReactiveSkill, require_unit
+from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import PoseGoal
 from structlearn.primitives.transformation import ALPHA, BETA
@@ -43,8 +43,8 @@ class Status(IntFlag):
 class Controller:
     """Controller of a skill, for any number of runs.
 
-    Outputs, valid after `start` and after each tick; the arrays are the same objects for the controller's
-    whole life, are overwritten by the next tick, and are read-only, since they are views of its state:
+    Outputs, valid after `start` and after each tick, are read-only views of the state: the same arrays for
+    the controller's whole life, overwritten by the next tick.
 
     Attributes:
         position: (3,) m.
@@ -53,7 +53,7 @@ class Controller:
         orientation: (4,) unit quaternion.
         angular_velocity: (3,) rad/s, base frame.
         angular_acceleration: (3,) rad/s^2, base frame.
-        deviation: (E,) newest good sample - offset - expected; NaN where one of them is not known.
+        deviation: (E,) newest good sample - offset - expected; NaN where one of them is unknown.
         coupling: (D,) coupling terms c on the skill's axes, m or rad.
     """
 
@@ -65,21 +65,19 @@ class Controller:
         goals: Sequence[PoseGoal] | None = None,
         feedback: bool = True,
     ) -> None:
-        """Work out what depends on time only.
+        """Plan all runs.
 
         `durations` (s), `goals`: one per primitive; default the demonstrations' means. `feedback`: False
         leaves the coupling terms 0; deviations are still reported. Raises InputError: the rate, a duration or
-        a goal is no good, or a goal is outside the skill's workspace.
+        a goal is invalid, or a goal is outside the skill's workspace.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0):
             raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
         self.skill, self.rate_hz = skill, float(rate_hz)
         self._dt = 1.0 / self.rate_hz
         durations = run_tables.checked_durations(skill, durations, self._dt)
-        positions, orientations = run_tables.checked_goals(skill, goals)
-        self._plan = run_tables.plan_in_time(
-            skill, self.rate_hz, durations, positions, orientations, feedback
-        )
+        checked = run_tables.checked_goals(skill, goals)
+        self._plan = run_tables.plan_in_time(skill, self.rate_hz, durations, checked, feedback)
         self._goals = self._plan.position_goal.copy(), self._plan.orientation_goal.copy()
         self._last_tick = sum(sample_count(duration, self._dt) - 1 for duration in durations)
         self._state = controller_tick.resting_state(self._plan)
@@ -92,9 +90,7 @@ class Controller:
         self.deviation, self.coupling = _read_only(self._state.deviation), _read_only(self._state.coupling)
 
     def start(self, position: np.ndarray, orientation: np.ndarray | None = None) -> None:
-        """Begin a run at rest, to the goals that the controller was made with.
-
-        What is compiled is compiled here, so that no tick waits for it.
+        """Begin a run at rest, to the goals that the controller was made with; compiles what ticks call.
 
         `position`: (3,) m. `orientation`: (4,) unit quaternion; may be left out when no primitive has
         orientations. Raises InputError: the pose is not finite, outside the skill's workspace or no unit
@@ -104,15 +100,13 @@ class Controller:
         position = run_tables.checked_point(self.skill, position, "the position at the start")
         turned = self.skill.primitives[0].orientation is not None
         if turned or orientation is not None:
-            orientation = require_unit(orientation, 4, "the orientation at the start")
+            orientation = run_tables.checked_unit(orientation, "the orientation at the start")
         else:
             orientation = quaternion.IDENTITY
         at_rest = (position, np.zeros(3), np.zeros(3))
         goals, turned_goals = self._goals
-        forcing = run_tables.forcing_in_base_frame(
-            self.skill, plan, self._dt, 0, at_rest, goals
-        )  # the last that can fail: until here nothing has changed
-        plan.position_forcing[:] = forcing
+        forcing = run_tables.forcing_in_base_frame(self.skill, plan, self._dt, 0, at_rest, goals)
+        plan.position_forcing[:] = forcing  # nothing can fail any more, and until here nothing has changed
         plan.position_goal[:] = goals
         plan.orientation_goal[:] = turned_goals if turned else orientation
         for array in (state.clock, state.path, state.turning, state.zero, state.good, state.coupling):
@@ -120,19 +114,17 @@ class Controller:
         state.path[0, 0, 0] = position
         state.orientation[0, 0] = quaternion.normalised(orientation)
         controller_tick.begin(*self._arguments, 0)
-        before = [array.copy() for array in state]
-        outputs = (state.path, state.turning, state.orientation, state.deviation)
+        before = {name: array.copy() for name, array in state._asdict().items()}
         controller_tick.tick(*self._arguments, False)
-        for array, kept in zip(state, before, strict=True):
-            if not any(array is output for output in outputs):
-                array[:] = kept
+        for name in before.keys() - {"path", "turning", "orientation", "deviation"}:  # the outputs
+            getattr(state, name)[:] = before[name]
         self._started = True
 
     def tick(self, counts: np.ndarray | None) -> int:
         """Advance to the next sample of the run; the first tick gives the start itself.
 
         `counts`: (E,) the sensor's newest sample if one has come since the last tick, else None. Without
-        expected traces (E = 0) it is not looked at. Returns flags, see `Status`.
+        expected traces (E = 0) it is ignored. Returns flags, see `Status`.
 
         Raises:
             InputError: counts have another size, or are no numbers; nothing has moved then.
@@ -156,15 +148,15 @@ class Controller:
     def move_goal(
         self, primitive: int | str, position: np.ndarray, orientation: np.ndarray | None = None
     ) -> None:
-        """Move the goal of the running primitive or a later one in this run; the evolving goal goes smoothly.
+        """Move the goal of the running primitive or a later one in this run.
 
         Position, velocity and acceleration stay continuous: the running primitive keeps its forcing term,
         later ones are planned anew from where they will start. Between two ticks; takes some tenths of a ms.
 
-        `position`: (3,) m. `orientation`: (4,) unit quaternion; default stays.
+        `position`: (3,) m. `orientation`: (4,) unit quaternion; default unchanged.
 
         Raises:
-            InputError: no such primitive, it has ended, or the goal is no good or outside the workspace;
+            InputError: no such primitive, it has ended, or the goal is invalid or outside the workspace;
                 nothing has changed then.
             RuntimeError: the run has not been started.
         """

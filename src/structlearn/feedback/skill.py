@@ -1,8 +1,7 @@
 """Skill for a robot: primitives, expected sensor traces, feedback models, and their bounds.
 
-A coupling term of several dimensions is made by as many networks, each trained by itself, all
-of the same sensors (IV.6.2.3.2): `networks["scrape"]["ry"]` corrects about the base frame's y axis while
-`scrape` runs.
+Each dimension of a coupling term has a network of its own, of the same sensors (IV.6.2.3.2):
+`networks["scrape"]["ry"]` corrects about the base frame's y axis while `scrape` runs.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,12 +22,7 @@ from structlearn.primitives.vector import VectorPrimitive
 
 TARGET_MARGIN = 1.5  # A coupling term may be this much larger than any that was demonstrated
 LARGEST_TURN, LARGEST_SHIFT = 40.0, ALPHA * BETA * 0.03
-"""rad and m; held for long, they turn by 15 degrees and shift by 3 cm: where nothing else is said."""
-
-
-def _cautious() -> dict[Axis, float]:
-    return {axis: LARGEST_TURN if turns(axis) else LARGEST_SHIFT for axis in AXES}
-
+"""rad and m, the default limits; held for long, they turn by 15 degrees and shift by 3 cm."""
 
 Coupling = Annotated[float, Field(gt=0, le=1e4)]  # held for long, 1e4 would shift by 64 m
 
@@ -37,7 +31,7 @@ class FadingParameters(Parameters):
     """Times in which feedback fades. Fields: `params.yaml`, `write_skill`.
 
     `fade_s` bounds |dc/dt| within a primitive. Where the next one begins c is 0 at once, and the evolving
-    goal takes up what it was (eq. IV.14): acceleration, the robot's own measure, goes on as it was.
+    goal takes up what it was (eq. IV.14), so that the acceleration stays continuous.
     """
 
     fade_s: float = Field(gt=0, le=60)
@@ -50,7 +44,9 @@ class Limits(FadingParameters):
 
     # by axis, bound of |c|, m or rad (see `axes`); held for long, c shifts or turns by c / (ALPHA BETA).
     # `largest_coupling` derives it from demonstrated coupling terms.
-    largest_coupling: dict[Axis, Coupling] = Field(default_factory=_cautious)
+    largest_coupling: dict[Axis, Coupling] = Field(
+        default_factory=lambda: {axis: LARGEST_TURN if turns(axis) else LARGEST_SHIFT for axis in AXES}
+    )
     fade_s: float = Field(default=0.05, gt=0, le=60)
     stale_after_s: float = Field(default=0.05, gt=0, le=60)
     offset_within_s: float = Field(default=0.1, gt=0, le=60)
@@ -68,7 +64,7 @@ class Limits(FadingParameters):
 
 
 def largest_coupling(targets: Sequence[np.ndarray]) -> float:
-    """A bound of the coupling term of one axis: the largest demonstrated one, and `TARGET_MARGIN`."""
+    """Bound of the coupling term of one axis: `TARGET_MARGIN` times the largest demonstrated one."""
     return TARGET_MARGIN * max(float(np.abs(target).max()) for target in targets)
 
 
@@ -79,16 +75,14 @@ def demonstrated_limits(targets: Mapping[Axis, Sequence[np.ndarray]], fading: Fa
 
 
 Networks = Mapping[str, Mapping[Axis, CouplingModel]]
-"""Feedback models by the primitive's name, by axis; a primitive without them, or an axis, is left alone."""
-
-UNIT_TOLERANCE = 1e-6  # How far the norm of an axis or a quaternion may be from 1
+"""Feedback models by the primitive's name, by axis; what has no model is not corrected."""
 
 
 @dataclass(frozen=True)
 class Workspace:
     """A box along the axes of the base frame.
 
-    Raises InputError: the corners are no finite points, or the wrong way round.
+    Raises InputError: the corners are no finite points, or in the wrong order.
     """
 
     low: np.ndarray  # (3,) m
@@ -100,10 +94,7 @@ class Workspace:
             raise InputError(f"a workspace needs a low and a high corner, has {self.low} and {self.high}")
 
     def require(self, point: np.ndarray, what: str) -> None:
-        """Refuse a point (3,) that is outside.
-
-        InputError names every axis on which it is, and by how much.
-        """
+        """Refuse a point (3,) that is outside; the InputError names the axes and by how much."""
         beyond = np.maximum(self.low - point, point - self.high)
         faults = [
             f"{axis} = {value:.4g} m is {excess:.3g} m {'below' if value < low else 'above'} "
@@ -117,10 +108,7 @@ class Workspace:
 
 @dataclass(frozen=True)
 class ReactiveSkill:
-    """Primitives in sequence, with feedback where they have a network.
-
-    Raises InputError: the parts do not fit together; the message names the primitive.
-    """
+    """Primitives in sequence, with feedback where they have a network; InputError if its parts do not fit."""
 
     # with orientations of the quaternion form, or without orientation and networks that turn
     primitives: Sequence[PosePrimitive]
@@ -129,8 +117,7 @@ class ReactiveSkill:
     networks: Networks = field(default_factory=dict)  # each takes all channels, or none (`pmnn.open_loop`)
     limits: Limits = field(default_factory=Limits)  # bounds of the feedback
     workspace: Workspace | None = None  # where runs may start and have their goals; None: anywhere
-    # names and numbers of channels of the sensors that make up a sample, in this order; may be left out by
-    # those who know
+    # names and numbers of channels of the sensors that make up a sample, in this order; may be left out
     sensors: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
@@ -144,8 +131,16 @@ class ReactiveSkill:
             for name in parts:
                 if name not in names:
                     raise InputError(f"there are {kind} for '{name}', but no such primitive")
+        turned = any(map(turns, self.axes))
         for primitive in self.primitives:
-            _check_orientation(primitive, any(map(turns, self.axes)))
+            orientation = primitive.orientation
+            if turned and orientation is None:
+                raise InputError(f"'{primitive.name}' has no orientation, which feedback would correct")
+            if not isinstance(orientation, QuaternionPrimitive | None):
+                raise InputError(
+                    f"the orientation of '{primitive.name}' is a {type(orientation).__name__}: the "
+                    "controller steps quaternion primitives only, which turn less than half a circle"
+                )
         for name, traces in self.expected.items():
             if len(traces.start) != self.channels:
                 raise InputError(
@@ -155,9 +150,16 @@ class ReactiveSkill:
             raise InputError(f"sensors {dict(self.sensors)} do not make up {self.channels} channels")
         for name, by_axis in self.networks.items():
             for axis, network in by_axis.items():
+                what, expected = f"the network of '{name}' for {axis}", self.expected.get(name)
                 if axis not in AXES:
                     raise InputError(f"'{name}' has a network for '{axis}', no axis among {', '.join(AXES)}")
-                _check_network(f"the network of '{name}' for {axis}", network, self.expected.get(name))
+                if network.inputs and (expected is None or network.inputs != len(expected.start)):
+                    its = "there are no expected traces"
+                    if expected is not None:
+                        its = f"its expected traces have {len(expected.start)}"
+                    raise InputError(f"{what} takes {network.inputs} channels, but {its}")
+                if fault := network.fault():
+                    raise InputError(f"{what} {fault}")
         self.limits.of(self.axes, 1.0)
 
     @property
@@ -172,10 +174,7 @@ class ReactiveSkill:
         return next((len(traces.start) for traces in self.expected.values()), 0)
 
     def index(self, primitive: int | str) -> int:
-        """Place of a primitive in the sequence, by its name or its place.
-
-        Raises InputError: there is no such primitive.
-        """
+        """Place of a primitive in the sequence, by its name or its place; InputError if there is none."""
         names = [part.name for part in self.primitives]
         if primitive in names:
             return names.index(primitive)
@@ -185,55 +184,11 @@ class ReactiveSkill:
 
 
 def demonstrated_workspace(paths: Iterable[np.ndarray], margin_m: float) -> Workspace:
-    """The smallest box around demonstrated paths, and a margin. `paths`: (T, 3) m each, from start to end."""
+    """The smallest box around demonstrated paths (T, 3) in m, extended by a margin."""
     points = np.concatenate(list(paths))
     return Workspace(points.min(axis=0) - margin_m, points.max(axis=0) + margin_m)
 
 
 def on_axis(networks: Mapping[str, CouplingModel], axis: Axis) -> Networks:
-    """Networks by the primitive's name as those of a skill that corrects on one axis."""
+    """Networks of a skill that corrects on one axis, from networks by the primitive's name."""
     return {name: {axis: network} for name, network in networks.items()}
-
-
-def require_unit(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
-    """The values as a (size,) float array.
-
-    Raises InputError: another size, a value that is not finite, or a norm that is not 1.
-    """
-    array = require_finite(values, size, what)
-    if abs(np.linalg.norm(array) - 1.0) > UNIT_TOLERANCE:
-        raise InputError(f"{what} must have norm 1, has {np.linalg.norm(array):.6g}")
-    return array
-
-
-def require_finite(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
-    """The values as a (size,) float array; InputError for another size or a value that is not finite."""
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what} must be {size} numbers, is {values!r}") from error
-    if array.shape != (size,) or not np.isfinite(array).all():
-        raise InputError(f"{what} must be {size} finite numbers, is {array}")
-    return array
-
-
-def _check_orientation(primitive: PosePrimitive, feedback: bool) -> None:
-    if primitive.orientation is None:
-        if feedback:
-            raise InputError(f"'{primitive.name}' has no orientation, which feedback would correct")
-    elif not isinstance(primitive.orientation, QuaternionPrimitive):
-        raise InputError(
-            f"the orientation of '{primitive.name}' is a {type(primitive.orientation).__name__}: "
-            "the controller steps quaternion primitives only, which turn less than half a circle"
-        )
-
-
-def _check_network(what: str, network: CouplingModel, expected: VectorPrimitive | None) -> None:
-    if network.inputs and expected is None:
-        raise InputError(f"{what} takes {network.inputs} channels, but there are no expected traces")
-    if network.inputs and expected is not None and network.inputs != len(expected.start):
-        raise InputError(
-            f"{what} takes {network.inputs} channels, but its expected traces have {len(expected.start)}"
-        )
-    if fault := network.fault():
-        raise InputError(f"{what} {fault}")

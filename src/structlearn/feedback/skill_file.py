@@ -1,8 +1,8 @@
 """A skill as one safetensors file: all that a robot needs, with its bounds, its units and its origin.
 
 Tensors are `primitives.<primitive>...` as in `primitives.primitive_files`, `expected.<primitive>.<array>`,
-`networks.<primitive>.<axis>.<array>`, and `workspace` (2, 3): its low and its high corner. The
-rest stands in the description, with a digest of all (`core.artefacts`).
+`networks.<primitive>.<axis>.<array>`, and `workspace` (2, 3): its low and its high corner. The rest is in the
+description, with a digest of all (`core.artefacts`).
 """
 
 import hashlib
@@ -63,10 +63,9 @@ class SkillParameters(FadingParameters):
 
 
 def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str, Any]) -> None:
-    """Publish a skill.
+    """Publish a skill with its `provenance`.
 
-    `provenance`: of `provenance`. Raises InputError: the skill has no workspace, or the file cannot be
-    written.
+    Raises InputError: the skill has no workspace, or the file cannot be written.
     """
     if skill.workspace is None:
         raise InputError(f"{path}: a skill without a workspace is not for a robot")
@@ -104,22 +103,24 @@ def read_skill(path: str | Path) -> ReactiveSkill:
     tensors, described = read_tensors(path), _described(path)
     with holding(path, "skill of this version"):
         _check(tensors, described)
+        expected = {
+            name: vector_primitive(part(f"expected.{name}", tensors)) for name in described["expected"]
+        }
+        networks = {
+            name: {
+                axis: named_model(model).from_arrays(part(f"networks.{name}.{axis}", tensors))
+                for axis, model in by_axis.items()
+            }
+            for name, by_axis in described["networks"].items()
+        }
         workspace = Workspace(*tensors["workspace"])
         skill = ReactiveSkill(
-            primitives=pose_primitives(described["primitives"], part("primitives", tensors)),
-            expected={
-                name: vector_primitive(part(f"expected.{name}", tensors)) for name in described["expected"]
-            },
-            networks={
-                name: {
-                    axis: named_model(model).from_arrays(part(f"networks.{name}.{axis}", tensors))
-                    for axis, model in by_axis.items()
-                }
-                for name, by_axis in described["networks"].items()
-            },
-            limits=checked(described["limits"], Limits, KIND, "limits"),
-            workspace=workspace,
-            sensors=tuple((name, count) for name, count in described["sensors"]),
+            pose_primitives(described["primitives"], part("primitives", tensors)),
+            expected,
+            networks,
+            checked(described["limits"], Limits, KIND, "limits"),
+            workspace,
+            tuple((name, count) for name, count in described["sensors"]),
         )
         for pose in (default_start(skill.primitives), *default_goals(skill.primitives)):
             workspace.require(pose.position, "a demonstrated start or goal")
@@ -133,11 +134,11 @@ def read_provenance(path: str | Path) -> dict[str, Any]:
 
 
 def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Of what, how and by which version a skill was learned.
+    """Recordings, parameters and version that a skill was learned with.
 
-    `bags`: files or folders of recordings; all files below a folder are taken. `parameters`: all that were
-    used, by stage, as JSON can hold them. Returns `bags`, SHA-256 by their names, which begin with that of
-    the folder given; `parameters`, SHA-256 of their sorted JSON; `version` of this package.
+    `bags`: files or folders of recordings, with all files below. `parameters`: all that were used, by stage.
+    Returns `bags`, SHA-256 by their names, which begin with that of the folder given; `parameters`, SHA-256
+    of their sorted JSON; `version` of this package.
     """
     digests = {}
     for source in bags:

@@ -13,15 +13,15 @@ future work of the dissertation, V.2):
 
     r = R c        loss = mean (R c - r_cd)^2 / mean r_cd^2 + weight mean (c - c_target)^2 / mean c_target^2
 
-Sample by sample a model is asked for the right coupling term at every instant; what counts is where the
-movement ends up. Here c_t = PMNN(ds_t, G_t) runs through the primitive, and the angle r that it adds to the
-nominal movement is compared with the demonstrated one. The sensors cannot be differentiated: their deviations
-are those of the corrected demonstration (teacher forcing).
+Sample by sample, the loss is the error of the coupling term at every instant; but what counts is where the
+movement ends. In the unroll, c_t = PMNN(ds_t, G_t) runs through the primitive, and the angle r that it adds
+to the nominal movement is compared with the demonstrated one. Sensors cannot be differentiated: their
+deviations are those of the corrected demonstration (teacher forcing).
 
 Since the primitive is linear in c (`coupling_response`), errors that it averages out weigh little, errors
-that add up to drift weigh much. So it pays where what cannot be predicted is in the demonstrated path, such
-as a hand's tremor, which differentiating twice magnifies in c_target. Where the noise is in the coupling term
-itself, single samples are as good or better: a path has fewer independent values.
+that add up to drift weigh much. This helps where the noise is in the demonstrated path, such as a hand's
+tremor, which differentiating twice magnifies in c_target. Where it is in the coupling term itself, single
+samples are as good or better: a path has fewer independent values.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.corrected_paths import CorrectedPaths, unrolled_error
 from structlearn.feedback.coupling_model import Jobs, Trained, TrainingParameters, UnrolledTrainingParameters
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.supervised_training import scaled_targets, standardised, train_stack
+from structlearn.feedback.supervised_training import Stack, scaled_targets, standardised, train_stack
 from structlearn.networks.stacked_layers import Dropout, RowLayers
 from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.primitives import canonical, kernels
@@ -47,9 +47,8 @@ MOVEMENT_SAMPLES = 1000  # Samples of one movement over which the mean phase vel
 class StackedPhaseModulatedNetworks:
     """M phase-modulated networks (eq. IV.27-IV.30): no output bias, c = 0 wherever u = 0.
 
-    `inputs`: number D. `hidden`: nodes of each regular hidden layer, whose nodes are left out of a training
-    step with probability `dropout`. `kernels`: number of phase kernels N. `generator`: source of the initial
-    weights and of the dropout masks.
+    `inputs`: D. `hidden`: nodes of each regular hidden layer, left out of a training step with probability
+    `dropout`. `kernels`: N. `generator`: source of the initial weights and of the dropout masks.
     """
 
     def __init__(
@@ -75,7 +74,6 @@ class StackedPhaseModulatedNetworks:
         """Coupling terms (M, B) in units of the target's scale.
 
         `inputs`: (M, B, D) standardised deviations. `modulation`: (M, B, N) phase features G(p, u).
-        `training`: whether nodes are dropped.
         """
         units = self.layers.forward(inputs, training, self.dropout)
         scaled = self.output_weights * self.kernel_scale[:, None]  # (M, N, 1): scaling G would cost more
@@ -104,9 +102,9 @@ class StackedPhaseModulatedNetworks:
         dropout: float,
         generator: torch.Generator,
     ) -> Self:
-        """A stack that starts from given networks of equal shape; the inverse of `to_network`.
+        """A stack that starts from networks of equal shape, on standardised inputs; inverse of `to_network`.
 
-        Standardisation of inputs stays with the caller. `output_scales`: (M,) by which targets are divided.
+        `output_scales`: (M,) by which targets are divided.
         """
         (inputs, *hidden), count = networks[0].sizes, len(networks[0].phase_biases)
         stack = cls(len(networks), inputs, hidden, count, dropout, generator)
@@ -139,7 +137,10 @@ def train_networks(
             [initial] * models, scales, parameters.dropout, generator
         )
     return train_stack(
-        stack, data, parameters, lambda index: stack.to_network(index, *units[index], scales[index])
+        Stack(stack.parameters(), stack.forward),
+        data,
+        parameters,
+        lambda index: stack.to_network(index, *units[index], scales[index]),
     )
 
 
@@ -162,17 +163,16 @@ def train_unrolled(
 ) -> PhaseModulatedNetwork:
     """Train a feedback model such that the unrolled path follows the corrected demonstrations.
 
-    Of all steps looked at, the initial network included, the one with the smallest mean squared unrolled
-    error on the validation demonstrations is kept. That is honest only if the initial network has not seen
-    them. The initial network's standardisation of the input is kept. Raises InputError: nothing was corrected
-    in the demonstrations.
+    The network with the smallest mean squared unrolled error on the validation demonstrations is kept, the
+    initial one included, whose standardisation stays. That is honest only if the initial network has not seen
+    them. Raises InputError: nothing was corrected in the demonstrations.
     """
     target_scale, path_scale = (
         float(np.sqrt(np.mean(values**2))) for values in (training.target, training.correction)
     )
     if target_scale == 0.0:
         raise InputError("nothing was corrected in the demonstrations: all coupling targets are 0")
-    generator = torch.Generator().manual_seed(parameters.seed)
+    generator = seeded(parameters.seed)
     stack = StackedPhaseModulatedNetworks.from_networks(
         [initial], [target_scale], parameters.dropout, generator
     )

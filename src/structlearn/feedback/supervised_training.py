@@ -9,14 +9,14 @@ lowest error on the left-out demonstration itself, which is what the dissertatio
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from structlearn.core.errors import InputError
-from structlearn.feedback.coupling_dataset import PARTS, Fold
+from structlearn.feedback.coupling_dataset import PARTS, Fold, stream
 from structlearn.feedback.coupling_model import Jobs, Model, Trained, TrainingParameters
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 
@@ -27,17 +27,17 @@ CHOOSING = ("validation", "generalization")
 DECAY = 0.9  # Of RMSProp's running mean of squared gradients, per step: the value with which it was published
 
 
-class Stack(Protocol):
-    """M networks of any kind; all their parameters have a leading model axis."""
+Forward = Callable[[Tensor, Any, bool], Tensor]
+"""Outputs (M, B) or (M, B, D) at inputs (M, B, D) and phase features (M, B, N), which are None for networks
+without; True lets nodes drop out."""
 
-    def parameters(self) -> list[Tensor]:
-        """Trained parameters."""
 
-    def forward(self, inputs: Tensor, modulation: Any, training: bool = False) -> Tensor:
-        """Outputs (M, B) or (M, B, D) of inputs (M, B, D); `training` lets nodes drop out.
+@dataclass(frozen=True)
+class Stack:
+    """M networks of any kind that train at once."""
 
-        The modulation (M, B, N) is None for a network without.
-        """
+    weights: Sequence[Tensor]  # all that is trained, with a leading model axis
+    forward: Forward
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,13 @@ class StackedData:
 
     inputs: Tensor  # (M, S, D) standardised inputs
     modulation: Tensor | None  # (S, N) phase features; None for networks without phase modulation
-    target: Tensor  # (M, S) scaled coupling terms, or (M, S, D) what an autoencoder shall give back
+    target: Tensor  # (M, S) scaled coupling terms, or (M, S, D) inputs that an autoencoder reconstructs
     folds: Sequence[Fold]  # per model, the samples by part
 
 
 @dataclass(frozen=True)
 class LearningCurves:
-    """What was seen while a stack trained."""
+    """Errors of a stack while it trained, and its best weights."""
 
     steps: np.ndarray  # (E,) gradient steps done
     nmse: np.ndarray  # (E, M, 2) per model and part of `CHOOSING`; NaN for a part without samples
@@ -64,64 +64,67 @@ class LearningCurves:
         return np.where(np.isnan(errors), np.inf, errors).argmin(axis=0)
 
 
-def train(network: Stack, data: StackedData, parameters: TrainingParameters) -> LearningCurves:
+def train(stack: Stack, data: StackedData, parameters: TrainingParameters) -> LearningCurves:
     """Train a stack in place; every model ends with the weights that did best on its validation part.
 
     It runs on one thread: parallel work is a matter of processes, and a sum whose order depends on the number
     of threads would not be reproducible.
     """
-    optimiser = RootMeanSquarePropagation(network.parameters(), parameters.learning_rate, DECAY)
-    draws = [np.random.default_rng([parameters.seed, fold.stream, 1]) for fold in data.folds]
+    optimiser = RootMeanSquarePropagation(stack.weights, parameters.learning_rate, DECAY)
+    draws = [np.random.default_rng([parameters.seed, stream(fold.number), 1]) for fold in data.folds]
     best = np.full((len(data.folds), len(CHOOSING)), np.inf)
-    kept = {part: [values.detach().clone() for values in network.parameters()] for part in CHOOSING}
+    kept = {part: [values.detach().clone() for values in stack.weights] for part in CHOOSING}
     done, errors = [], []
     with one_thread():
         for start in range(0, parameters.steps, parameters.evaluate_every):
             count = min(parameters.evaluate_every, parameters.steps - start)
-            shape = (count, parameters.batch_size)
-            for rows in _batches(data.folds, draws, shape):
-                optimiser.step(_loss(network, data, rows))
+            for rows in _batches(data.folds, draws, (count, parameters.batch_size)):
+                outputs = stack.forward(_taken(data.inputs, rows), _modulation(data, rows), True)
+                squares = (outputs - _taken(data.target, rows)).square()
+                # mean over the samples, summed over models: their gradients do not mix
+                optimiser.step(squares.flatten(1).mean(dim=1).sum())
             done.append(start + count)
-            errors.append(evaluate(network, data, CHOOSING))
+            errors.append(evaluate(stack, data, CHOOSING))
             better = errors[-1] < best
             best[better] = errors[-1][better]
             for place, part in enumerate(CHOOSING):
                 chosen = torch.from_numpy(better[:, place])
-                for found, values in zip(kept[part], network.parameters(), strict=True):
+                for found, values in zip(kept[part], stack.weights, strict=True):
                     found[chosen] = values.detach()[chosen]
-    restore(network, kept["validation"])
+    restore(stack, kept["validation"])
     return LearningCurves(np.array(done), np.array(errors), kept)
 
 
 @torch.no_grad()
-def restore(network: Stack, weights: Sequence[Tensor]) -> None:
+def restore(stack: Stack, weights: Sequence[Tensor]) -> None:
     """Give a stack kept weights back."""
-    for values, found in zip(network.parameters(), weights, strict=True):
+    for values, found in zip(stack.weights, weights, strict=True):
         values.copy_(found)
 
 
 def train_stack(
-    network: Stack, data: StackedData, parameters: TrainingParameters, model: Callable[[int], Model]
+    stack: Stack, data: StackedData, parameters: TrainingParameters, model: Callable[[int], Model]
 ) -> list[Trained[Model]]:
-    """Train a stack, and take each of its networks out at the step that each part chooses.
+    """Train a stack, and export each of its networks at the step that each part chooses.
 
-    `model`: network of an index with the weights that the stack has now.
+    `model`: exports the network of an index with the weights that the stack has now.
     """
-    curves = train(network, data, parameters)
-    parts = [part for part in CHOOSING if all(len(getattr(fold, part)) for fold in data.folds)]
+    curves, count = train(stack, data, parameters), len(data.folds)
     found: dict[str, list[Model]] = {}
-    for part in parts:
-        restore(network, curves.weights[part])
-        found[part] = [model(index) for index in range(len(data.folds))]
-    steps = {part: curves.steps[curves.best(part)].tolist() for part in parts}
+    steps: dict[str, list[int]] = {}
+    for part in CHOOSING:
+        if all(len(getattr(fold, part)) for fold in data.folds):
+            restore(stack, curves.weights[part])
+            found[part] = [model(index) for index in range(count)]
+            steps[part] = curves.steps[curves.best(part)].tolist()
     return [
-        Trained({part: found[part][index] for part in parts}, {part: steps[part][index] for part in parts})
-        for index in range(len(data.folds))
+        Trained({part: found[part][index] for part in found}, {part: steps[part][index] for part in steps})
+        for index in range(count)
     ]
 
 
 def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np.ndarray]], Tensor]:
-    """Inputs of all jobs (M, S, D), and what was taken off each one's columns and divided them, twice (D,).
+    """Mean and scale (D,) of each job's inputs, and the standardised inputs of all jobs (M, S, D).
 
     `phases`: 2 to append phase and phase velocity, each with a scale of its own; 0 not to.
     """
@@ -139,10 +142,9 @@ def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np
 
 
 def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tuple[list[float], StackedData]:
-    """Scales of the jobs' targets (M,), and all that a stack trains on, with inputs (M, S, D) standardised.
+    """Scales of the jobs' targets (M,), and what a stack trains on, with standardised inputs (M, S, D).
 
-    `kernel_count`: number of phase features; None for networks without. Raises InputError: a target is
-    constant.
+    `kernel_count`: number of phase features; None for networks without.
     """
     scales = [target_scale(dataset.target, fold) for dataset, fold in jobs]
     modulation = None if kernel_count is None else as_tensor(jobs[0][0].modulation(kernel_count))
@@ -150,7 +152,7 @@ def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tupl
     return scales, StackedData(inputs, modulation, as_tensor(np.stack(targets)), [fold for _, fold in jobs])
 
 
-def evaluate(network: Stack, data: StackedData, parts: Sequence[str] = PARTS) -> np.ndarray:
+def evaluate(stack: Stack, data: StackedData, parts: Sequence[str] = PARTS) -> np.ndarray:
     """Normalised mean squared errors (M, len(parts)) without dropout; NaN for a part without samples.
 
     With several targets per sample, both the squared error and the variance are summed over them.
@@ -158,7 +160,7 @@ def evaluate(network: Stack, data: StackedData, parts: Sequence[str] = PARTS) ->
     rows = [[getattr(fold, part) for part in parts] for fold in data.folds]
     longest = max(sum(map(len, its)) for its in rows)
     padded = np.stack([np.resize(np.concatenate(its), longest) for its in rows])
-    outputs = predict(network, data, torch.from_numpy(padded))
+    outputs = predict(stack, data, torch.from_numpy(padded))
     result = np.full((len(rows), len(parts)), np.nan)
     for model, its in enumerate(rows):
         start = 0
@@ -171,13 +173,13 @@ def evaluate(network: Stack, data: StackedData, parts: Sequence[str] = PARTS) ->
     return result
 
 
-def predict(network: Stack, data: StackedData, rows: Tensor) -> np.ndarray:
+@torch.no_grad()
+def predict(stack: Stack, data: StackedData, rows: Tensor) -> np.ndarray:
     """Outputs of a stack, (M, R) or (M, R, D), for rows (M, R) of each model's samples."""
-    with torch.no_grad():
-        found = [
-            network.forward(_taken(data.inputs, chosen), _modulation(data, chosen))
-            for chosen in rows.split(EVALUATED_AT_ONCE, dim=1)
-        ]
+    found = [
+        stack.forward(_taken(data.inputs, chosen), _modulation(data, chosen), False)
+        for chosen in rows.split(EVALUATED_AT_ONCE, dim=1)
+    ]
     return torch.cat(found, dim=1).numpy()
 
 
@@ -186,20 +188,16 @@ def standardisation(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (D,) of the training samples, and one scale for a group of columns, (D,): the rms of their std.
 
-    The text feeds its networks with counts. One scale changes their unit alone, while a scale of its own
-    would make as much of an electrode that hardly feels the tool, and is mostly noise, as of one below it.
+    The text feeds its networks with counts. One scale changes their unit alone, while a scale for each column
+    would amplify an electrode that hardly feels the tool, and is mostly noise. The scale is 1 where nothing
+    varies.
 
     `values`: (S, D) samples. `groups`: numbers of neighbouring columns that share a unit; none: all do.
     """
     found = values[fold.train]
-    scales = [_spread(part) for part in np.split(found, np.cumsum(groups)[:-1], axis=1)]
+    parts = np.split(found, np.cumsum(groups)[:-1], axis=1)
+    scales = [float(np.sqrt(part.var(axis=0).mean())) or 1.0 for part in parts]
     return found.mean(axis=0), np.repeat(scales, groups or found.shape[1])
-
-
-def _spread(values: np.ndarray) -> float:
-    """Root mean square of the columns' std; 1 where nothing varies."""
-    spread = float(np.sqrt(values.var(axis=0).mean()))
-    return spread if spread > 0.0 else 1.0
 
 
 def target_scale(target: np.ndarray, fold: Fold) -> float:
@@ -221,12 +219,6 @@ def _batches(
         order = np.concatenate([rng.permutation(fold.train) for _ in range(epochs)])[:count]
         stacked.append(order.reshape(shape))
     yield from torch.from_numpy(np.stack(stacked, axis=1))
-
-
-def _loss(network: Stack, data: StackedData, rows: Tensor) -> Tensor:
-    """Squared error of a batch, meant over its samples and summed over models: their gradients do not mix."""
-    outputs = network.forward(_taken(data.inputs, rows), _modulation(data, rows), training=True)
-    return (outputs - _taken(data.target, rows)).square().flatten(1).mean(dim=1).sum()
 
 
 def _taken(values: Tensor, rows: Tensor) -> Tensor:

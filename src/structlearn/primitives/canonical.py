@@ -26,12 +26,9 @@ def time_constant(duration: float) -> float:
 
 
 def phase(times: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarray]:
-    """Phase and phase velocity of the canonical system (eq. IV.4, IV.5).
+    """Phase p (1 -> 0) and phase velocity u = tau dp/dt (<= 0, 0 at both ends), (...) each (eq. IV.4, IV.5).
 
     `times`: (...) s since the start of the movement. `tau`: time constant in s.
-
-    Returns:
-        p: (...) phase, 1 -> 0.   u: (...) phase velocity tau dp/dt, <= 0, 0 at both ends.
     """
     rate = 0.5 * ALPHA_U  # double pole of the critically damped system
     elapsed = rate * np.asarray(times, dtype=float) / tau

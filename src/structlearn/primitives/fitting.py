@@ -48,16 +48,13 @@ def whole(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
 def segment_paths(
     demonstrations: Sequence[Demonstration], cuts: pd.DataFrame, smoothing_hz: float
 ) -> list[Segment]:
-    """One primitive's part of every demonstration, smoothed before it is cut.
+    """One primitive's part of every demonstration that is in the cuts, smoothed before it is cut.
 
-    `cuts`: index demonstration, columns `start_s`, `end_s`; demonstrations that are not in it are left out.
-    Returns one segment per demonstration in the cuts, in the order of the demonstrations. Raises InputError:
-    a segment has fewer than three samples, or some demonstrations have no orientation.
+    `cuts`: index demonstration, columns `start_s`, `end_s`. Raises InputError: a segment has fewer than three
+    samples, or some demonstrations have no orientation.
     """
     segments: list[Segment] = []
-    for demonstration in demonstrations:
-        if demonstration.name not in cuts.index:
-            continue
+    for demonstration in (one for one in demonstrations if one.name in cuts.index):
         cut = cuts.loc[demonstration.name]
         first, last = (round(float(cut[end]) / demonstration.dt) for end in ("start_s", "end_s"))
         if last - first < 2:
@@ -83,14 +80,10 @@ def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
 
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
     """One primitive from its segments, one per demonstration; with orientation where that was recorded."""
-    positions = [position for position, _ in segments]
-    orientations = [orientation for _, orientation in segments if orientation is not None]
+    positions, turns = zip(*segments, strict=True)
     choice = (parameters.regression, parameters.kernel_count)
-    return PosePrimitive(
-        name,
-        fit_position(positions, parameters.scaled_axes, *choice),
-        fit_orientation(orientations, *choice) if orientations else None,
-    )
+    orientation = fit_orientation(orientations(segments), *choice) if any(turns) else None
+    return PosePrimitive(name, fit_position(positions, parameters.scaled_axes, *choice), orientation)
 
 
 def learn_sequence(
@@ -100,11 +93,10 @@ def learn_sequence(
 
     `cuts`: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
     """
-    primitives = []
-    for name, its in cuts.items():
-        segments = segment_paths(demonstrations, its, parameters.smoothing_hz)
-        primitives.append(learn_primitive(name, segments, parameters))
-    return primitives
+    return [
+        learn_primitive(name, segment_paths(demonstrations, its, parameters.smoothing_hz), parameters)
+        for name, its in cuts.items()
+    ]
 
 
 def cross_validation(
@@ -115,11 +107,10 @@ def cross_validation(
 ) -> pd.DataFrame:
     """Reproduction errors of demonstrations that were learned from and of ones that were left out.
 
-    `cuts`: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
-    `parameters`: see there; both regressions are tried. `fold`: neighbouring demonstrations that are left out
-    together, at most half of them. Returns rows of `reproduction_errors` with `primitive`, `demonstration`,
-    `regression` and `left_out`: False where the primitive was learned from all demonstrations, True where
-    from all but those of this fold.
+    `cuts`: as `learn_sequence`; both regressions are tried. `fold`: neighbouring demonstrations that are left
+    out together, at most half of them. Returns rows of `reproduction_errors` with `primitive`,
+    `demonstration`, `regression` and `left_out`: False where the primitive was learned from all
+    demonstrations, True where from all but those of this fold.
     """
     tables = []
     for name, its in cuts.items():
@@ -150,9 +141,8 @@ def _left_out(name: str, segments: Sequence[Segment], parameters: FitParameters,
 def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -> pd.DataFrame:
     """Distance of each segment from the primitive, unrolled with the segment's start, goal and duration.
 
-    `segments`: the segments to compare with, whether it was learned from them or not. Returns one row per
-    segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (all axes together) and, with an orientation, `mean_deg`,
-    `max_deg`, `end_deg`.
+    One row per segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (all axes together) and, with an orientation,
+    `mean_deg`, `max_deg`, `end_deg`.
     """
     rows = []
     for position, orientation in segments:
@@ -160,12 +150,8 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
             position.dt, position.position[0], position.position[-1], position.duration
         )
         distance = 1e3 * np.linalg.norm(path.position - position.position, axis=1)
-        row = {
-            "mean_mm": distance.mean(),
-            "max_mm": distance.max(),
-            "end_mm": distance[-1],
-            "nmse": _overall_nmse(path.position, position.position),
-        }
+        row = {"mean_mm": distance.mean(), "max_mm": distance.max(), "end_mm": distance[-1]}
+        row["nmse"] = _overall_nmse(path.position, position.position)
         if orientation is not None and primitive.orientation is not None:
             turn = primitive.orientation.unroll(
                 orientation.dt, orientation.orientation[0], orientation.orientation[-1], orientation.duration
@@ -177,24 +163,20 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
 
 
 def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
-    """Errors over all demonstrations: means of the mean errors, largest of the largest and of the end errors.
+    """Errors of `cross_validation` over all demonstrations: means of the mean errors, largest of the others.
 
-    `errors`: of `cross_validation`. Returns one row per `primitive` (in order of time), `regression` and
-    `left_out`: `mean_mm`, `max_mm`, `end_mm` and, with orientations, `mean_deg`, `max_deg`, `end_deg`.
+    One row per `primitive` (in order of time), `regression` and `left_out`, with the columns
+    `REPRODUCTION_ERRORS` that there are.
     """
-    how = {column: "mean" if column.startswith("mean") else "max" for column in REPRODUCTION_ERRORS}
-    known = {column: how[column] for column in REPRODUCTION_ERRORS if column in errors.columns}
+    known = [column for column in REPRODUCTION_ERRORS if column in errors.columns]
+    how = {column: "mean" if column.startswith("mean") else "max" for column in known}
     keys = ["primitive", "regression", "left_out"]
-    return (
-        errors.groupby(keys, as_index=False, sort=False)
-        .agg(known)
-        .sort_values(keys, key=_in_first_order, ignore_index=True)
-    )
+    found = errors.groupby(keys, as_index=False, sort=False).agg(how)
 
+    def in_first_order(column: pd.Series) -> pd.Series:
+        return pd.Series(pd.factorize(column)[0], index=column.index)
 
-def _in_first_order(column: pd.Series) -> pd.Series:
-    """Sorting key: the order in which values first appear."""
-    return pd.Series(pd.factorize(column)[0], index=column.index)
+    return found.sort_values(keys, key=in_first_order, ignore_index=True)
 
 
 def _overall_nmse(prediction: np.ndarray, target: np.ndarray) -> float:

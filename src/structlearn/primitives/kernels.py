@@ -26,12 +26,9 @@ SMALLEST_EXPONENT = -700.0
 
 @lru_cache
 def centres_and_widths(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Centres c_i = p(t_i), t_i from start to end, and widths h_i = 1 / (OVERLAP (c_{i+1} - c_i))^2.
+    """Centres c_i = p(t_i) (N,), falling from 1, and widths h_i = 1 / (OVERLAP (c_{i+1} - c_i))^2 (N,).
 
-    `count`: number of kernels, at least 2.
-
-    Returns:
-        c: (N,) falling from 1.   h: (N,) the last one repeats its neighbour's.
+    The last width repeats its neighbour's. `count`: number of kernels N, at least 2.
     """
     centres, _ = phase(np.linspace(0.0, 1.0, count), TAU_PER_DURATION)
     gaps = np.diff(centres)
@@ -41,10 +38,9 @@ def centres_and_widths(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def features(p: np.ndarray, u: np.ndarray, count: int = KERNEL_COUNT) -> np.ndarray:
-    """Features of the forcing term, u psi_i(p) / sum_j psi_j(p) (eq. IV.6).
+    """Features (..., N) of the forcing term, u psi_i(p) / sum_j psi_j(p) (eq. IV.6): f = features @ weights.
 
-    `p`: (...) phase. `u`: (...) phase velocity. Returns (..., N) features; a forcing term is
-    `features @ weights`.
+    `p`: (...) phase. `u`: (...) phase velocity.
     """
     centres, widths = centres_and_widths(count)
     values = np.subtract.outer(centres, p)  # (N, ...), in place: temporaries would cost more than the exp
@@ -58,10 +54,9 @@ def features(p: np.ndarray, u: np.ndarray, count: int = KERNEL_COUNT) -> np.ndar
 
 @lru_cache(maxsize=64)
 def sampled_features(samples: int, step: float, count: int = KERNEL_COUNT) -> np.ndarray:
-    """Features at the samples of a movement; equal movements share them.
+    """Features (T, N) at T samples of a movement, read-only; equal movements share them.
 
-    `samples`: number of samples T from the start. `step`: sampling interval / tau, dimensionless. Returns
-    (T, N) read-only features.
+    `step`: sampling interval / tau, dimensionless.
     """
     values = features(*phase(step * np.arange(samples), 1.0), count)
     values.flags.writeable = False
@@ -69,10 +64,7 @@ def sampled_features(samples: int, step: float, count: int = KERNEL_COUNT) -> np
 
 
 def unit_features(samples: int, count: int = KERNEL_COUNT) -> np.ndarray:
-    """Features at `samples` equally spaced times from start to end; they do not depend on the duration.
-
-    Returns (samples, N) read-only features.
-    """
+    """Features (samples, N) at equally spaced times from start to end, for any duration; read-only."""
     return sampled_features(samples, 1.0 / (TAU_PER_DURATION * (samples - 1)), count)
 
 
@@ -89,13 +81,12 @@ def forcing_weights(
     method: Regression = "joint",
     count: int = KERNEL_COUNT,
 ) -> np.ndarray:
-    """Weights of the forcing term from one or several demonstrations.
+    """Weights theta (N, D) that minimise sum_l |scale_l features theta - target_l|^2.
 
     `targets`: per demonstration (T_l, D) forcing targets on a uniform clock from start to end. `scales`:
     (L, D) amplitude of each demonstration's forcing term relative to the primitive's; None: 1. `method`:
     `joint`: ridge least squares over all kernels, as in the text. `local`: each kernel alone, weighted by its
-    activation (locally weighted regression). Returns (N, D) weights theta that minimise sum_l |scale_l
-    features theta - target_l|^2.
+    activation (locally weighted regression).
     """
     if scales is None:
         scales = np.ones((len(targets), targets[0].shape[1]))

@@ -10,6 +10,7 @@ axis is integrated exactly.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,50 +19,22 @@ from structlearn.core.compilation import numba
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Coupling, step_matrix
-from structlearn.primitives.vector import sample_count
+from structlearn.primitives.vector import ForcedPrimitive, mean_initial_state
 
 
 @dataclass(frozen=True)
-class QuaternionPrimitive:
-    """Learned movement of an orientation that turns less than half a circle."""
-
-    weights: np.ndarray  # (..., N, 3) forcing weights; leading axes make a batch
-    start: np.ndarray  # (4,) mean start of the demonstrations
-    goal: np.ndarray  # (4,) mean goal of the demonstrations
-    velocity: np.ndarray  # (3,) mean initial angular velocity of the demonstrations, rad per duration
-    acceleration: np.ndarray  # (3,) mean initial angular acceleration, rad per duration squared
-    duration: float  # mean duration of the demonstrations in s
+class QuaternionPrimitive(ForcedPrimitive[OrientationTrajectory]):
+    """Learned movement of an orientation that turns less than half a circle: rad instead of m."""
 
     def forcing(self, times: np.ndarray, duration: float) -> np.ndarray:
         """Forcing term (..., T, 3) at times (T,) in s of a movement of the given duration in s."""
         p, u = canonical.phase(times, canonical.time_constant(duration))
         return kernels.features(p, u, self.weights.shape[-2]) @ self.weights
 
-    def unroll(
-        self,
-        dt: float,
-        start: np.ndarray | None = None,
-        goal: np.ndarray | None = None,
-        duration: float | None = None,
-        velocity: np.ndarray | float | None = None,
-        acceleration: np.ndarray | float | None = None,
-        coupling: Coupling | None = None,
-        until: float | None = None,
+    def _integrated(
+        self, start: np.ndarray, goal: np.ndarray, features: np.ndarray, *system: Any
     ) -> OrientationTrajectory:
-        """Generate the movement, (..., T, 4) orientations; arguments as of `VectorPrimitive.unroll`.
-
-        `start`, `goal`: (4,). `velocity`, `acceleration`: (3,) rad/s, rad/s^2. `coupling`: of the step, Q
-        (..., 4) and w (..., 3).
-        """
-        start = self.start if start is None else np.asarray(start, dtype=float)
-        goal = self.goal if goal is None else np.asarray(goal, dtype=float)
-        duration = self.duration if duration is None else duration
-        tau = canonical.time_constant(duration)
-        samples = sample_count(duration if until is None else until, dt)
-        forcing = kernels.sampled_features(samples, dt / tau, self.weights.shape[-2]) @ self.weights
-        velocity = self.velocity / duration if velocity is None else velocity
-        acceleration = self.acceleration / duration**2 if acceleration is None else acceleration
-        return unroll(start, goal, forcing, dt, tau, velocity, acceleration, coupling)
+        return unroll(start, goal, features @ self.weights, *system)
 
 
 def fit_quaternion(
@@ -73,21 +46,12 @@ def fit_quaternion(
 
     `demonstrations`: each with (T_l, 4) orientations.
     """
-    durations = np.array([path.duration for path in demonstrations])[:, None]
-    velocities = np.array([path.angular_velocity[0] for path in demonstrations])
-    accelerations = np.array([path.angular_acceleration[0] for path in demonstrations])
-    return QuaternionPrimitive(
-        weights=kernels.forcing_weights(
-            [forcing_target(path, canonical.time_constant(path.duration)) for path in demonstrations],
-            method=method,
-            count=kernel_count,
-        ),
-        start=quaternion.mean(np.array([path.orientation[0] for path in demonstrations])),
-        goal=quaternion.mean(np.array([path.orientation[-1] for path in demonstrations])),
-        velocity=np.mean(durations * velocities, axis=0),
-        acceleration=np.mean(durations**2 * accelerations, axis=0),
-        duration=float(durations.mean()),
+    targets = [forcing_target(path, canonical.time_constant(path.duration)) for path in demonstrations]
+    weights = kernels.forcing_weights(targets, None, method, kernel_count)
+    start, goal = (
+        quaternion.mean(np.array([path.orientation[at] for path in demonstrations])) for at in (0, -1)
     )
+    return QuaternionPrimitive(weights, start, goal, *mean_initial_state(demonstrations))
 
 
 def initial_goal(
@@ -97,23 +61,20 @@ def initial_goal(
     tau: float,
     forcing: np.ndarray | float = 0.0,
 ) -> np.ndarray:
-    """Evolving goal at which the system starts with the given acceleration (eq. IV.13, IV.14).
+    """Evolving goal Q_g0 (..., 4) at which the system starts with a given acceleration (eq. IV.13, IV.14).
 
     A goal further than half a turn away cannot be told from one on the other side: the initial acceleration
-    is met as long as |(tau^2 wd - f) / ALPHA + tau w| / BETA < pi.
-
-    `orientation`: (..., 4). `velocity`, `acceleration`: (..., 3) rad/s, rad/s^2. `forcing`: (..., 3) f + c at
-    the start. Returns (..., 4) Q_g0.
+    is met as long as |(tau^2 wd - f) / ALPHA + tau w| / BETA < pi. `orientation`: (..., 4). `velocity`,
+    `acceleration`: (..., 3) rad/s, rad/s^2. `forcing`: (..., 3) f + c at the start.
     """
     vector = ((tau**2 * np.asarray(acceleration) - forcing) / ALPHA + tau * np.asarray(velocity)) / BETA
     return quaternion.product(quaternion.from_rotation_vector(vector), orientation)
 
 
 def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float) -> np.ndarray:
-    """Evolving goal over time, closed-form along the geodesic to the steady goal (eq. IV.11).
+    """Evolving goal Q_g (..., T, 4) over time, along the geodesic to the steady goal (eq. IV.11).
 
-    `goal`: (4,) steady goal Q_G. `first`: (..., 4) initial goal Q_g0. `times`: (T,) s. `tau`: time constant
-    in s. Returns (..., T, 4) Q_g.
+    `goal`: (4,) steady goal Q_G. `first`: (..., 4) initial goal Q_g0. `times`: (T,) s.
     """
     remaining = quaternion.difference(first, goal)[..., None, :] * np.exp(-ALPHA_G * times / tau)[:, None]
     return quaternion.product(quaternion.from_rotation_vector(remaining), goal)

@@ -72,12 +72,11 @@ def fit_position(
     `demonstrations`: each with (T_l, 3) signals in the base frame. `scaled`: local axes (x: along the reach)
     whose forcing term scales with the reach.
     """
-    start = np.mean([demonstration.position[0] for demonstration in demonstrations], axis=0)
-    goal = np.mean([demonstration.position[-1] for demonstration in demonstrations], axis=0)
+    start, goal = (np.mean([path.position[at] for path in demonstrations], axis=0) for at in (0, -1))
     kind = frame_kind(goal - start, SHORTEST_REACH)
-    turned = [in_local_frame(demonstration, kind) for demonstration in demonstrations]
+    local = [in_local_frame(path, kind) for path in demonstrations]
     axes = scaled if kind != "world" else (False, False, False)
-    return PositionPrimitive(fit_vector(turned, axes, method, kernel_count), kind, start, goal)
+    return PositionPrimitive(fit_vector(local, axes, method, kernel_count), kind, start, goal)
 
 
 def in_local_frame(trajectory: Trajectory, kind: FrameKind) -> Trajectory:

@@ -53,10 +53,7 @@ def write_vector_primitive(primitive: VectorPrimitive, path: str | Path, descrip
 
 
 def read_vector_primitive(path: str | Path) -> VectorPrimitive:
-    """Read one vector primitive.
-
-    Raises InputError: the file is missing, no safetensors, or holds something else.
-    """
+    """Read one vector primitive; InputError as `read_primitives`."""
     tensors = read_tensors(path)
     with holding(path, "vector primitive"):
         return vector_primitive(tensors)
@@ -67,12 +64,13 @@ def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, lis
     tensors: Tensors = {}
     kinds: list[Kind] = []
     for primitive in primitives:
-        tensors |= prefixed(f"{primitive.name}.position", _tensors(primitive.position))
+        name, position, orientation = primitive.name, primitive.position, primitive.orientation
+        tensors |= prefixed(f"{name}.position", vector_tensors(position))
         form: Literal["quaternion", "twist_swing"] | None = None
-        if primitive.orientation is not None:
-            form = "quaternion" if isinstance(primitive.orientation, QuaternionPrimitive) else "twist_swing"
-            tensors |= prefixed(f"{primitive.name}.orientation", _tensors(primitive.orientation))
-        kinds.append({"name": primitive.name, "frame": primitive.position.frame, "orientation": form})
+        if orientation is not None:
+            form = "quaternion" if isinstance(orientation, QuaternionPrimitive) else "twist_swing"
+            tensors |= prefixed(f"{name}.orientation", vector_tensors(orientation))
+        kinds.append({"name": name, "frame": position.frame, "orientation": form})
     return tensors, kinds
 
 
@@ -92,30 +90,7 @@ def pose_primitives(kinds: Sequence[Kind], tensors: Tensors) -> list[PosePrimiti
     return primitives
 
 
-def vector_tensors(primitive: VectorPrimitive) -> Tensors:
-    """Arrays of a vector primitive."""
-    return {name: np.asarray(value) for name, value in vars(primitive).items()}
-
-
-def vector_primitive(tensors: Tensors) -> VectorPrimitive:
-    """The inverse of `vector_tensors`; KeyError where an array is missing, InputError for another shape."""
-    size = len(tensors["goal"])
-    shapes = {name: (size,) for name in ("start", "goal", "velocity", "acceleration", "scaled")}
-    return VectorPrimitive(**_moved(size, shapes, tensors))
-
-
-def prefixed(prefix: str, tensors: Tensors) -> Tensors:
-    """Arrays as `<prefix>.<name>`."""
-    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
-
-
-def part(prefix: str, tensors: Tensors) -> Tensors:
-    """Those that are called `<prefix>.<name>`, by name."""
-    start = f"{prefix}."
-    return {name.removeprefix(start): array for name, array in tensors.items() if name.startswith(start)}
-
-
-def _tensors(primitive: PositionPrimitive | OrientationPrimitive) -> Tensors:
+def vector_tensors(primitive: VectorPrimitive | PositionPrimitive | OrientationPrimitive) -> Tensors:
     """Arrays of a primitive by name; of a vector primitive within it, as `<field>.<name>`."""
     tensors: Tensors = {}
     for name, value in vars(primitive).items():
@@ -126,6 +101,24 @@ def _tensors(primitive: PositionPrimitive | OrientationPrimitive) -> Tensors:
     return tensors
 
 
+def vector_primitive(tensors: Tensors) -> VectorPrimitive:
+    """Read the arrays of a vector primitive; KeyError where one is missing, InputError for another shape."""
+    size = len(tensors["goal"])
+    shapes = dict.fromkeys(("start", "goal", "velocity", "acceleration", "scaled"), (size,))
+    return VectorPrimitive(**_checked(size, shapes, tensors))
+
+
+def prefixed(prefix: str, tensors: Tensors) -> Tensors:
+    """Arrays as `<prefix>.<name>`."""
+    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
+
+
+def part(prefix: str, tensors: Tensors) -> Tensors:
+    """The arrays called `<prefix>.<name>`, keyed by name."""
+    start = f"{prefix}."
+    return {name.removeprefix(start): array for name, array in tensors.items() if name.startswith(start)}
+
+
 def _orientation_primitive(form: str | None, tensors: Tensors) -> OrientationPrimitive | None:
     if form is None:
         return None
@@ -134,22 +127,21 @@ def _orientation_primitive(form: str | None, tensors: Tensors) -> OrientationPri
         return TwistSwingPrimitive(chart, tensors["axes"], tensors["start"], tensors["goal"])
     if form != "quaternion":
         raise InputError(f"there is no orientation of the form '{form}'")
-    shapes = {"start": (4,), "goal": (4,), "velocity": (3,), "acceleration": (3,)}
     for name in ("start", "goal"):
         if not abs(np.linalg.norm(tensors[name]) - 1.0) < 1e-6:
             raise InputError(f"the {name} of an orientation is no unit quaternion: {tensors[name]}")
-    return QuaternionPrimitive(**_moved(3, shapes, tensors))
+    shapes = {"start": (4,), "goal": (4,), "velocity": (3,), "acceleration": (3,)}
+    return QuaternionPrimitive(**_checked(3, shapes, tensors))
 
 
-def _moved(size: int, shapes: Mapping[str, tuple[int, ...]], tensors: Tensors) -> dict[str, Any]:
+def _checked(size: int, shapes: Mapping[str, tuple[int, ...]], tensors: Tensors) -> dict[str, Any]:
     """Arrays of these shapes, weights (..., N, size) and a duration."""
-    arrays = {name: tensors[name] for name in ("weights", *shapes)}
-    duration = tensors["duration"]
     for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise InputError(f"{name} has shape {arrays[name].shape}, not {shape}")
-    if arrays["weights"].shape[-2:] != (*arrays["weights"].shape[-2:-1], size) or arrays["weights"].size == 0:
-        raise InputError(f"weights have shape {arrays['weights'].shape}, not (..., N, {size})")
+        if tensors[name].shape != shape:
+            raise InputError(f"{name} has shape {tensors[name].shape}, not {shape}")
+    weights, duration = tensors["weights"], tensors["duration"]
+    if weights.ndim < 2 or weights.shape[-1] != size or weights.size == 0:
+        raise InputError(f"weights have shape {weights.shape}, not (..., N, {size})")
     if duration.shape != () or not duration > 0.0:
         raise InputError(f"the duration is {duration}, not a positive number of s")
-    return arrays | {"duration": float(duration)}
+    return {name: tensors[name] for name in ("weights", *shapes)} | {"duration": float(duration)}

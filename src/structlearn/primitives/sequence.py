@@ -69,11 +69,7 @@ def fit_orientation(
     method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> OrientationPrimitive:
-    """Orientation primitive in the form that the demonstrations' largest net turn asks for.
-
-    `demonstrations`: each with (T_l, 4) orientations. Returns the text's quaternion primitive below
-    `LARGEST_SHORT_WAY`, the twist-swing primitive above.
-    """
+    """Quaternion primitive if all demonstrations turn at most `LARGEST_SHORT_WAY`, else a twist-swing one."""
     if twist_swing.largest_turn(demonstrations) <= LARGEST_SHORT_WAY:
         return orientation.fit_quaternion(demonstrations, method, kernel_count)
     return twist_swing.fit_twist_swing(demonstrations, method, kernel_count)
@@ -82,10 +78,8 @@ def fit_orientation(
 def default_goals(primitives: Sequence[PosePrimitive]) -> list[PoseGoal]:
     """The demonstrations' mean goals."""
     return [
-        PoseGoal(
-            primitive.position.goal, None if primitive.orientation is None else primitive.orientation.goal
-        )
-        for primitive in primitives
+        PoseGoal(one.position.goal, None if one.orientation is None else one.orientation.goal)
+        for one in primitives
     ]
 
 
@@ -190,8 +184,7 @@ def largest_acceleration_jump(table: pd.DataFrame) -> float:
     """
     acceleration = table[["ax", "ay", "az"]].to_numpy()
     names = table["primitive"].to_numpy()
-    switches = np.flatnonzero(names[1:] != names[:-1]) + 1
-    jumps = np.linalg.norm(acceleration[switches] - acceleration[switches - 1], axis=1)
+    jumps = np.linalg.norm(np.diff(acceleration, axis=0)[names[1:] != names[:-1]], axis=1)
     return float(jumps.max(initial=0.0) / np.linalg.norm(acceleration, axis=1).max())
 
 

@@ -10,7 +10,7 @@ from structlearn.core import quaternion, signals
 
 @dataclass(frozen=True)
 class Path:
-    """What the paths below share: a uniform clock that starts at 0."""
+    """Signals on a uniform clock that starts at 0."""
 
     time: np.ndarray  # (T,) s since the start
 
@@ -23,6 +23,12 @@ class Path:
     def dt(self) -> float:
         """Sampling interval in s."""
         return float(self.time[-1]) / (len(self.time) - 1)
+
+    @property
+    def rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and acceleration; of an orientation the angular ones."""
+        *_, velocity, acceleration = vars(self).values()
+        return velocity, acceleration
 
     def cut(self, first: int, last: int) -> Self:
         """Samples first..last, both included, with the clock restarted (unbatched signals only)."""
@@ -40,8 +46,7 @@ class Trajectory(Path):
 
     def turned(self, axes: np.ndarray) -> Self:
         """The signals along the columns of axes (..., D, D)."""
-        turned = (self.position @ axes, self.velocity @ axes, self.acceleration @ axes)
-        return type(self)(self.time, *turned)
+        return type(self)(self.time, self.position @ axes, self.velocity @ axes, self.acceleration @ axes)
 
     def shifted(self, offset: np.ndarray) -> Self:
         """The same path elsewhere, by an offset (..., D)."""

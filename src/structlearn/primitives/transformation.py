@@ -40,21 +40,18 @@ compiled_initial_goal: Callable[..., Any] = numba.njit(cache=True)(initial_goal)
 
 
 def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float) -> np.ndarray:
-    """Evolving goal over time, closed-form (eq. IV.10).
+    """Evolving goal g (..., T, D) over time, closed-form (eq. IV.10).
 
-    `goal`: (..., D) steady goal G. `first`: (..., D) initial goal g_0. `times`: (T,) s. `tau`: time constant
-    in s. Returns (..., T, D) g.
+    `goal`: (..., D) steady goal G. `first`: (..., D) initial goal g_0. `times`: (T,) s.
     """
     decay = np.exp(-ALPHA_G * times / tau)[:, None]
     return goal[..., None, :] + decay * (first - goal)[..., None, :]
 
 
 def forcing_target(trajectory: Trajectory, tau: float) -> np.ndarray:
-    """Forcing term that would reproduce a demonstration (eq. IV.8).
+    """Forcing term f_target (T, D) that would reproduce a demonstration (eq. IV.8).
 
     The goal evolves from the demonstration's own initial state to its last position, as when unrolled.
-
-    `trajectory`: the demonstration, (T, D) signals. `tau`: time constant in s. Returns (T, D) f_target.
     """
     path = (trajectory.time, trajectory.position, trajectory.velocity, trajectory.acceleration)
     time, position, velocity, acceleration = (np.ascontiguousarray(signal, dtype=float) for signal in path)
@@ -121,8 +118,7 @@ def unroll(
 def step_matrix(step: float) -> np.ndarray:
     """Exact transition over one step of the state (x - G, tau xd, g - G) and the inputs (f, change of f).
 
-    `step`: dt / tau, dimensionless. Returns (3, 5) matrix, from the exponential of the system extended by its
-    inputs.
+    `step`: dt / tau, dimensionless. (3, 5), from the exponential of the system extended by its inputs.
     """
     rates = np.zeros((5, 5))
     rates[0, 1] = 1.0

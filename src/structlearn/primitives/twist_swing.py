@@ -124,10 +124,9 @@ def on_chart(path: OrientationTrajectory, axes: np.ndarray) -> Trajectory:
 
 
 def to_chart(relative: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Twist and swing of orientations relative to the goal.
+    """Twist in [-pi, pi] and two swing components (..., 3), in rad, of orientations Q o Q_G* (..., 4).
 
-    `relative`: (..., 4) unit quaternions Q o Q_G*. `axes`: (3, 3) columns: dominant axis and two
-    perpendicular ones. Returns (..., 3) twist in [-pi, pi], two swing components, in rad.
+    `axes`: (3, 3) columns: dominant axis and two perpendicular ones.
     """
     along = relative[..., 1:] @ axes[:, 0]
     twist = 2.0 * np.arctan2(along, relative[..., 0])
@@ -147,10 +146,7 @@ def from_chart(coordinates: np.ndarray, axes: np.ndarray) -> np.ndarray:
 def angular_rates(
     coordinates: np.ndarray, rates: np.ndarray, accelerations: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Angular velocity and acceleration in the base frame of a movement on the chart.
-
-    `coordinates`, `rates`, `accelerations`: (..., 3) rad, rad/s, rad/s^2. Returns w and wd likewise.
-    """
+    """Angular velocity and acceleration (..., 3) in the base frame of a movement (..., 3) on the chart."""
     matrix, bias = _chart_jacobian(coordinates, rates, axes)
     velocity = (matrix @ rates[..., None])[..., 0]
     return velocity, (matrix @ accelerations[..., None])[..., 0] + bias
@@ -169,11 +165,9 @@ def chart_rates(
 def _chart_jacobian(
     coordinates: np.ndarray, rates: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """M and M' rates with w = M rates, wd = M accelerations + M' rates.
+    """M (..., 3, 3) and M' rates (..., 3) with w = M rates, wd = M accelerations + M' rates.
 
     With S = exp(s / 2) the swing and J its left Jacobian, w = J sd + thetad S a.
-
-    Returns M: (..., 3, 3).   M' rates: (..., 3).
     """
     swing, swing_rate = coordinates[..., 1:] @ axes[:, 1:].T, rates[..., 1:] @ axes[:, 1:].T
     jacobian, jacobian_rate = _left_jacobian(swing, swing_rate)
@@ -185,15 +179,10 @@ def _chart_jacobian(
 
 
 def _left_jacobian(vector: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Left Jacobian of the rotation exp(vector) and its time derivative.
+    """Left Jacobian (..., 3, 3) of the rotation exp(v), v (..., 3), and its time derivative.
 
     J = 1 + A [v]x + B [v]x^2,  A = (1 - cos n) / n^2,  B = (n - sin n) / n^3,  n = |v|; near n = 0, where
     these cancel, their series are used.
-
-    `vector`: (..., 3) rotation vector in rad. `rate`: (..., 3) its derivative in rad/s.
-
-    Returns:
-        J: (..., 3, 3).   Jd: (..., 3, 3) per s.
     """
     square = np.sum(vector**2, axis=-1)
     small = square < 1e-2

@@ -1,41 +1,35 @@
 """Primitive of a vector signal: sensor traces, chart coordinates, positions in a local frame (IV.3).
 
 An expected sensor trace, what a sensor should read while a primitive runs (associative skill memory), is such
-a primitive with one dimension per channel; deviations from it are what feedback models take as input.
+a primitive with one dimension per channel; deviations from it are the input of feedback models.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from structlearn.primitives import canonical, kernels, transformation
-from structlearn.primitives.trajectory import Trajectory, differentiated
+from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory, differentiated
 
 SMALLEST_AMPLITUDE = 1e-3
 """An axis along which the demonstrations move less than this is never scaled (its ratio means nothing)."""
 
+Unrolled = TypeVar("Unrolled", Trajectory, OrientationTrajectory, covariant=True)
+
 
 @dataclass(frozen=True)
-class VectorPrimitive:
-    """Learned movement of a D-dimensional signal."""
+class ForcedPrimitive(ABC, Generic[Unrolled]):
+    """Forcing weights and the mean situation of the demonstrations, of a vector or of an orientation."""
 
     weights: np.ndarray  # (..., N, D) forcing weights; leading axes make a batch
-    start: np.ndarray  # (D,) mean start of the demonstrations
-    goal: np.ndarray  # (D,) mean goal of the demonstrations
+    start: np.ndarray  # (D,) mean start of the demonstrations; of an orientation (4,)
+    goal: np.ndarray  # (D,) mean goal of the demonstrations; of an orientation (4,)
     velocity: np.ndarray  # (D,) mean initial velocity of the demonstrations, per duration
     acceleration: np.ndarray  # (D,) mean initial acceleration of the demonstrations, per duration squared
     duration: float  # mean duration of the demonstrations in s
-    scaled: np.ndarray  # (D,) axes whose forcing term grows with the distance from start to goal
-
-    def forcing(self, times: np.ndarray, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
-        """Forcing term over time (eq. IV.6), scaled where that was asked for.
-
-        `times`: (T,) s since the start. `start`: (D,). `goal`: (D,). `duration`: s. Returns (..., T, D)
-        forcing term.
-        """
-        p, u = canonical.phase(times, canonical.time_constant(duration))
-        return self._forcing(kernels.features(p, u, self.weights.shape[-2]), start, goal)
 
     def unroll(
         self,
@@ -47,7 +41,7 @@ class VectorPrimitive:
         acceleration: np.ndarray | float | None = None,
         coupling: transformation.Coupling | None = None,
         until: float | None = None,
-    ) -> Trajectory:
+    ) -> Unrolled:
         """Generate the movement; what is not given is the demonstrations' mean.
 
         Recorded movements rarely begin at rest to the last bit, and the evolving goal magnifies the rest
@@ -55,16 +49,16 @@ class VectorPrimitive:
 
         Args:
             dt: sampling interval in s.
-            start: (D,) initial position.
-            goal: (D,) steady goal.
+            start: (D,) initial position; (4,) orientation.
+            goal: (D,) steady goal; (4,) orientation.
             duration: s.
-            velocity: (D,) initial velocity.
-            acceleration: (D,) initial acceleration.
-            coupling: feedback in the loop.
+            velocity: (D,) initial velocity; (3,) rad/s.
+            acceleration: (D,) initial acceleration; (3,) rad/s^2.
+            coupling: feedback in the loop, from the step, x (..., D) and xd; of an orientation Q (..., 4), w.
             until: time of the last sample in s; default the duration. Later the terms keep fading.
 
         Returns:
-            Trajectory with (..., T, D) signals.
+            Trajectory with (..., T, D) signals, or orientations (..., T, 4).
         """
         start = self.start if start is None else np.asarray(start, dtype=float)
         goal = self.goal if goal is None else np.asarray(goal, dtype=float)
@@ -72,15 +66,36 @@ class VectorPrimitive:
         tau = canonical.time_constant(duration)
         samples = sample_count(duration if until is None else until, dt)
         features = kernels.sampled_features(samples, dt / tau, self.weights.shape[-2])
-        forcing = self._forcing(features, start, goal)
         velocity = self.velocity / duration if velocity is None else velocity
         acceleration = self.acceleration / duration**2 if acceleration is None else acceleration
-        return transformation.unroll(start, goal, forcing, dt, tau, velocity, acceleration, coupling)
+        return self._integrated(start, goal, features, dt, tau, velocity, acceleration, coupling)
+
+    @abstractmethod
+    def _integrated(
+        self, start: np.ndarray, goal: np.ndarray, features: np.ndarray, *system: Any
+    ) -> Unrolled:
+        """The movement with forcing features (T, N); `system`: what `transformation.unroll` takes after."""
+
+
+@dataclass(frozen=True)
+class VectorPrimitive(ForcedPrimitive[Trajectory]):
+    """Learned movement of a D-dimensional signal."""
+
+    scaled: np.ndarray  # (D,) axes whose forcing term grows with the distance from start to goal
+
+    def forcing(self, times: np.ndarray, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
+        """Forcing term (..., T, D) at times (T,) in s, scaled on the axes that are (eq. IV.6)."""
+        p, u = canonical.phase(times, canonical.time_constant(duration))
+        return self._forcing(kernels.features(p, u, self.weights.shape[-2]), start, goal)
 
     def _forcing(self, features: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-        """Forcing term (..., T, D) from features (T, N)."""
         scale = relative_scale(np.subtract(goal, start), self.goal - self.start, self.scaled)
         return features @ self.weights * scale
+
+    def _integrated(
+        self, start: np.ndarray, goal: np.ndarray, features: np.ndarray, *system: Any
+    ) -> Trajectory:
+        return transformation.unroll(start, goal, self._forcing(features, start, goal), *system)
 
 
 def fit_vector(
@@ -103,25 +118,31 @@ def fit_vector(
         for demonstration in demonstrations
     ]
     scales = relative_scale(goals - starts, goal - start, axes)
+    weights = kernels.forcing_weights(targets, scales, method, kernel_count)
+    return VectorPrimitive(weights, start, goal, *mean_initial_state(demonstrations), axes)
+
+
+def mean_initial_state(
+    demonstrations: Sequence[Trajectory] | Sequence[OrientationTrajectory],
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean initial velocity per duration, acceleration per duration squared, and duration in s."""
     durations = np.array([demonstration.duration for demonstration in demonstrations])[:, None]
-    velocities = np.array([demonstration.velocity[0] for demonstration in demonstrations])
-    accelerations = np.array([demonstration.acceleration[0] for demonstration in demonstrations])
-    return VectorPrimitive(
-        weights=kernels.forcing_weights(targets, scales, method, kernel_count),
-        start=start,
-        goal=goal,
-        velocity=np.mean(durations * velocities, axis=0),
-        acceleration=np.mean(durations**2 * accelerations, axis=0),
-        duration=float(durations.mean()),
-        scaled=axes,
+    velocities, accelerations = (
+        np.array([rate[0] for rate in rates])
+        for rates in zip(*(demonstration.rates for demonstration in demonstrations), strict=True)
+    )
+    return (
+        np.mean(durations * velocities, axis=0),
+        np.mean(durations**2 * accelerations, axis=0),
+        float(durations.mean()),
     )
 
 
 def relative_scale(distance: np.ndarray, amplitude: np.ndarray, scaled: np.ndarray) -> np.ndarray:
-    """Factor on the forcing term: (G - x_0) / amplitude on scaled axes, 1 elsewhere.
+    """Factor (..., D) on the forcing term: (G - x_0) / amplitude on scaled axes, 1 elsewhere.
 
     `distance`: (..., D) goal minus start of this movement. `amplitude`: (D,) goal minus start of the
-    demonstrations' mean. `scaled`: (D,) which axes are scaled. Returns (..., D) factors.
+    demonstrations' mean. `scaled`: (D,) which axes are scaled.
     """
     meaningful = scaled & (np.abs(amplitude) >= SMALLEST_AMPLITUDE)
     return np.where(meaningful, distance / np.where(meaningful, amplitude, 1.0), 1.0)
@@ -136,20 +157,19 @@ OFFSET_SAMPLES = 5  # The offset of a run is the mean of this many samples at it
 
 
 def without_offset(trace: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
-    """A trace relative to the sensor's reading at the start of the run.
+    """A trace (T, E) relative to the sensor's reading at the start of the run.
 
-    `trace`: (T, E) counts. `first`: (S, E) samples at the start of the run; default the trace itself. For
-    later primitives of a run: the trace of its first primitive. Returns (T, E) counts.
+    `first`: (S, E) samples at the start of the run; default the trace itself. For later primitives of a run:
+    the trace of its first primitive.
     """
     return trace - (trace if first is None else first)[:OFFSET_SAMPLES].mean(axis=0)
 
 
 def fit_expected_traces(traces: Sequence[np.ndarray], dt: float, smoothing_hz: float) -> VectorPrimitive:
-    """Expected traces from repeated runs of a primitive.
+    """Expected traces from repeated runs of a primitive, one dimension per channel.
 
     `traces`: per run (T_l, E) readings without offset, on one uniform clock from start to end.
-    `smoothing_hz`: low-pass before the traces are differentiated. Returns a vector primitive with one
-    dimension per channel.
+    `smoothing_hz`: low-pass before the traces are differentiated.
     """
     return fit_vector([differentiated(trace, dt, smoothing_hz) for trace in traces])
 

@@ -28,7 +28,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, finish_space, styled
 from structlearn.reporting.prose import capitalised
 from structlearn.segmentation.alignment import METHODS, RESULT
-from structlearn.segmentation.cut_errors import aligned_segments, aligned_spread_mm
+from structlearn.segmentation.cut_errors import aligned_segments, spread_mm
 from structlearn.segmentation.parameters import AXES, PrimitiveParameters
 from structlearn.segmentation.segments import Segmentation
 
@@ -237,8 +237,8 @@ def alignment_figure(
         grid = figures[-1].subplots(2, 2, sharex=True, sharey=True)
         for panel, method in zip(grid.ravel(), ("zvc", "ls", "wls_text", "wls"), strict=True):
             arguments = (demonstrations, segmentation, primitive.name, method, primitive.shown_by)
-            curves, names = aligned_segments(*arguments)
-            curves = 1e3 * (curves - curves.mean(axis=1, keepdims=True))
+            segments, names = aligned_segments(*arguments)
+            curves = 1e3 * (segments - segments.mean(axis=1, keepdims=True))
             time = np.linspace(0.0, 1.0, curves.shape[1])
             for place in np.argsort(np.equal(names, segmentation.reference), kind="stable"):
                 first = names[place] == segmentation.reference
@@ -248,7 +248,7 @@ def alignment_figure(
             if len(names) > 1:
                 rises = curves[:, -1].mean() > curves[:, 0].mean()
                 x, side = (0.05, "left") if rises else (0.97, "right")
-                spread = f"spread {aligned_spread_mm(*arguments):.2f} mm"
+                spread = f"spread {spread_mm(segments):.2f} mm"
                 panel.text(x, 0.95, spread, transform=panel.transAxes, ha=side, va="top")
             panel.set_title(METHOD_NAMES[method], fontweight="normal")
         figures[-1].suptitle(capitalised(primitive.name), fontsize=9.5, weight="bold")

@@ -5,9 +5,9 @@
 over the corresponding samples that dynamic time warping found. Pairs at near-zero velocity are ambiguous and
 dropped; pairs of incompatible velocities are probably wrong and count exponentially less.
 
-Nobody looks at every cut, so a poor one has to say so itself (`doubts`): its evidence disagrees, the crossing
-with the alignment, the aligned movement with the reference's, or what was chosen with what was expected. The
-bounds lie above all that good cuts of the invented task show, and below what goes with a wrong one.
+Nobody looks at every cut, so poor ones are flagged (`doubts`): the crossing disagrees with the alignment, the
+aligned movement with the reference's, or the choice with what was expected. The bounds lie above all values
+of good cuts of the simulated task, and below those of wrong ones.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,7 +27,7 @@ AS_PRINTED = "wls_text"  # The dissertation's
 
 @dataclass(frozen=True)
 class Alignment:
-    """How a guessed segment lies relative to the reference segment."""
+    """Time scale and delay of a guessed segment relative to the reference segment."""
 
     time_scale: float  # tau, dimensionless
     delay: float  # d in samples
@@ -40,13 +40,10 @@ class Alignment:
 def velocity_weights(
     reference_velocity: np.ndarray, guess_velocity: np.ndarray, near_zero: float, decay: float
 ) -> np.ndarray:
-    """Weights of correspondence pairs: exp(-decay |v_ref - v_guess|), 0 at near-zero velocity (IV.5.3).
+    """Weights (K,) of pairs: exp(-decay |v_ref - v_guess|), 0 at near-zero velocity (IV.5.3).
 
-    The velocities are made comparable by the largest speed of each segment; this removes the time scale too.
-
-    `reference_velocity`: (K, D) velocity of the reference at the pairs. `guess_velocity`: (K, D) velocity of
-    the guess at the pairs. `near_zero`: fraction of the largest speed below which a pair is dropped. `decay`:
-    k, dimensionless. Returns (K,) weights in [0, 1]; 1 for equal velocities.
+    Velocities (K, D) at the pairs are divided by the largest speed of their segment, which removes the time
+    scale too. `near_zero`: fraction of the largest speed below which a pair is dropped. `decay`: k.
     """
     speeds = [np.linalg.norm(velocity, axis=1) for velocity in (reference_velocity, guess_velocity)]
     largest = [max(float(speed.max(initial=0.0)), np.finfo(float).tiny) for speed in speeds]
@@ -58,9 +55,8 @@ def velocity_weights(
 def least_squares(pairs: np.ndarray, weights: np.ndarray | None = None) -> Alignment:
     """Time scale and delay that fit the pairs best (eq. IV.16 and IV.17; IV.18 with weights).
 
-    `pairs`: (K, 2) corresponding times in samples: reference, guess. `weights`: (K,) weights; None: ordinary
-    least squares. Raises InputError: fewer than two different reference times have weight, or time would run
-    backwards.
+    `pairs`: (K, 2) corresponding times in samples: reference, guess. `weights`: (K,); None: all equal. Raises
+    InputError: fewer than two different reference times have weight, or time would run backwards.
     """
     weights = np.ones(len(pairs)) if weights is None else weights
     used = weights > 0.0
@@ -91,10 +87,10 @@ def with_crossings(
     correspondences there. A crossing that lies far from the text's alignment is probably a false one and
     counts less, by 1 / (1 + (distance / tolerance)^2).
 
-    `alignment`: the text's estimate from the pairs alone. `pairs`: (K, 2) corresponding times in samples:
-    reference, guess. `weights`: (K,). `crossings`: (2, 2) start and end by zero-velocity crossing: reference,
-    guess, in samples. `crossing_weight`: of a pair of undoubted crossings relative to all other pairs
-    together. `tolerance`: distance in samples at which a crossing has half its weight.
+    `alignment`: the text's, from the pairs (K, 2) with weights (K,) alone. `crossings`: (2, 2) start and end
+    by zero-velocity crossing: reference, guess, in samples. `crossing_weight`: of both crossings at distance
+    0 relative to all pairs together. `tolerance`: distance in samples at which a crossing has half its
+    weight.
     """
     distance = crossings[:, 1] - alignment.guess_time(crossings[:, 0])
     trust = 0.5 * crossing_weight * weights.sum() / (1.0 + (distance / tolerance) ** 2)
@@ -113,7 +109,7 @@ class Movement:
 
 @dataclass(frozen=True)
 class Refined:
-    """How one primitive of one demonstration lies relative to the reference; times in samples."""
+    """Alignments of one primitive of one demonstration with the reference; times in samples."""
 
     reference: Movement
     own: Movement
@@ -123,7 +119,7 @@ class Refined:
     cells: int  # of the warping table that were computed
 
     def ends(self, method: str) -> np.ndarray:
-        """(2,) start and end by a method; what an event says is not refined."""
+        """(2,) start and end by a method; events are not refined."""
         reference, own = self.reference.crossing, self.own.crossing
         reference_ends = np.array([reference.start, reference.end], dtype=float)
         crossings = np.array([own.start, own.end], dtype=float)
@@ -163,35 +159,31 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
     return Refined(reference, own, pairs, weights, alignments, cells)
 
 
-DOUBT_COLUMNS = ["demonstration", "primitive", "reason", "number"]
-"""Of the table: demonstration, primitive, reason in words, and the number that is beyond its bound."""
+DOUBT_COLUMNS = ["demonstration", "primitive", "reason", "number"]  # the number is beyond its bound
 
 APART = 0.2
-"""Largest distance of an end by crossing from the same by alignment, in durations of the reference's."""
+"""Largest distance of an end by crossing from the same end by alignment, in durations of the reference's."""
 
 OFF_SHAPE = 0.5
-"""Largest mean distance of the aligned movement from the reference's, each about its own mean and in its own
-distance (root mean square) from that: a longer way is no other shape."""
+"""Largest mean distance of the aligned movement from the reference's, each about its mean and divided by its
+rms distance from the mean: a longer way is not another shape."""
 
 UNLIKE = 1.0
-"""Largest cost of a run of motion that was chosen (`run_assignment`): one of 2.7 times the duration."""
+"""Largest cost of a chosen run of motion (`run_assignment`): that of one of 2.7 times the duration."""
 
 LEFT_OUT = 0.25
 """Longest way of motion that belongs to no primitive, in ways of a mean primitive; a twitch is shorter."""
 
 RESTED_S = 0.35
-"""Longest time in rests within a primitive that are taken for hesitations; a pause between primitives is
-longer."""
+"""Longest rests within a primitive that count as hesitations; a pause between primitives is longer."""
 
 
 def doubts(
     demonstration: str, refined: Mapping[str, Refined], reference: bool
 ) -> list[tuple[str, str, str, float]]:
-    """Cut warnings of one demonstration.
+    """Cut warnings of one demonstration, rows of `DOUBT_COLUMNS`; most demonstrations have none.
 
-    `refined`: by primitive, those that have an axis, in order of time. `reference`: whether it is the
-    reference, which has nothing to be compared with. Returns rows of `DOUBT_COLUMNS`;
-    most demonstrations have none.
+    `refined`: by primitive with an axis. `reference`: whether it is the reference, which has no comparison.
     """
     return [
         (demonstration, primitive, reason, number)
@@ -202,7 +194,7 @@ def doubts(
 
 
 def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float]]:
-    """Reasons, numbers and bounds: of what was chosen, and of how it lies relative to the reference."""
+    """Reasons, numbers and bounds, of the choice of runs and of the alignment with the reference."""
     own, crossing = one.own.crossing, one.reference.crossing
     yield "its duration, way or direction is unlike the reference's (cost)", own.unlike, UNLIKE
     yield "motion before it belongs to no primitive (ways of a primitive)", own.left_out[0], LEFT_OUT

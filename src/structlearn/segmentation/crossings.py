@@ -16,7 +16,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import motion_runs, run_assignment
 from structlearn.segmentation.motion_runs import Candidates, Motion, Search, moving_interval
 from structlearn.segmentation.parameters import BETWEEN, Axis, PrimitiveParameters, SegmentParameters
-from structlearn.segmentation.run_assignment import Assignment
+from structlearn.segmentation.run_assignment import Chosen
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,10 @@ Crossings = Mapping[str, Crossing]  # Of the primitives that have an axis, by na
 def find_crossings(
     demonstrations: Sequence[Demonstration], parameters: SegmentParameters
 ) -> tuple[int, list[Crossings | InputError]]:
-    """Start and end of every primitive that has an axis.
+    """Index of the reference, and of each demonstration the crossings, or why it has none.
 
-    `demonstrations`: complete demonstrations with one common sampling interval. Returns index of the
-    reference, and of each demonstration the crossings, or why it has none. Raises InputError: there is no
-    demonstration of the reference's name, or none can be cut.
+    `demonstrations`: complete, with one common sampling interval. Raises InputError: there is no
+    demonstration of the reference's name.
     """
     names = [demonstration.name for demonstration in demonstrations]
     if parameters.reference not in (None, *names):
@@ -88,7 +87,7 @@ def _with_axis(parameters: SegmentParameters) -> list[PrimitiveParameters]:
 def _assigned(
     demonstrations: Sequence[Demonstration], parameters: SegmentParameters, named: int | None
 ) -> tuple[int, list[Crossings | InputError]]:
-    """By assignment of runs at several thresholds."""
+    """Runs at several thresholds, assigned to the primitives."""
     primitives = _with_axis(parameters)
     axes = dict.fromkeys(primitive.shown_by for primitive in primitives)
     seen = [{axis: motion_runs.motion(one, axis, parameters) for axis in axes} for one in demonstrations]
@@ -101,19 +100,24 @@ def _assigned(
     between = [place > 0 and parameters.primitives[place - 1].axis == BETWEEN for place in places]
     references = range(len(demonstrations)) if named is None else [named]
     assignment = run_assignment.assign(candidates, references, between)
+    if assignment is None:
+        missing = [
+            _missing(one, primitives, its, None, paces)
+            for one, its in zip(demonstrations, candidates, strict=True)
+        ]
+        return references[0], list(missing)
     found: list[Crossings | InputError] = []
-    for index, demonstration in enumerate(demonstrations):
-        chain = None if assignment is None else assignment.chosen[index]
-        unlike = None if assignment is None or chain is None else assignment.costs[index]
-        if assignment is None or chain is None or assignment.costs[index].max() > run_assignment.MISSING:
-            found.append(_missing(demonstration, primitives, candidates[index], unlike, paces))
+    for demonstration, its, chosen in zip(demonstrations, candidates, assignment.chosen, strict=True):
+        if chosen is None or chosen.costs.max() > run_assignment.MISSING:
+            costs = None if chosen is None else chosen.costs
+            found.append(_missing(demonstration, primitives, its, costs, paces))
         else:
-            found.append(_placed(primitives, candidates[index], chain, assignment, index))
-    return references[0] if assignment is None else assignment.reference, found
+            found.append(_placed(primitives, its, chosen))
+    return assignment.reference, found
 
 
 def _thresholds(primitive: PrimitiveParameters, paces: Mapping[Axis, float]) -> tuple[float, ...]:
-    """At which a primitive's runs are looked for, the lowest first."""
+    """Speeds above which a primitive's runs are searched, the lowest first."""
     if primitive.threshold_m_s is not None:
         return (primitive.threshold_m_s,)
     return tuple(fraction * paces[primitive.shown_by] for fraction in motion_runs.FRACTIONS)
@@ -126,14 +130,14 @@ def _candidates(
     paces: Mapping[Axis, float],
     parameters: SegmentParameters,
 ) -> list[Candidates]:
-    """Of one demonstration for each primitive. An event ends a run: the hand may go on without a rest."""
+    """Candidates for each primitive. An event ends a run: the hand may go on without a rest."""
     most, bridge = len(primitives) + motion_runs.SPARE_RUNS, round(parameters.bridge_s / demonstration.dt)
     events = [
         None if primitive.until is None else motion_runs.events(demonstration, primitive.until)
         for primitive in primitives
     ]
     breaks = sorted({int(sample) for ends in events if ends is not None for sample in ends})
-    found: dict[tuple, Candidates] = {}  # primitives that are shown alike have the same ones
+    found: dict[tuple, Candidates] = {}  # shared by primitives of the same axis, threshold and event
     rows = []
     for primitive, ends in zip(primitives, events, strict=True):
         key = (primitive.shown_by, primitive.threshold_m_s, primitive.until)
@@ -146,18 +150,14 @@ def _candidates(
 
 
 def _placed(
-    primitives: Sequence[PrimitiveParameters],
-    candidates: Sequence[Candidates],
-    chain: np.ndarray,
-    assignment: Assignment,
-    index: int,
+    primitives: Sequence[PrimitiveParameters], candidates: Sequence[Candidates], chosen: Chosen
 ) -> Crossings:
     """Crossings of the candidates that were chosen in a demonstration."""
     found: dict[str, Crossing] = {}
     event, before = None, 0
-    left_out = assignment.left_out[index].tolist()
-    for place, (primitive, one, chosen) in enumerate(zip(primitives, candidates, chain, strict=True)):
-        start, end = max(before, int(one.first[chosen])), int(one.last[chosen])
+    *left_out, after = chosen.left_out.tolist()
+    for place, (primitive, one, at) in enumerate(zip(primitives, candidates, chosen.chain, strict=True)):
+        start, end = max(before, int(one.first[at])), int(one.last[at])
         earlier = one.runs[one.runs[:, 1] < start, 1]
         later = one.runs[one.runs[:, 0] > end, 0]
         found[primitive.name] = Crossing(
@@ -167,9 +167,9 @@ def _placed(
             int(later[0]) if len(later) else len(one.path) - 1,
             start_known=start == event,
             end_known=primitive.until is not None,
-            unlike=float(assignment.costs[index][place]),
-            left_out=(left_out[place], left_out[-1] if place == len(primitives) - 1 else 0.0),
-            rested=float(one.rested[chosen]),
+            unlike=float(chosen.costs[place]),
+            left_out=(left_out[place], after if place == len(primitives) - 1 else 0.0),
+            rested=float(one.rested[at]),
         )
         event, before = end if primitive.until is not None else None, end
     return found

@@ -1,7 +1,6 @@
 """Cut errors, spread of aligned segments, and paired comparison of methods."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -56,47 +55,28 @@ def aligned_segments(
     """
     cuts = segmentation.result(primitive, method)
     curves, names = [], []
-    for demonstration in demonstrations:
-        if demonstration.name in cuts.index:
-            start, end = cuts.loc[demonstration.name, ["start_s", "end_s"]].to_numpy(dtype=float)
-            times = np.linspace(start, max(end, start), SPREAD_SAMPLES)
-            columns = [np.interp(times, demonstration.time, column) for column in path(demonstration, axis).T]
-            curves.append(np.column_stack(columns))
-            names.append(demonstration.name)
+    for demonstration in (one for one in demonstrations if one.name in cuts.index):
+        start, end = cuts.loc[demonstration.name, ["start_s", "end_s"]].to_numpy(dtype=float)
+        times = np.linspace(start, max(end, start), SPREAD_SAMPLES)
+        columns = [np.interp(times, demonstration.time, column) for column in path(demonstration, axis).T]
+        curves.append(np.column_stack(columns))
+        names.append(demonstration.name)
     return np.array(curves), names
 
 
-def aligned_spread_mm(
-    demonstrations: Sequence[Demonstration],
-    segmentation: Segmentation,
-    primitive: str,
-    method: str,
-    axis: Axis,
-) -> float:
-    """Mean distance in mm between pairs of aligned segments, each relative to its own mean position.
+def spread_mm(curves: np.ndarray) -> float:
+    """Mean distance in mm between pairs of aligned segments (L, T, D), each relative to its mean position.
 
-    The mean is taken off since demonstrations may lie apart in space, which is no fault of the cuts.
+    The mean is subtracted since demonstrations may lie apart in space, which is no fault of the cuts.
     """
-    curves, _ = aligned_segments(demonstrations, segmentation, primitive, method, axis)
     return 1e3 * metrics.pairwise_spread(curves - curves.mean(axis=1, keepdims=True))
 
 
-def distances_to_reference_mm(
-    demonstrations: Sequence[Demonstration],
-    segmentation: Segmentation,
-    primitive: str,
-    method: str,
-    axis: Axis,
-) -> pd.Series:
-    """Mean distance in mm of each aligned segment from the reference's, each relative to its own mean.
-
-    Index: demonstration, without the reference, so that two methods can be compared in pairs.
-    """
-    curves, names = aligned_segments(demonstrations, segmentation, primitive, method, axis)
+def distances_mm(curves: np.ndarray, reference: int) -> np.ndarray:
+    """Mean distance in mm of the other aligned segments from the reference's, likewise: (L - 1,)."""
     curves = curves - curves.mean(axis=1, keepdims=True)
-    reference = curves[names.index(segmentation.reference)]
-    distances = 1e3 * np.linalg.norm(curves - reference, axis=-1).mean(axis=1)
-    return pd.Series(distances, index=names).drop(segmentation.reference)
+    distances = 1e3 * np.linalg.norm(curves - curves[reference], axis=-1).mean(axis=1)
+    return np.delete(distances, reference)
 
 
 def downsampling_effect(
@@ -134,29 +114,24 @@ def downsampling_effect(
     return pd.DataFrame(rows)
 
 
-@dataclass(frozen=True)
-class Dwells:
-    """How a single movement is set into a longer recording, to know its true cut points."""
-
-    shortest_s: float  # range of the rests before and after it
-    longest_s: float
-    noise_hz: float  # cut-off of the smooth noise on everything
-
-
 def between_dwells(
-    demonstration: Demonstration, dwells: Dwells, noise_m: float, rng: np.random.Generator
+    demonstration: Demonstration,
+    rest_s: tuple[float, float],
+    noise_hz: float,
+    noise_m: float,
+    rng: np.random.Generator,
 ) -> Demonstration:
-    """A movement between two rests of random length, with smooth Gaussian noise on the whole.
+    """A single movement between two rests of random length, so that its true cut points are known.
 
-    `noise_m`: std of the noise per axis in m. `rng`: draws the rests first, so that they do not depend on the
-    noise. Returns positions only, with the movement as the one true segment.
+    `rest_s`: range of the rests. Smooth Gaussian noise of std `noise_m` per axis, below `noise_hz`, is added
+    to positions; the rests are drawn first, so that they do not depend on it.
     """
     dt = demonstration.dt
-    before, after = (int(s / dt) for s in rng.uniform(dwells.shortest_s, dwells.longest_s, 2))
+    before, after = (int(s / dt) for s in rng.uniform(*rest_s, 2))
     position = np.pad(demonstration.position, ((before, after), (0, 0)), mode="edge")
-    margin = int(np.ceil(4.0 / (dwells.noise_hz * dt)))  # the filter's transients are cut off
+    margin = int(np.ceil(4.0 / (noise_hz * dt)))  # the filter's transients are cut off
     white = rng.standard_normal((len(position) + 2 * margin, 3))
-    smooth = signals.low_pass(white, dt, dwells.noise_hz)[margin:-margin]
+    smooth = signals.low_pass(white, dt, noise_hz)[margin:-margin]
     position = position + noise_m * smooth / smooth.std(axis=0)
     true_segment = dt * np.array([[before, before + len(demonstration.time) - 1]])
     return Demonstration(
@@ -169,6 +144,7 @@ def between_dwells(
 
 
 BASELINE = "ls"  # The method that the text compares weighted least squares with
+PERSON = ["noise_mm", "seed", "method"]
 
 
 def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
@@ -178,15 +154,13 @@ def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
     """
     found = noise[noise["method"] != "left_out"]
     both_ends = found[["start_error_s", "end_error_s"]].abs().mean(axis=1)
-    table = found[["noise_mm", "seed", "method"]].assign(error_ms=1e3 * both_ends)
-    return table.groupby(["noise_mm", "seed", "method"], as_index=False)["error_ms"].mean()
+    return found.assign(error_ms=1e3 * both_ends).groupby(PERSON, as_index=False)["error_ms"].mean()
 
 
 def errors_by_level(by_seed: pd.DataFrame) -> pd.DataFrame:
-    """Mean over the seeds and half the width of its 95 % confidence interval, per noise level and method.
+    """Mean and half width of the 95 % confidence interval over the seeds, per noise level and method.
 
-    `by_seed`: of `errors_by_seed`. Returns `noise_mm`, `method`, `mean_ms`, `half_width_ms`; methods in their
-    own order.
+    `by_seed`: of `errors_by_seed`. Returns `noise_mm`, `method`, `mean_ms`, `half_width_ms`.
     """
     rows = [
         (level, method, *mean_interval(errors.to_numpy()))
@@ -206,9 +180,8 @@ def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
     result.
     """
     wide = by_seed.pivot_table(index=["noise_mm", "seed"], columns="method", values="error_ms")
-    others = [method for method in METHODS if method in wide.columns and method != RESULT]
     rows = []
-    for other in others:
+    for other in (method for method in METHODS if method in wide.columns and method != RESULT):
         differences = (wide[other] - wide[RESULT]).dropna()
         for level, at_level in differences.groupby(level="noise_mm"):
             mean, half = mean_interval(at_level.to_numpy())
@@ -241,13 +214,18 @@ def alignment_comparison(
     """
     rows = []
     for primitive in primitives:
-        chosen = (demonstrations, segmentation, primitive.name)
-        baseline = distances_to_reference_mm(*chosen, BASELINE, primitive.shown_by)
-        for method in METHODS:
-            distances = distances_to_reference_mm(*chosen, method, primitive.shown_by)
-            spread = aligned_spread_mm(*chosen, method, primitive.shown_by)
-            mean, half = mean_interval((baseline - distances).to_numpy())
-            rows.append((primitive.name, method, spread, distances.mean(), mean, mean - half, mean + half))
+        chosen = {
+            method: aligned_segments(demonstrations, segmentation, primitive.name, method, primitive.shown_by)
+            for method in METHODS
+        }
+        distances = {
+            method: distances_mm(curves, names.index(segmentation.reference))
+            for method, (curves, names) in chosen.items()
+        }
+        for method, found in distances.items():
+            mean, half = mean_interval(distances[BASELINE] - found)
+            spread = spread_mm(chosen[method][0])
+            rows.append((primitive.name, method, spread, found.mean(), mean, mean - half, mean + half))
     columns = ["primitive", "method", "spread_mm", "distance_mm", "gain_mm", "low_mm", "high_mm"]
     table = pd.DataFrame(rows, columns=columns)
     verdicts = np.where(table["method"] == BASELINE, "", verdict(table["low_mm"], table["high_mm"]))

@@ -1,12 +1,12 @@
-"""Runs of motion: stretches of a demonstration in which a signal moves, and which may be a primitive.
+"""Runs of motion: stretches of a demonstration above a threshold of the speed, which may be a primitive.
 
-A run lies above a threshold of the speed. A dip below it may be a pause between two primitives or a
-hesitation within one; which of them it is, nobody can tell from the dip. So runs with short dips between them
-are candidates both alone and joined, and `run_assignment` decides.
+A dip below the threshold may be a pause between two primitives or a hesitation within one; the dip alone does
+not tell. So runs with short dips between them are candidates both alone and joined, and `run_assignment`
+decides.
 
-Where a movement starts and ends is found by zero-velocity crossing (IV.5, IV.9.1.3). A heavily smoothed speed
-finds it, a lightly smoothed one places the cut: heavy smoothing spreads an onset over a tenth of a second,
-light smoothing leaves crossings in the noise of a hand at rest.
+Start and end of a movement are found by zero-velocity crossing (IV.5, IV.9.1.3). A heavily smoothed speed
+finds the movement, a lightly smoothed one places the cut: heavy smoothing spreads an onset over a tenth of a
+second, light smoothing leaves crossings in the noise of a hand at rest.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,22 +20,19 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import AXES, Axis, BoundParameters, SegmentParameters
 
 REST_FRACTION = 0.2
-"""Fraction of the threshold below which the point counts as resting; the descent to the local minimum stops
-there, for within a resting hand it would wander to the next minimum of the noise."""
+"""Fraction of the threshold below which the point rests; the descent to the local minimum stops there, since
+within a resting hand it would continue to the next minimum of the noise."""
 
 
 def moving_interval(
     smooth_speed: np.ndarray, speed: np.ndarray, threshold: float, bridge: int, first: int = 0
 ) -> tuple[int, int]:
-    """First and last sample of the largest movement.
+    """First and last sample s, e of the largest movement from the sample `first` on.
 
-    The run of smoothed speed above the threshold that holds its maximum is joined with neighbouring runs
-    across dips of at most `bridge` samples (a hesitation is not an end). From its crossings the cut points
-    go down the lightly smoothed speed to its local minimum, or to rest.
-
-    `smooth_speed`: (T,) heavily smoothed speed in m/s. `speed`: (T,) lightly smoothed speed in m/s.
-    `threshold`: h in m/s. Returns s, e: first and last sample. Raises InputError: the speed does not cross
-    the threshold; the caller adds whose speed it is.
+    The run of heavily smoothed speed (T,) above the threshold h that holds its maximum is joined with
+    neighbouring runs across dips of at most `bridge` samples (a hesitation is not an end). From its crossings
+    the cut points descend the lightly smoothed speed (T,) to its local minimum, or to rest. Raises
+    InputError: the speed does not cross the threshold; the caller adds whose speed it is.
     """
     above = np.flatnonzero(smooth_speed[first:] > threshold) + first
     if len(above) == 0:
@@ -50,10 +47,9 @@ def moving_interval(
 def cut_points(
     speed: np.ndarray, run: tuple[int, int], threshold: float, rest: float, limits: tuple[int, int]
 ) -> tuple[int, int]:
-    """Start and end of a movement, from a run of its heavily smoothed speed above the threshold.
+    """First and last sample of a movement, from a run of its heavily smoothed speed above the threshold.
 
-    `speed`: (T,) lightly smoothed speed. `threshold`: above which it moves, in the unit of the speed. `rest`:
-    below which it counts as resting. Returns s, e: first and last sample of the movement.
+    `speed`: (T,) lightly smoothed. `rest`: speed below which it counts as resting.
     """
     s, e = run
     moving = np.flatnonzero(speed[s : e + 1] > threshold)
@@ -70,21 +66,22 @@ def _descend(speed: np.ndarray, sample: int, step: int, limit: int, rest: float)
 
 
 FRACTIONS = (0.05, 0.08, 0.13, 0.18, 0.25)
-"""Of the pace, tried as thresholds where none is given. Below the first, a hand at rest moves; the last is
-for pauses of a third of a second, in which the smoothed speed does not fall far."""
+"""Of the pace, the thresholds if none is given. Below the first, a hand at rest moves; the last is for pauses
+of a third of a second, in which the smoothed speed does not fall far."""
 
 LED, STRAYED = 0.02, 0.1
-"""Parts of its way: at each of its dips a candidate has come nearer to its end by the first, or is away from
-its start by the second, and likewise backwards. A hesitation lies within a move; what comes back, or hardly
+"""In ways of a candidate: at each of its dips it has come nearer to its end by the first, or is away from its
+start by the second, and likewise backwards. A hesitation lies within a move; what comes back, or hardly
 leaves, is a twitch or the noise of a hand beside one."""
 
-SPARE_RUNS = 8
-"""More runs than primitives, of which the longest are kept: the others are the noise of a low threshold."""
+SPARE_RUNS = (
+    8  # runs kept beyond the number of primitives, the longest; others are noise above a low threshold
+)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What one axis of one demonstration shows; T samples."""
+    """Path and speeds of one axis of one demonstration; T samples."""
 
     path: np.ndarray  # (T, D) heavily smoothed, m or rad
     smooth_speed: np.ndarray  # (T,) of it, m/s or rad/s
@@ -94,7 +91,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Stretches of one demonstration that may be one primitive; G of them."""
+    """G stretches of one demonstration that may be one primitive."""
 
     first: np.ndarray  # (G,) sample, where it is cut
     last: np.ndarray  # (G,)
@@ -102,7 +99,7 @@ class Candidates:
     duration: np.ndarray  # (G,) s
     way: np.ndarray  # (G,) m or rad, along the path
     path: np.ndarray  # (T, D) m or rad, heavily smoothed
-    travelled: np.ndarray  # (T,) way up to a sample, without what a hand drifts at rest
+    travelled: np.ndarray  # (T,) way up to a sample, without the drift of a hand at rest
     runs: np.ndarray  # (R, 2) first and last samples of the runs at the lowest threshold
     turns: bool  # whether it is a turn in rad
 
@@ -136,9 +133,9 @@ def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParamete
 
 
 def _without_ends(speed: np.ndarray, cutoff_hz: float, dt: float) -> np.ndarray:
-    """A speed that near a recording's ends is no larger than half a period of the low-pass inside.
+    """A speed limited near a recording's ends to its value half a period of the low-pass inside.
 
-    There the low-pass has noise to go by on one side alone, and follows it: a hand at rest seems to move.
+    At the ends the low-pass sees one side alone and follows its noise: a hand at rest seems to move.
     """
     count = min(round(0.5 / (cutoff_hz * dt)), len(speed) - 1)
     limited = speed.copy()
@@ -150,14 +147,14 @@ def _without_ends(speed: np.ndarray, cutoff_hz: float, dt: float) -> np.ndarray:
 def pace(motions: Sequence[Motion]) -> float:
     """Speed of the movements of a set of demonstrations, m/s or rad/s: median of the mean along the way.
 
-    Averaged over the way and not over time, rests and twitches hardly count, however long or quick they are.
+    In an average over the way, not over time, rests and twitches hardly count, however long or quick.
     """
     means = [np.sum(one.smooth_speed**2) / max(np.sum(one.smooth_speed), 1e-300) for one in motions]
     return float(np.median(means))
 
 
 def events(demonstration: Demonstration, until: BoundParameters) -> np.ndarray:
-    """(E,) samples at which a signal passes a value in the direction asked for; InputError without it."""
+    """Samples (E,) at which a signal passes a value in one direction; InputError if it was not recorded."""
     values = _signal(demonstration, until.signal)
     passed = values > until.above if until.above is not None else values < until.below
     return np.flatnonzero(passed[1:] & ~passed[:-1]) + 1
@@ -180,11 +177,9 @@ def _signal(demonstration: Demonstration, name: str) -> np.ndarray:
 def runs_of_motion(
     smooth_speed: np.ndarray, threshold: float, most: int, breaks: Sequence[int] = ()
 ) -> np.ndarray:
-    """Runs of speed above a threshold.
+    """First and last samples (R, 2) of the runs of speed (T,) above a threshold, in order of time.
 
-    `smooth_speed`: (T,) heavily smoothed. `most`: of how many runs the ones of the longest way are kept.
-    `breaks`: samples at which a run ends and the next one begins. Returns (R, 2) first and last sample of
-    each, in order of time.
+    `most`: number of runs kept, those of the longest way. `breaks`: samples at which the next run begins.
     """
     above = smooth_speed > threshold
     starts = above & ~np.append(False, above[:-1])
@@ -213,7 +208,7 @@ class Search:
 def candidates(moved: Motion, search: Search) -> Candidates:
     """Runs at every threshold, and neighbouring runs joined, each cut at its ends; there may be none.
 
-    Long pauses are cut alike at all thresholds; a short one shows at a high threshold alone.
+    Long pauses show at all thresholds, short ones at a high threshold alone.
     """
     step = np.linalg.norm(np.diff(moved.path, axis=0, prepend=moved.path[:1]), axis=1)
     travelled = np.cumsum(np.where(moved.smooth_speed > search.thresholds[0], step, 0.0))
@@ -242,7 +237,7 @@ def candidates(moved: Motion, search: Search) -> Candidates:
 
 
 def _joined(runs: np.ndarray, bridge: int) -> Iterator[tuple[int, int, int]]:
-    """First and last run of all neighbours between which are short dips, and how long these are together."""
+    """First and last run of neighbours with short dips between them, and the total length of the dips."""
     for i in range(len(runs)):
         dips = 0
         for j in range(i, len(runs)):
@@ -268,11 +263,9 @@ def _leads(path: np.ndarray, travelled: np.ndarray, runs: np.ndarray) -> bool:
 def _ends(
     moved: Motion, runs: np.ndarray, i: int, j: int, threshold: float, search: Search
 ) -> tuple[int, int] | None:
-    """Where a primitive of some runs is cut; None where it should end with an event and there is none."""
-    limits = (
-        int(runs[i - 1, 1]) if i else 0,
-        int(runs[j + 1, 0]) if j + 1 < len(runs) else len(moved.path) - 1,
-    )
+    """First and last sample of a primitive of runs i to j; None if no event ends it that should."""
+    last_sample = len(moved.path) - 1
+    limits = int(runs[i - 1, 1]) if i else 0, int(runs[j + 1, 0]) if j + 1 < len(runs) else last_sample
     run = int(runs[i, 0]), int(runs[j, 1])
     first, last = cut_points(moved.speed, run, threshold, REST_FRACTION * search.thresholds[0], limits)
     first = run[0] if run[0] in search.breaks else first

@@ -1,4 +1,4 @@
-"""How well a demonstration was made: smoothness, idle time, and its distance from the others.
+"""Quality of demonstrations: smoothness, idle time, and distance from the others.
 
 Smoothness is measured by the spectral arc length and the log dimensionless jerk (Balasubramanian et al.
 2015), which do not depend on a movement's size or duration. Nothing is judged by a fixed bound: a
@@ -55,10 +55,9 @@ def quality(
     """Measures of every demonstration that was cut, and whether it is an outlier.
 
     `cuts`: by primitive in order of time, index demonstration, columns `start_s`, `end_s`. `smoothing_hz`:
-    low-pass of positions before they are differentiated. Returns a row per demonstration: `demonstration`,
-    `MEASURES` (means over the primitives; `distance_mm` from the mean path of each primitive, over normalised
-    time, in the direction from start to end), `outlier`, the measures that differ, or empty, and `rank`, the
-    best first: by the mean of its ranks in the measures.
+    low-pass of positions before they are differentiated. Returns `demonstration`, `MEASURES` (means over the
+    primitives; `distance_mm` from the mean path of each primitive, relative to its start, over normalised
+    time), `outlier`, the measures that differ, or empty, and `rank` by the mean of the ranks, best first.
     """
     paths: dict[str, list[np.ndarray]] = {name: [] for name in cuts}
     rows = []
@@ -94,7 +93,7 @@ def quality(
 
 
 def _outliers(table: pd.DataFrame) -> list[str]:
-    """By demonstration, measures whose robust z-score is beyond `OUTLYING`; fewer than five tell nothing."""
+    """By demonstration, measures whose robust z-score is beyond `OUTLYING`; needs five demonstrations."""
     if len(table) < 5:
         return [""] * len(table)
     values = table[list(MEASURES)]

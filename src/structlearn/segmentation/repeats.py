@@ -1,9 +1,9 @@
 """Repeats of a task within one recording, e.g. a teleoperation session, found by its moves.
 
-Nobody says where a repeat begins, and a pause between two repeats is like one between two moves. What tells
-them apart is that the same moves come again in the same order: some moves in a row are the pattern, and what
-best explains the way that the hand goes, in all recordings, is taken. Between repeats the hand may move as it
-likes (the way back, a second grip), at a price.
+Nothing marks where a repeat begins, and a pause between two repeats is like one between two moves. But the
+same moves come again in the same order: the pattern is the row of moves that best explains the way of the
+hand in all recordings. Between repeats the hand may move as it likes (the way back, a second grip), at a
+price.
 """
 
 from collections.abc import Sequence
@@ -20,10 +20,10 @@ from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
 from structlearn.segmentation.run_assignment import LEFT_OUT, RESTED, Pattern, unlike
 
 PATTERNS = 300
-"""Moves in a row that are tried as the pattern in all; the work grows with their number."""
+"""Rows of moves that are tried as the pattern; the work grows with their number."""
 
 COVERED = 0.4
-"""Least part of the way that repeats cover: of back and forth where one move is the task, it is half."""
+"""Least share of the way that repeats cover; if the task is one move there, the way back is half."""
 
 REST_S = 1.0
 """Longest rest that is kept before and after a repeat."""
@@ -32,8 +32,8 @@ MOVED = 0.05
 """Shortest way of a run, in ways of the longest move, at which the rest beside a repeat ends."""
 
 COLUMNS = ["recording", "demonstration", "start_s", "end_s", "unlike"]
-"""Of the table: the recording, the name of the repeat as a demonstration of its own, where it lies in the
-recording, and how unlike the pattern it is (`run_assignment.unlike`, mean of its moves)."""
+"""Recording, name of the repeat as a demonstration, its place in the recording, and how unlike the pattern it
+is (`run_assignment.unlike`, mean of its moves)."""
 
 
 def split(
@@ -51,7 +51,8 @@ def split(
     for motion, one in zip(moved, recordings, strict=True):
         candidates.append(_candidates(motion, thresholds, one.dt, round(parameters.bridge_s / one.dt)))
         runs += [_candidates(motion, (threshold,), one.dt, 0) for threshold in thresholds]
-    pattern = _best_pattern(candidates, runs, _most_moves(parameters))
+    shown = sum(primitive.axis not in ("rot", BETWEEN) for primitive in parameters.primitives)
+    pattern = _best_pattern(candidates, runs, max(1, shown))  # or fewer: two primitives may be one run
     moves, longest = pattern.way.shape[1], float(pattern.way.max())
     found = [_repeats(one, pattern) for one in candidates]
     covered = sum(float(one.way[chains].sum()) for one, chains in zip(candidates, found, strict=True))
@@ -82,11 +83,6 @@ def split(
     return parts, pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _most_moves(parameters: SegmentParameters) -> int:
-    """Moves of a repeat at most: primitives that the position shows; two of them may be one run."""
-    return max(1, sum(primitive.axis not in ("rot", BETWEEN) for primitive in parameters.primitives))
-
-
 def _candidates(motion: Motion, thresholds: Sequence[float], dt: float, bridge: int) -> Candidates:
     return motion_runs.candidates(motion, Search(thresholds, dt, bridge, most=len(motion.path)))
 
@@ -95,40 +91,33 @@ def _best_pattern(candidates: Sequence[Candidates], runs: Sequence[Candidates], 
     """The moves in a row that explain the most of the way in all recordings; the first of equal ones."""
     best, least = None, np.inf
     for moves in range(1, most + 1):
-        rows = [(one, first) for one in runs for first in range(len(one.first) - moves + 1)]
+        rows = [
+            [(one, at) for at in range(first, first + moves)]
+            for one in runs
+            for first in range(len(one.first) - moves + 1)
+        ]
         if not rows:
             break
         rows = [rows[at] for at in np.linspace(0, len(rows) - 1, min(PATTERNS, len(rows))).astype(int)]
-        patterns = _patterns(rows, moves)
+        patterns = Pattern.of(rows)
         unexplained = np.sum([_explain(one, patterns)[0] for one in candidates], axis=0)
         chosen = int(np.argmin(unexplained))
         if unexplained[chosen] < least:
-            least, best = float(unexplained[chosen]), _patterns(rows[chosen : chosen + 1], moves)
+            least, best = float(unexplained[chosen]), Pattern.of(rows[chosen : chosen + 1])
     if best is None:
         raise InputError("repeats: the recordings have no run of motion")
     return best
 
 
-def _patterns(rows: Sequence[tuple[Candidates, int]], moves: int) -> Pattern:
-    windows = [(one, slice(first, first + moves)) for one, first in rows]
-    displacement = np.array([one.path[one.last[at]] - one.path[one.first[at]] for one, at in windows])
-    return Pattern(
-        np.array([one.duration[at] for one, at in windows]),
-        np.array([one.way[at] for one, at in windows]),
-        list(displacement.swapaxes(0, 1)),
-        np.zeros(moves, dtype=bool),
-    )
-
-
 def _explain(one: Candidates, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
-    """Way that repeats of K patterns leave unexplained at least, and how they do so for the first pattern.
+    """Least way that repeats of K patterns leave unexplained, and for the first pattern by which candidates.
 
-    A move between repeats costs its way, one within a repeat or before the first `LEFT_OUT` times that; one
-    that is a pattern's costs how unlike it is, times the way of a mean move or its own. As the former are
+    A move between repeats costs its way, one within a repeat or before the first `LEFT_OUT` times that; a
+    move of the pattern costs how unlike it is, times the way of a mean move or its own. As the former are
     sums along the way, the best predecessor of a candidate is a running minimum.
 
     Returns (K,) m.   (P + 1, G) candidate before each as the pattern's move, -1 for none; in the last row
-    that which ends the last repeat.
+    the one that ends the last repeat.
     """
     moves, count = len(pattern.displacement), len(one.first)
     way = np.maximum(pattern.mean_way[:, :1], one.way)

@@ -1,16 +1,17 @@
-"""Runs of motion are assigned to the primitives of a task, by one choice over all demonstrations.
+"""Assignment of runs of motion to the primitives of a task, by one choice over all demonstrations.
 
-The primitives are known by their order alone, so what they look like is learned from the demonstrations:
-one of them, cut in one way, is the pattern, and a candidate costs more the less it is like the pattern's
-primitive in duration, way and direction. For a pattern, the cheapest chain of candidates in every
-demonstration is found by dynamic programming. Every demonstration in every way that it could be cut is tried
-as the pattern; the one that is cheapest over all demonstrations is taken, and is the reference.
+Only the order of the primitives is known, so their looks are learned from the demonstrations: one of them,
+cut in one way, is the pattern, and a candidate costs the more, the less it is like the pattern's primitive in
+duration, way and direction. For a pattern, the cheapest chain of candidates in every demonstration is found
+by dynamic programming. Every demonstration in every way that it could be cut is tried as the pattern; the
+cheapest over all demonstrations is taken, and is the reference.
 
 Motion may be left out (a twitch) and dips may be bridged (a hesitation), both at a price.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -18,38 +19,73 @@ from structlearn.segmentation.motion_runs import Candidates
 
 LEFT_OUT = 1.5  # Price of motion that belongs to no primitive, per mean way of a primitive
 DISPLACED = 2.0
-"""How much more that motion counts which leads elsewhere: who twitches comes back, and what leads on to where
-the next primitive starts is probably part of one."""
+"""Further price of left-out motion per way of its displacement: a twitch comes back, and motion that leads on
+to where the next primitive starts is probably part of one."""
 
 HASTE = 0.5  # Weight of the duration: people repeat where they go more exactly than how fast
 RESTED = 1.0
-"""Price per s of a dip that is taken for a hesitation: the longer it is, the more likely it is a pause."""
+"""Price per s of a dip taken for a hesitation: the longer it is, the more likely it is a pause."""
 
 MISSING = 3.0
-"""Cost of a candidate that is not the pattern's primitive, whatever else it is: a twitch in place of a move,
-or one of opposite direction and of another length."""
+"""Cost beyond which a candidate is not the pattern's primitive: a twitch in place of a move, or one of
+opposite direction and of another length."""
 
 OVERLAP = 0.3
-"""Part of the shorter of two neighbours that are shown by different axes in which both may move: who turns
-the hand seldom waits until it has arrived. Motion along one axis belongs to one primitive."""
+"""Share of the shorter of two neighbours on different axes in which both may move: the hand often turns
+before it has arrived. Motion along one axis belongs to one primitive."""
 
 PATTERNS, FEWEST = 1200, 10
-"""Ways to cut that are tried as the pattern in all, and at least of each demonstration: the cheapest ones by
-the prices above. The work grows with their number times that of the demonstrations."""
+"""Ways to cut that are tried as the pattern in total, and at least of each demonstration: the cheapest ones
+by the prices above. The work grows with their number times that of the demonstrations."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The candidates that are the P primitives of one demonstration."""
+
+    chain: np.ndarray  # (P,) which candidates
+    costs: np.ndarray  # (P,) how unlike the pattern they are
+    # (P + 1,) motion before each primitive and after the last one that belongs to none (`LEFT_OUT`), in ways
+    # of a mean primitive of the pattern
+    left_out: np.ndarray
 
 
 @dataclass(frozen=True)
 class Assignment:
-    """Which candidates are the primitives; P primitives."""
+    """The cheapest choice over all demonstrations."""
 
     reference: int  # index of the demonstration that is the pattern
-    # of each demonstration (P,) the candidates, or None where it has no such chain
-    chosen: list[np.ndarray | None]
-    costs: list[np.ndarray]  # of each demonstration (P,) how unlike the pattern they are
-    # of each demonstration (P + 1,) motion before each primitive and after the last one that belongs to none
-    # (`LEFT_OUT`), in ways of a mean primitive of the pattern
-    left_out: list[np.ndarray]
-    total: float  # of the choice; to compare choices among other candidates
+    chosen: list[Chosen | None]  # of each demonstration; None where it has no such chain
+    total: float  # price; to compare choices among other candidates
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Duration, way and displacement of K patterns of P primitives."""
+
+    duration: np.ndarray  # (K, P) s
+    way: np.ndarray  # (K, P)
+    displacement: list[np.ndarray]  # P of (K, D)
+    turns: np.ndarray  # (P,) whether ways are in rad
+
+    @classmethod
+    def of(cls, picked: Sequence[Sequence[tuple[Candidates, int]]]) -> Self:
+        """Patterns of K by P candidates, each with its index."""
+        return cls(
+            np.array([[one.duration[g] for one, g in row] for row in picked]),
+            np.array([[one.way[g] for one, g in row] for row in picked]),
+            [
+                np.array([one.path[one.last[g]] - one.path[one.first[g]] for one, g in column])
+                for column in zip(*picked, strict=True)
+            ],
+            np.array([one.turns for one, _ in picked[0]]),
+        )
+
+    @property
+    def mean_way(self) -> np.ndarray:
+        """(K, P) of the primitives of the same unit."""
+        same = self.turns[:, None] == self.turns
+        return self.way @ (same / same.sum(axis=0))
 
 
 def assign(
@@ -58,8 +94,8 @@ def assign(
     """The cheapest assignment over all demonstrations.
 
     `demonstrations`: of each, the candidates for its P primitives in order of time. `between`: (P,) whether
-    what lies before a primitive is a primitive too, which may move as it likes. Returns the assignment; None
-    where no demonstration that may be the reference has a chain of candidates.
+    what lies before a primitive is a primitive too, which may move as it likes. None if no demonstration that
+    may be the reference has a chain of candidates.
     """
     gaps = [_gaps(primitives, between) for primitives in demonstrations]
     most = max(PATTERNS // len(references), FEWEST)
@@ -71,63 +107,31 @@ def assign(
         own += prices
     if not chains:
         return None
-    pattern = _pattern(demonstrations, owners, chains)
-    missing = MISSING * len(demonstrations[0])
+    picked = [
+        list(zip(demonstrations[owner], chain, strict=True))
+        for owner, chain in zip(owners, chains, strict=True)
+    ]
+    pattern, missing = Pattern.of(picked), MISSING * len(demonstrations[0])
     total = np.array(own)
     for index, primitives in enumerate(demonstrations):
         cheapest, _ = _cheapest(primitives, gaps[index], pattern)
         total += np.where(np.array(owners) == index, 0.0, np.minimum(cheapest, missing))
     best = int(np.argmin(total))
-    pattern = _pattern(demonstrations, owners[best : best + 1], chains[best : best + 1])
-    chosen: list[np.ndarray | None] = []
-    costs: list[np.ndarray] = []
-    left_out: list[np.ndarray] = []
+    reference, pattern = owners[best], Pattern.of(picked[best : best + 1])
+    chosen = []
     for index, primitives in enumerate(demonstrations):
-        own_chain = index == owners[best]
-        chain = chains[best] if own_chain else _cheapest(primitives, gaps[index], pattern)[1]
-        chosen.append(chain)
-        if chain is None:
-            costs.append(np.zeros(0))
-            left_out.append(np.zeros(0))
-            continue
-        places = range(len(chain))
-        before = [gaps[index][p][int(chain[p - 1]) if p else 0, int(chain[p])] for p in places]
-        after = gaps[index][-1][int(chain[-1]), 0]
-        costs.append(np.array([unlike(primitives[p], pattern, p)[0, int(chain[p])] for p in places]))
-        left_out.append(np.array([*before, after]) / pattern.mean_way[0, [*places, -1]])
-    return Assignment(owners[best], chosen, costs, left_out, float(total[best]))
+        chain = chains[best] if index == reference else _cheapest(primitives, gaps[index], pattern)[1]
+        chosen.append(None if chain is None else _chosen(primitives, gaps[index], chain, pattern))
+    return Assignment(reference, chosen, float(total[best]))
 
 
-@dataclass(frozen=True)
-class Pattern:
-    """K patterns of P primitives: what they look like."""
-
-    duration: np.ndarray  # (K, P) s
-    way: np.ndarray  # (K, P)
-    displacement: list[np.ndarray]  # P of (K, D)
-    turns: np.ndarray  # (P,) whether ways are in rad
-
-    @property
-    def mean_way(self) -> np.ndarray:
-        """(K, P) of the primitives of the same unit."""
-        same = self.turns[:, None] == self.turns
-        return self.way @ (same / same.sum(axis=0))
-
-
-def _pattern(
-    demonstrations: Sequence[Sequence[Candidates]], owners: Sequence[int], chains: Sequence[np.ndarray]
-) -> Pattern:
-    places = range(len(chains[0]))
-    picked = [
-        [(demonstrations[owner][p], chain[p]) for owner, chain in zip(owners, chains, strict=True)]
-        for p in places
-    ]
-    return Pattern(
-        np.array([[one.duration[g] for one, g in picked[p]] for p in places]).T,
-        np.array([[one.way[g] for one, g in picked[p]] for p in places]).T,
-        [np.array([one.path[one.last[g]] - one.path[one.first[g]] for one, g in picked[p]]) for p in places],
-        np.array([picked[p][0][0].turns for p in places]),
-    )
+def _chosen(
+    primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], chain: np.ndarray, pattern: Pattern
+) -> Chosen:
+    places = range(len(chain))
+    motion = [gaps[p][chain[p - 1] if p else 0, chain[p]] for p in places] + [gaps[-1][chain[-1], 0]]
+    costs = [unlike(one, pattern, p)[0, chain[p]] for p, one in enumerate(primitives)]
+    return Chosen(chain, np.array(costs), np.array(motion) / pattern.mean_way[0, [*places, -1]])
 
 
 def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.ndarray]:

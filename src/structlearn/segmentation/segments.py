@@ -1,10 +1,10 @@
 """Semi-automatic segmentation of demonstrations into primitives (algorithm IV.1, IV.9.2).
 
 One demonstration is the reference, cut by zero-velocity crossing. The others are guessed in the same way and
-then refined by aligning them with the reference. All estimates are kept, to be compared: the crossing alone
+then refined by aligning them with the reference. All estimates are kept for comparison: the crossing alone
 (`zvc`), the samples that time warping assigns to the reference's ends (`dtw`), ordinary (`ls`) and weighted
-(`wls_text`) least squares as printed, and weighted least squares that counts the crossings as
-correspondences too (`wls`), which is the result.
+(`wls_text`) least squares as printed, and the result, weighted least squares with the crossings as further
+correspondences (`wls`).
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ class Segmentation:
     cuts: pd.DataFrame
     pairs: pd.DataFrame  # one row per correspondence; times since the start of either demonstration
     left_out: pd.DataFrame  # those that could not be cut
-    doubts: pd.DataFrame  # what speaks against a cut (`alignment.doubts`)
+    doubts: pd.DataFrame  # warnings (`alignment.doubts`)
     reference: str  # name of the reference demonstration
     cells: int = 0  # of all warping tables that were computed; not kept on disk
 
@@ -95,10 +95,9 @@ COLUMNS = {
 def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Segmentation:
     """Cut demonstrations into primitives.
 
-    `demonstrations`: complete demonstrations with one common sampling interval. Raises InputError: there is
-    no demonstration of the reference's name, the sampling intervals differ, the reference cannot be cut, or
-    another cannot and failures are not to be skipped; or where runs are assigned to primitives
-    (`assigns_runs`), most cannot.
+    Raises InputError: there is no demonstration of the reference's name, the sampling intervals differ, the
+    reference cannot be cut, or another cannot and failures are not to be skipped; or, if runs are assigned to
+    primitives (`assigns_runs`), most cannot.
     """
     first = demonstrations[0]
     for demonstration in demonstrations:
@@ -115,10 +114,12 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         try:
             own = demonstration is reference
             movements = reference_movements if own else _movements(demonstration, found, parameters)
-            refined = {
-                name: _refined(demonstration.name, name, reference_movements[name], movement, parameters)
-                for name, movement in movements.items()
-            }
+            refined = {}
+            for name, movement in movements.items():
+                try:
+                    refined[name] = refine(reference_movements[name], movement, parameters)
+                except InputError as error:
+                    raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
             cuts.append(_cut_rows(demonstration, refined, parameters))
             cells += sum(one.cells for one in refined.values())
             doubted += doubts(demonstration.name, refined, own)
@@ -146,7 +147,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
 def _movements(
     demonstration: Demonstration, found: Crossings | InputError, parameters: SegmentParameters
 ) -> dict[str, Movement]:
-    """What is aligned of every primitive with an axis; raises what stands in place of the crossings."""
+    """Signals to align of every primitive with an axis; raises the reason if there are no crossings."""
     if isinstance(found, InputError):
         raise found
     dt, movements = demonstration.dt, {}
@@ -155,15 +156,6 @@ def _movements(
         smooth = signals.low_pass(path(demonstration, axes[name]), dt, parameters.align_cutoff_hz)
         movements[name] = Movement(dt, smooth, signals.derivative(smooth, dt), crossing)
     return movements
-
-
-def _refined(
-    demonstration: str, primitive: str, reference: Movement, own: Movement, parameters: SegmentParameters
-) -> Refined:
-    try:
-        return refine(reference, own, parameters)
-    except InputError as error:
-        raise InputError(f"{demonstration}: primitive '{primitive}': {error}") from error
 
 
 def _cut_rows(
@@ -198,10 +190,9 @@ def _pair_rows(demonstration: str, primitive: str, one: Refined) -> pd.DataFrame
 
 
 def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[str, pd.DataFrame]:
-    """Segments of executions that carry what was commanded.
+    """Commanded segments of executions, from their `true_segments` (P, 2).
 
-    `runs`: executions of one task, each with `true_segments` (P, 2). Returns by primitive: index
-    demonstration, columns `start_s` and `end_s`.
+    By primitive: index demonstration, columns `start_s` and `end_s`.
     """
     labels = pd.Index([run.name for run in runs], name="demonstration")
     segments = [run.true_segments for run in runs if run.true_segments is not None]
@@ -214,11 +205,10 @@ def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[
 def execution_cuts(
     runs: Sequence[Demonstration], names: Sequence[str], parameters: SegmentParameters
 ) -> dict[str, pd.DataFrame]:
-    """Segments of executions: the commanded ones, or where a robot did not tell, what cutting finds.
+    """Segments of executions as `commanded_cuts`; if some have no commanded ones, those that cutting finds.
 
     `parameters`: of the cutting. Their reference is a demonstration, so the first run stands in for it; none
-    may be left out. Returns by primitive: index demonstration, columns `start_s` and `end_s`. Raises
-    InputError: a run without commanded segments cannot be cut.
+    may be left out. Raises InputError: a run without commanded segments cannot be cut.
     """
     if all(run.true_segments is not None and len(run.true_segments) == len(names) for run in runs):
         return commanded_cuts(runs, names)

@@ -1,4 +1,4 @@
-"""Ordinary network of the deviations: the phase-modulated one with its modulation taken away (IV.9.3.3).
+"""Ordinary network of the deviations: the phase-modulated network without modulation (IV.9.3.3).
 
 Its coupling term does not vanish with the phase velocity: a rival in table IV.5, not for a robot.
 """
@@ -20,16 +20,16 @@ from structlearn.feedback.models.pmnn import layered, layered_fault, layered_num
 from structlearn.networks.compiled_layers import Layers
 
 if TYPE_CHECKING:
-    from torch import Generator, Tensor
+    from torch import Tensor
 
 
 @dataclass(frozen=True)
 class FeedForwardNetwork(CouplingModel):
     """A trained network with tanh in every hidden layer."""
 
-    # (D,) taken off the inputs, which are the deviations and, in `ffnn_phase`, p and u
+    # (D,) subtracted from the inputs, which are the deviations and, in `ffnn_phase`, p and u
     input_mean: np.ndarray
-    input_scale: np.ndarray  # (D,) by which they are divided then
+    input_scale: np.ndarray  # (D,) divides them then
     layers: Layers  # weights and biases of each hidden layer, and of the output
 
     kernel = layered
@@ -40,20 +40,25 @@ class FeedForwardNetwork(CouplingModel):
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> list[Trained]:
         """All jobs as one stack, by RMSProp, from the start; see `CouplingModel.train`."""
-        from structlearn.feedback.supervised_training import scaled_targets, standardised, train_stack
+        from structlearn.feedback.supervised_training import Stack, scaled_targets, standardised, train_stack
+        from structlearn.networks.stacked_layers import Dropout, RowLayers
         from structlearn.networks.torch_settings import seeded
 
         units, inputs = standardised(jobs, cls.phases)
         scales, data = scaled_targets(jobs, inputs, None)
         generator = seeded(parameters.seed)
-        stack = StackedFeedForwardNetworks(len(jobs), inputs.shape[2], hidden, parameters.dropout, generator)
+        stacked = RowLayers.initial(len(jobs), (inputs.shape[2], *hidden, 1), generator)
+        dropout = Dropout(parameters.dropout, generator)
+
+        def forward(inputs: "Tensor", modulation: None, training: bool) -> "Tensor":
+            return stacked.forward(inputs, training, dropout).squeeze(-1)
 
         def network(index: int) -> FeedForwardNetwork:
-            *before, (weights, biases) = stack.layers.layers_of(index)
+            *before, (weights, biases) = stacked.layers_of(index)
             last = (weights * scales[index], biases * scales[index])
             return cls(*units[index], (*before, last))
 
-        return train_stack(stack, data, parameters, network)
+        return train_stack(Stack(stacked.parameters(), forward), data, parameters, network)
 
     @property
     def inputs(self) -> int:
@@ -73,21 +78,3 @@ class FeedForwardNetwork(CouplingModel):
     def compiled(self) -> Compiled:
         """See `pmnn.layered`."""
         return layered_numbers(self.input_mean, self.input_scale, self.layers[:-1], self.phases)
-
-
-class StackedFeedForwardNetworks:
-    """M networks as they are trained, see `supervised_training.Stack`."""
-
-    def __init__(self, models: int, inputs: int, hidden: Nodes, dropout: float, generator: "Generator"):
-        from structlearn.networks.stacked_layers import Dropout, RowLayers
-
-        self.layers = RowLayers.initial(models, (inputs, *hidden, 1), generator)
-        self.dropout = Dropout(dropout, generator)
-
-    def parameters(self) -> "list[Tensor]":
-        """Trained parameters."""
-        return self.layers.parameters()
-
-    def forward(self, inputs: "Tensor", modulation: None = None, training: bool = False) -> "Tensor":
-        """Coupling terms (M, B) of standardised inputs (M, B, D); there is no modulation to use."""
-        return self.layers.forward(inputs, training, self.dropout).squeeze(-1)

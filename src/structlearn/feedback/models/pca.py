@@ -1,13 +1,12 @@
-"""Principal components of the deviations, then phase kernels (IV.9.3.3): features learnt before their use.
+"""Principal components of the deviations, then phase kernels on the code (IV.9.3.3).
 
-Components and autoencoder compress without knowing what the code is for, and both count an error in every
-channel alike (in counts, not in each channel's own std), so the share of variance that the components keep
-means what it says and the two codes have the same aim. Phase kernels on the code are a phase-modulated
-network without hidden layer, and so is the whole: the encoder is folded into it.
+Components and autoencoder compress without knowing what the code is for. Both count an error in every channel
+alike (in counts, not in each channel's std), so that the two codes minimise the same error. Phase kernels on
+the code are a phase-modulated network without hidden layer; the encoder is folded into it.
 """
 
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import replace
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -19,7 +18,7 @@ VARIANCE_KEPT = 0.99  # Share of the variance that the principal components keep
 
 
 class PrincipalComponents(PhaseModulatedNetwork):
-    """How a phase-modulated network of a code is trained; the code is that of principal components."""
+    """Trains a phase-modulated network of a code, here of principal components."""
 
     @classmethod
     def train(
@@ -33,42 +32,32 @@ class PrincipalComponents(PhaseModulatedNetwork):
             (replace(dataset, deviation=encoder.code, groups=()), fold)
             for (dataset, fold), encoder in zip(jobs, encoders, strict=True)
         ]
-        found = PhaseModulatedNetwork.train(coded, parameters, hidden)
-        return [
-            Trained(
-                {
-                    part: model.behind(one.mean, one.scale, one.layers)
-                    for part, model in trained.models.items()
-                },
-                trained.steps,
-                one.dimensions,
-            )
-            for trained, one in zip(found, encoders, strict=True)
-        ]
+        found = []
+        trained = PhaseModulatedNetwork.train(coded, parameters, hidden)
+        for of_code, (mean, scale, layers, _, dimensions) in zip(trained, encoders, strict=True):
+            models = {part: model.behind(mean, scale, layers) for part, model in of_code.models.items()}
+            found.append(Trained(models, of_code.steps, dimensions))
+        return found
 
     @classmethod
     def encoders(cls, jobs: Jobs, parameters: TrainingParameters) -> "list[Encoder]":
-        """What compresses the deviations of each job."""
+        """Encoder of the deviations of each job."""
         return principal_components(jobs)
 
 
-@dataclass(frozen=True)
-class Encoder:
-    """What compresses the deviations of a job."""
+class Encoder(NamedTuple):
+    """Compression of the deviations of a job."""
 
-    mean: np.ndarray  # (D,) taken off the deviations
-    scale: np.ndarray  # (D,) by which they are divided then
+    mean: np.ndarray  # (D,) subtracted from the deviations
+    scale: np.ndarray  # (D,) divides them then
     layers: Layers  # weights and biases, all tanh but the last, which gives the code
     # (S, C) of all samples; a job that keeps fewer than C dimensions has zeros in the last ones
     code: np.ndarray
-    dimensions: int  # how many it keeps
+    dimensions: int  # number that it keeps
 
 
 def principal_components(jobs: Jobs, variance: float = VARIANCE_KEPT) -> list[Encoder]:
-    """Principal components of each job's training samples.
-
-    `variance`: share of the training variance that is kept, below 1.
-    """
+    """Principal components of each job's training samples that keep a share of their variance, below 1."""
     from sklearn.decomposition import PCA
 
     found = [PCA(variance, svd_solver="full").fit(data.deviation[fold.train]) for data, fold in jobs]

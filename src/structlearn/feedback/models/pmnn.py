@@ -59,10 +59,7 @@ def layered(sizes, values, row, deviations, memory):
 
 
 def layered_numbers(mean: np.ndarray, scale: np.ndarray, hidden: Layers, extra: int = 0) -> Compiled:
-    """Numbers of a network for `layered`, which `ffnn` shares.
-
-    `mean`: (D + X,) taken off its inputs. `scale`: (D + X,) by which they are divided then.
-    """
+    """Arguments of `layered`, which `ffnn` shares; `mean`, `scale`: (D + X,) standardise its inputs."""
     packed = pack([(mean, scale, hidden)])
     shape = packed.sizes[0]
     sizes = np.array([len(packed.values), extra, len(hidden), *shape], dtype=np.int64)
@@ -70,7 +67,7 @@ def layered_numbers(mean: np.ndarray, scale: np.ndarray, hidden: Layers, extra: 
 
 
 def layered_fault(mean: np.ndarray, scale: np.ndarray, layers: Layers, outputs: int) -> str:
-    """Layers or a standardisation that do not fit together, or a scale of 0; empty where nothing is wrong."""
+    """Why layers and standardisation do not fit together, or a scale is no good; empty if all is well."""
     shapes = [(weights.shape, biases.shape) for weights, biases in layers]
     widths = [len(mean), *(len(biases) for _, biases in layers[:-1]), outputs]
     if scale.shape != mean.shape or shapes != [
@@ -143,10 +140,10 @@ class PhaseModulatedNetwork(CouplingModel):
         return fault or super().fault()
 
     def behind(self, mean: np.ndarray, scale: np.ndarray, layers: Layers) -> Self:
-        """This network of a code as one of the deviations that are encoded.
+        """This network of a code as one of the encoded deviations (D,).
 
-        `mean`: (D,) taken off the deviations. `scale`: (D,) by which they are divided then. `layers`: of the
-        encoder, all tanh but the last, which is linear and gives the code.
+        `mean`, `scale`: (D,) standardise the deviations. `layers`: of the encoder, all tanh but the last,
+        which is linear and gives the code.
         """
         *before, (weights, biases) = layers
         inner = [*self.hidden, (self.phase_weights, self.phase_biases)]
@@ -157,10 +154,7 @@ class PhaseModulatedNetwork(CouplingModel):
 
 
 def open_loop(weights: np.ndarray) -> PhaseModulatedNetwork:
-    """A policy that needs no sensor: c = G(p, u) . weights, as a network without inputs.
-
-    `weights`: (N,) one per phase feature.
-    """
+    """A policy that needs no sensor: c = G(p, u) . weights (N,), as a network without inputs."""
     weights = np.asarray(weights, dtype=float)
     nothing = np.zeros((len(weights), 0))
     return PhaseModulatedNetwork(nothing[0], nothing[0], (), nothing, weights, np.ones(len(weights)))

@@ -35,7 +35,7 @@ from structlearn.primitives.vector import (
 )
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.alignment import DOUBT_COLUMNS, RESULT
-from structlearn.segmentation.cut_errors import Dwells, between_dwells, cut_errors, mean_cut_errors_ms
+from structlearn.segmentation.cut_errors import between_dwells, cut_errors, mean_cut_errors_ms
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import PAIR_COLUMNS, Segmentation, cut
 from structlearn.tasks.movement.movement_parameters import PARTS, RestParameters
@@ -117,9 +117,8 @@ def _found_again(
     rests: RestParameters,
 ) -> pd.DataFrame:
     noise, seed = level
-    dwells = Dwells(*rests.rest_s, rests.noise_hz)
     embedded = [
-        between_dwells(one, dwells, 1e-3 * noise, np.random.default_rng([seed, place]))
+        between_dwells(one, rests.rest_s, rests.noise_hz, 1e-3 * noise, np.random.default_rng([seed, place]))
         for place, one in enumerate(runs)
     ]
     return cut_errors(embedded, cut(embedded, cutting)).assign(noise_mm=noise, seed=seed)
