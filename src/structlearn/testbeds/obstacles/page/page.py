@@ -141,7 +141,7 @@ HEADINGS = {
     **{"goal_limited": "limits", "late_goal_text": "late, text", "late_goal_limited": "limits"},
     **{"moving_0.1": "0.1 m/s", "moving_0.2": "0.2 m/s", "pair": "two", "goal_change": "moving goal"},
     **{"detour_unseen": "detour, unseen", "detour_moving": "moving", "detour_pair": "two"},
-    "none": KINDS[NO_MODEL].name,
+    **{"none": KINDS[NO_MODEL].name},
     **{f"{source}_text": f"{SOURCES[source].name}, text" for source in (*SHAPES, ALL)},
     **{f"{source}_ours": "ours" for source in (*SHAPES, ALL)},
 }
@@ -184,10 +184,8 @@ def people(results: ObstacleResults) -> pd.DataFrame:
 def per_setting(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
     """Table IV.1: a model for each scenario."""
     rows: list[Row] = []
-    for kind in (NO_MODEL, HUMAN_INSPIRED, NETWORK):
-        source = "" if kind == NO_MODEL else SETTING
-        labels = {"model": KINDS[kind].name}
-        rows += _compared(results, labels, kind, TRAINED, source, printed[kind], len(results.scenarios))
+    for kind, source in ((NO_MODEL, ""), (HUMAN_INSPIRED, SETTING), (NETWORK, SETTING)):
+        rows += _compared(results, {"model": KINDS[kind].name}, printed[kind], TRAINED, kind, source)
     name, its = DEMONSTRATIONS.name, results.demonstrated
     rows.append({"model": name, "source": PRINTED} | printed["demonstrations"])
     rows.append({"model": name, "source": HERE, "of": len(its)} | summary(its))
@@ -196,36 +194,23 @@ def per_setting(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.Data
 
 def per_shape(results: ObstacleResults, printed: Mapping[str, Mapping[str, Row]]) -> pd.DataFrame:
     """Table IV.2: models for the settings of each shape; `nmse_train` and `nmse_test` over y and z."""
-    rows, count = [], len(results.scenarios) // len(SHAPES)
+    rows: list[Row] = []
     for shape, kind in product(SHAPES, (NO_MODEL, NETWORK, ENSEMBLE)):
         labels: Row = {"obstacle": shape, "model": KINDS[kind].name}
-        found = _compared(
-            results,
-            labels,
-            kind,
-            TRAINED,
-            "" if kind == NO_MODEL else shape,
-            printed[shape].get(kind),
-            count,
-            shape,
-        )
-        if kind != NO_MODEL:
-            for part in ("train", "test"):
-                error = results.fit(kind, shape, shape, part)["nmse_across"].mean()
-                found = [row if row["source"] == PRINTED else row | {f"nmse_{part}": error} for row in found]
-        rows += found
+        for part in ("train", "test") if kind != NO_MODEL else ():
+            labels[f"nmse_{part}"] = results.fit(kind, shape, shape, part)["nmse_across"].mean()
+        source = shape if kind != NO_MODEL else ""
+        rows += _compared(results, labels, printed[shape].get(kind), TRAINED, kind, source, shape)
     return _in_order(rows)
 
 
 def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
     """Table IV.3: models past unseen spheres, by what they learned from."""
-    cases = [(NO_MODEL, "", printed[NO_MODEL])]
-    for shape in SHAPES:
-        cases += [(NETWORK, shape, printed[shape]), (ENSEMBLE, shape, {})]
-    rows, spheres = [], len(results.situations[UNSEEN].numbers)
-    for kind, source, row in cases:
-        labels = {"model": model_name(kind, source)}
-        rows += _compared(results, labels, kind, UNSEEN, source, row, spheres)
+    rows: list[Row] = []
+    models = [(NO_MODEL, ""), *((kind, shape) for shape in SHAPES for kind in (NETWORK, ENSEMBLE))]
+    for kind, source in models:
+        row = None if kind == ENSEMBLE else printed[source or NO_MODEL]
+        rows += _compared(results, {"model": model_name(kind, source)}, row, UNSEEN, kind, source)
     return _in_order(rows)
 
 
@@ -302,16 +287,17 @@ def summary(rows: pd.DataFrame) -> Row:
 def _compared(
     results: ObstacleResults,
     labels: Row,
-    kind: str,
-    protocol: str,
-    source: str,
     printed: Row | None,
-    of: int,
+    protocol: str,
+    kind: str,
+    source: str,
     obstacle: str | None = None,
 ) -> list[Row]:
-    """Rows of a model as printed, if it is, and here with either rules; without coupling term these agree."""
+    """Rows of a model as printed, if it is, and here with either rules, which agree without a model."""
     rules = {LIMITED: HERE} if kind == NO_MODEL else {its: f"{HERE}, {words}" for its, words in RULES.items()}
-    rows = [labels | {"source": PRINTED, "of": of} | printed] if printed else []
+    places = [one for one in results.scenarios if obstacle in (None, one.shape)]
+    count = len(results.situations[UNSEEN].numbers) if protocol == UNSEEN else len(places)
+    rows = [labels | {"source": PRINTED, "of": count} | printed] if printed else []
     for its, words in rules.items():
         scored = results.rows(protocol, kind, source, its, obstacle)
         rows.append(labels | {"source": words} | summary(scored) | {"of": len(scored)})
