@@ -21,7 +21,7 @@ from timing import machine
 from structlearn.core.artefacts import write_csv
 from structlearn.core.parallel import BACKEND, PROCESSES
 from structlearn.core.params import read_parameters
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Recording
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters, guided_demonstrations
 

@@ -11,8 +11,8 @@ from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives
+from structlearn.readers.demonstration import Recording
 from structlearn.readers.joint_log import JointLog
-from structlearn.readers.recording import Recording
 from structlearn.rigid_body.compiled_chain import kinematics
 from structlearn.simulation.arm import ArmParameters
 from structlearn.simulation.bullet_arm import BulletArm, differences
@@ -22,11 +22,8 @@ from structlearn.testbeds.dynamics.world.joint_logs import (
     StandInParameters,
     stand_in_log,
 )
-from structlearn.testbeds.scraping.protocol.executions import (
-    CorrectedRunsParameters,
-    corrected_runs,
-    execute_run,
-)
+from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
+from structlearn.testbeds.scraping.protocol.executions import corrected_runs, execute_run
 from structlearn.testbeds.scraping.world import scraping_robot
 from structlearn.testbeds.scraping.world.execution import Advance
 from structlearn.testbeds.scraping.world.scraping_world import World, load
@@ -42,7 +39,7 @@ def main() -> None:
 
 def corrected_execution() -> pd.DataFrame:
     """One execution on the steepest board while a person corrects."""
-    settings = stage_parameters("record_corrections", CorrectedRunsParameters).settings_deg
+    settings = stage_parameters("record_corrections", ExecutionParameters).settings_deg
     testbed = stage_parameters("testbed", TestbedParameters)
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
     (one,) = corrected_runs([max(settings)], 1)

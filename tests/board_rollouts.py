@@ -1,5 +1,6 @@
 """A small board of the scraping task, on which rollouts take a fraction of a second each."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -29,8 +30,7 @@ def small_board():
     (run,) = nominal_runs(1)
     nominal = synchronise(execute_run(run, 0, skill, TESTBED), RATE_HZ)
     return Board(
-        primitives=skill.primitives,
-        expected=skill.expected,
+        skill=replace(skill, networks={}, limits=LIMITS),
         preceding={},
         name="turn",
         setting_deg=5.0,
@@ -39,7 +39,6 @@ def small_board():
             SupervisionParameters, "coupling_dataset", primitives=NAMES[1:], settings_deg=(5.0,)
         ),
         testbed=TESTBED,
-        limits=LIMITS,
         clock=committed(ClockParameters, "clock", rate_hz=RATE_HZ),
     )
 

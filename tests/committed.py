@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from structlearn.core.params import Parameters, merged
-from structlearn.readers.topics import TopicMap
+from structlearn.readers.source import TopicMap
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
 from structlearn.tasks.task_entry import read_task

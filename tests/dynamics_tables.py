@@ -9,15 +9,19 @@ import pandas as pd
 import pybullet_data
 from committed import committed
 
+from structlearn.rigid_body.dynamics_training import KINDS, LOSSES
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
-from structlearn.rigid_body.learner import KINDS, LOSSES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH
-from structlearn.rigid_body.online_learning import OnlineParameters
-from structlearn.rigid_body.training_grid import OURS, TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
+from structlearn.testbeds.dynamics.protocol.trainings import (
+    OURS,
+    TEXT,
+    DynamicsTrainingParameters,
+    OnlineParameters,
+)
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, StandInParameters
 

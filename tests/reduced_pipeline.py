@@ -74,7 +74,7 @@ REDUCED = {
 
 TRAINING = {"steps": 5, "batch_size": 16}
 SPACES = {"seeds": 1, "training": TRAINING, "pair_pool": 1000, "evaluation_pairs": 100}
-REDUCED_TASKS = {
+REDUCED_TASKS = {  # entries of public sets
     "movement": {"reaches": {"rests": {"noise_mm": [0.5, 2.0], "seeds": 2}, "corrections": {"splits": 5}}},
     "motion": {
         "panda": {"iterations": 5, "draws": 100, "networks": {"seeds": 1, "epochs": [1]}},
@@ -103,8 +103,6 @@ REDUCED_TASKS = {
         },
     },
 }
-"""Entries of public sets."""
-
 
 NOT_REPEATABLE = (".gitignore", "timings.json", "times.json")
 
@@ -138,25 +136,11 @@ def environment() -> dict[str, str]:
 
 
 def by_hand(
-    project: Path,
-    stages: Iterable[str] | None = None,
-    file: str = "dvc.yaml",
-    spread: bool = False,
-    **variables: str,
+    project: Path, stages: Iterable[str] | None = None, file="dvc.yaml", spread=False, **variables: str
 ) -> Path:
-    """Run stages in the order of their file in one process without DVC, to spare their starts.
+    """Run stages (default all) in the order of their file in one process without DVC, to save their starts.
 
-    Those of tasks run for every public one.
-
-    Args:
-        project: a clone.
-        stages: names of some; None for all.
-        file: that lists them.
-        spread: their work is spread over processes.
-        variables: of the environment.
-
-    Returns:
-        The project.
+    Stages of tasks run for every public one. `spread`: over processes; `variables`: of the environment.
     """
     listed = yaml.safe_load((project / file).read_text())["stages"]
     public = yaml.safe_load((project / "stages/tasks/public.yaml").read_text())

@@ -1,11 +1,12 @@
 """A small world of feedback results in memory, for the tests of the report."""
 
+from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
 import pandas as pd
 from conftest import minimum_jerk
-from reporting_scraping import DT
+from reporting_scraping import DT, grid
 
 from structlearn.core import quaternion
 from structlearn.feedback.coupling_dataset import CouplingDataset
@@ -28,7 +29,7 @@ AXIS = np.array([0.0, 1.0, 0.0])
 SEGMENTS = np.array([[0.0, 1.0], [1.0, 3.0], [3.0, 5.0]])
 CHANNELS = 4
 TELLING = 2
-RUNS = 4
+NAMES = ("00", "01", "02", "03")  # of runs
 NMSE = {"pmnn_100": 0.2, "pmnn_6": 0.26, "pmnn_0": 0.3, "ffnn_phase": 0.4, "ffnn": 0.5} | {
     "pca": 0.35,
     "autoencoder": 0.36,
@@ -74,9 +75,9 @@ def dataset() -> CouplingDataset:
 
 
 def checks() -> pd.DataFrame:
-    rows = [(setting, number, f"{number}", 0.2, 0.01, 0.1) for setting in SETTINGS for number in range(3)]
-    columns = ["setting_deg", "demonstration", "name", "reproduction_deg", "smoothing_deg", "others"]
-    return pd.DataFrame(rows, columns=columns)
+    table = grid(primitive=ADAPTED, setting_deg=SETTINGS, demonstration=range(3))
+    numbers = {"reproduction_deg": 0.2, "smoothing_deg": 0.01, "others": 0.1}
+    return table.assign(name=table["demonstration"].astype(str), **numbers)
 
 
 def phase_weights() -> np.ndarray:
@@ -99,13 +100,11 @@ def network(weights: np.ndarray | None = None) -> PhaseModulatedNetwork:
 
 def comparison(nmse: dict[str, float] = NMSE, folds: int = 8) -> pd.DataFrame:
     """Errors that spread over the folds by a tenth of the smallest difference between representations."""
-    rng = np.random.default_rng(1)
-    rows = []
-    for primitive, name, stopping, fold in product(ADAPTED, REPRESENTATIONS, STOPPINGS, range(folds)):
-        error = nmse[name] + 1e-3 * rng.normal() - 0.02 * (stopping == "generalization")
-        rows.append((name, fold, stopping, 100, 0.1, 0.11, 0.12, error, 2.0, primitive))
-    columns = ["representation", "fold", "stopping", "step", "train", "validation", "test", "generalization"]
-    return pd.DataFrame(rows, columns=[*columns, "dimensions", "primitive"])
+    table = grid(primitive=ADAPTED, representation=REPRESENTATIONS, stopping=STOPPINGS, fold=range(folds))
+    error = table["representation"].map(nmse) + 1e-3 * np.random.default_rng(1).normal(size=len(table))
+    error -= 0.02 * (table["stopping"] == "generalization")
+    numbers = {"step": 100, "train": 0.1, "validation": 0.11, "test": 0.12, "dimensions": 2.0}
+    return table.assign(generalization=error, **numbers)
 
 
 def orderings(table: pd.DataFrame) -> pd.DataFrame:
@@ -115,25 +114,21 @@ def orderings(table: pd.DataFrame) -> pd.DataFrame:
 
 def scores(cost_rad: dict[str, float] = COST_RAD, force_n: float = 1.01) -> pd.DataFrame:
     """Cost in proportion to the setting; a fixed one at 0 degrees, where feedback only costs."""
-    rng = np.random.default_rng(2)
-    rows = []
-    for model, setting, run, primitive in product(cost_rad, (0.0, *SETTINGS), range(RUNS), ADAPTED):
-        level = 2.0 if model == "nominal" else 8.0
-        total = (cost_rad[model] * setting if setting else level) + 0.1 * rng.normal()
-        roll = -setting if model == "nominal" else 0.1
-        row = (f"{run:02d}", primitive, total, 0.01 * total, roll, force_n, 0.02, 0.3 * setting)
-        rows.append((*row, model, setting))
-    columns = ["run", "primitive", "cost_rad", "mean_deg", "end_roll_deg", "force_n", "force_std_n"]
-    return pd.DataFrame(rows, columns=[*columns, "roll_torque_mn_m", "model", "setting_deg"])
+    table = grid(model=cost_rad, setting_deg=(0.0, *SETTINGS), run=NAMES, primitive=ADAPTED)
+    tilt, nominal = table["setting_deg"], table["model"] == "nominal"
+    cost = (table["model"].map(cost_rad) * tilt).where(tilt > 0.0, np.where(nominal, 2.0, 8.0))
+    cost += 0.1 * np.random.default_rng(2).normal(size=len(table))
+    rolls = {"end_roll_deg": (-tilt).where(nominal, 0.1), "roll_torque_mn_m": 0.3 * tilt}
+    return table.assign(cost_rad=cost, mean_deg=0.01 * cost, force_n=force_n, force_std_n=0.02, **rolls)
 
 
 def traces(gain: float = 2.0) -> pd.DataFrame:
     """Coupling terms in proportion to the setting."""
     rng = np.random.default_rng(3)
     tables = []
-    for model, primitive, setting, run in product(COST_RAD, ADAPTED, (0.0, *SETTINGS), range(RUNS)):
+    for model, primitive, setting, run in product(COST_RAD, ADAPTED, (0.0, *SETTINGS), NAMES):
         coupling = 0.0 if model == "nominal" else gain * setting + 0.1 * rng.normal()
-        keys = {"model": model, "primitive": primitive, "setting_deg": setting, "run": f"{run:02d}"}
+        keys = {"model": model, "primitive": primitive, "setting_deg": setting, "run": run}
         keys |= {"time_s": 0.02 * np.arange(50), "coupling": coupling}
         keys |= {f"channel_{index:02d}": rng.normal(size=50) for index in range(CHANNELS)}
         tables.append(pd.DataFrame(keys))
@@ -142,20 +137,25 @@ def traces(gain: float = 2.0) -> pd.DataFrame:
 
 def path_errors() -> pd.DataFrame:
     """The model that is trained in the unroll is better."""
-    rng = np.random.default_rng(4)
     level = {"pointwise": 0.5, "unrolled": 0.2}
-    keys = product(level, ADAPTED, SETTINGS, range(3))
-    rows = [(*key, level[key[0]] + 0.01 * rng.normal()) for key in keys]
-    columns = ["model", "primitive", "setting_deg", "demonstration", "error_deg"]
-    return pd.DataFrame(rows, columns=columns)
+    table = grid(model=level, primitive=ADAPTED, setting_deg=SETTINGS, demonstration=range(3))
+    noise = 0.01 * np.random.default_rng(4).normal(size=len(table))
+    return table.assign(error_deg=table["model"].map(level) + noise)
 
 
 def people(metrics: dict[str, float], count: int = 5, spread: float = 0.01, **changes: float) -> Study:
     """A study of people who differ by a little from given numbers; `changes` replace some of these."""
+    return forms({OURS: dict(metrics) | changes}, count, spread)
+
+
+def forms(metrics: Mapping[str, Mapping[str, float]], count: int = 5, spread: float = 0.01) -> Study:
+    """The same in several forms, by variant."""
     rng = np.random.default_rng(5)
-    numbers = {key: float(value) for key, value in metrics.items()} | changes
-    columns = {key: value * (1.0 + spread * rng.normal(size=count)) for key, value in numbers.items()}
-    return Study({"findings": pd.DataFrame({"variant": OURS, "cell": range(count)} | columns)})
+    tables = []
+    for variant, numbers in metrics.items():
+        columns = {key: value * (1.0 + spread * rng.normal(size=count)) for key, value in numbers.items()}
+        tables.append(pd.DataFrame({"variant": variant, "cell": range(count)} | columns))
+    return Study({"findings": pd.concat(tables, ignore_index=True)})
 
 
 def board_results() -> BoardResults:
@@ -185,7 +185,7 @@ def feedback_results() -> FeedbackResults:
         unrolls=unrolls,
         expected=learn_expected(unrolls, cuts, 10.0, ["tactile"]),
         datasets={name: dataset() for name in ADAPTED},
-        checks=pd.concat([checks().assign(primitive=name) for name in ADAPTED], ignore_index=True),
+        checks=checks(),
         networks={name: network() for name in ADAPTED},
         comparison=table,
         orderings=orderings(table),

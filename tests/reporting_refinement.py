@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 from committed import committed
 from reporting_feedback import ADAPTED, AXIS, execution
+from reporting_scraping import grid
 
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
-from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page.board_results import RefinementResults
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
@@ -74,12 +74,14 @@ def scores(
 ) -> pd.DataFrame:
     """Executions whose costs differ between runs by more than between models, so that pairs matter."""
     rng = np.random.default_rng(6)
-    conditions = {setting: rng.normal(size=runs) for setting in SETTINGS}
-    rows = []
-    for model, setting, run, primitive in product((NOMINAL, BEFORE, AFTER), settings, range(runs), ADAPTED):
-        cost = costs[model][setting] + conditions[setting][run] + 0.05 * rng.normal()
-        rows.append((f"{run + 1:02d}", primitive, cost, model, setting))
-    return pd.DataFrame(rows, columns=["run", "primitive", "cost_rad", "model", "setting_deg"])
+    shared = rng.normal(size=(len(settings), runs, 1))  # of the conditions
+    names = [f"{run + 1:02d}" for run in range(runs)]
+    table = grid(model=(NOMINAL, BEFORE, AFTER), setting_deg=settings, run=names, primitive=ADAPTED)
+    mean = [
+        costs[model][setting] for model, setting in zip(table["model"], table["setting_deg"], strict=True)
+    ]
+    noise = 0.05 * rng.normal(size=(3, len(settings), runs, len(ADAPTED)))
+    return table.assign(cost_rad=mean + (shared + noise).ravel())
 
 
 def search(ends: Mapping[str, float], seeds: int = 3) -> pd.DataFrame:
@@ -117,14 +119,3 @@ def refinement_results(**changes: object) -> RefinementResults:
         "parameters": parameters(),
     }
     return RefinementResults(**(values | changes))
-
-
-def forms(ours: Mapping[str, float], text: Mapping[str, float], people: int = 5) -> Study:
-    """A study of people who differ by a little from given numbers, in both forms."""
-    rng = np.random.default_rng(8)
-    rows = []
-    for variant, values in (("ours", ours), ("text", text)):
-        for number in range(people):
-            varied = {key: value * (1.0 + 0.01 * rng.standard_normal()) for key, value in values.items()}
-            rows.append({"variant": variant, "cell": number, **varied})
-    return Study({"findings": pd.DataFrame(rows)})

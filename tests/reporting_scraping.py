@@ -1,5 +1,6 @@
 """A small scraping testbed in memory, for the tests of the report."""
 
+from collections.abc import Iterable
 from itertools import product
 
 import numpy as np
@@ -16,9 +17,15 @@ from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.page.results import SegmentationResults
-from structlearn.testbeds.scraping.protocol.cut_sweep import EFFECT
 
 DT = 0.01
+
+
+def grid(**levels: Iterable[object]) -> pd.DataFrame:
+    """Every combination of some levels, a column each; the last one changes first."""
+    return pd.DataFrame(product(*levels.values()), columns=list(levels))
+
+
 PARAMETERS = committed(
     SegmentParameters,
     "segment",
@@ -66,13 +73,16 @@ def noise_table(advantage_ms: float = 5.0) -> pd.DataFrame:
 
 def work_table(power: float = 2.0, shift: float = 0.5, text: float = 0.6) -> pd.DataFrame:
     """What down-sampling does to three people: work falls with a power of g, cuts shift by coarse samples."""
-    rng = np.random.default_rng(0)
-    rows = [
-        (seed, g, g**-power * (1.0 + change), 1.0, 2.0, (shift + change) * (g > 1), (text + change) * (g > 1))
-        for seed, g in product(range(3), (1, 2, 4))
-        for change in [0.01 * rng.random() * (g > 1)]
-    ]
-    return pd.DataFrame(rows, columns=["seed", *EFFECT])
+    table = grid(seed=range(3), factor=(1, 2, 4))
+    coarse = table["factor"] > 1
+    change = 0.01 * np.random.default_rng(0).random(len(table)) * coarse
+    return table.assign(
+        work=table["factor"] ** -power * (1.0 + change),
+        mean_shift_ms=1.0,
+        max_shift_ms=2.0,
+        shift_samples=(shift + change) * coarse,
+        shift_samples_text=(text + change) * coarse,
+    )
 
 
 def segmentation_results(demonstrations: list[Demonstration]) -> SegmentationResults:

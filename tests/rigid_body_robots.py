@@ -67,26 +67,17 @@ def robot(name: str) -> Robot:
             path = Path(folder) / f"{name}.urdf"
             path.write_text(ODD if name == "odd" else text)
             return read_urdf(path)
-    files = {
-        "iiwa": "kuka_iiwa/model.urdf",
-        "panda": "franka_panda/panda.urdf",
-        "xarm": "xarm/xarm6_robot.urdf",
-    }
-    return read_urdf(public / files[name], FINGERS if name == "panda" else ())
+    return read_urdf(public / FILES[name], FINGERS if name == "panda" else ())
 
 
+FILES = {"iiwa": "kuka_iiwa/model.urdf", "panda": "franka_panda/panda.urdf", "xarm": "xarm/xarm6_robot.urdf"}
 ROBOTS = ("iiwa", "panda", "panda_hand", "xarm", "odd")
 
 
 def states(robot: Robot, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Random positions, velocities and accelerations, (count, n) each."""
-    generator = np.random.default_rng(seed)
-    shape = (count, len(robot.tree.names))
-    return (
-        generator.uniform(-2.0, 2.0, shape),
-        generator.normal(0.0, 2.0, shape),
-        generator.normal(0.0, 5.0, shape),
-    )
+    generator, shape = np.random.default_rng(seed), (count, len(robot.tree.names))
+    return generator.uniform(-2.0, 2.0, shape), *(generator.normal(0.0, std, shape) for std in (2.0, 5.0))
 
 
 def configuration(robot: Robot, q: np.ndarray) -> np.ndarray:

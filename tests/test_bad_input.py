@@ -17,7 +17,7 @@ from structlearn.core.artefacts import write_table
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.readers import synchronise
-from structlearn.readers.runs import write_runs
+from structlearn.readers.demonstration import write_runs
 
 TOPIC = "/tool"
 

@@ -38,13 +38,13 @@ from structlearn.reporting.claims import NO, Claim, Evidence, Found, read_claims
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import OURS as STUDIED
 from structlearn.reporting.studies import Study
-from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.obstacles.representations_section import representation_findings
 from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.findings import read_published as obstacles_published
 from structlearn.testbeds.scraping.page import findings as scraping
@@ -151,10 +151,7 @@ def deaf_to_phase(results: Any) -> Any:
     return replace(results, networks=alike)
 
 
-FOLLOWS = {
-    "links": {"positive_mass", "positive_definite", "triangle"},
-    "gravity": {"limit_n_m"},
-}
+FOLLOWS = {"links": {"positive_mass", "positive_definite", "triangle"}, "gravity": {"limit_n_m"}}
 """Columns of tables of arms that follow from how Cov writes a link, or from the URDF: not measured."""
 
 SCRAPING, TASKS, OWN = "testbeds.scraping.page", "tasks", Path(__file__).parents[1] / "stages/tasks/claims"
@@ -243,25 +240,9 @@ def with_tables(results: Any, changed: Tables) -> Any:
     )
 
 
-def inverted(values: pd.Series) -> pd.Series:
-    """The largest becomes the smallest."""
-    return ~values if values.dtype == bool else 1.0 / values
-
-
-def negated(values: pd.Series) -> pd.Series:
-    """What rose falls, and successes are failures."""
-    return ~values if values.dtype == bool else -values
-
-
 def permuted(values: pd.Series) -> pd.Series:
     """The same values in another order."""
     return values.sample(frac=1.0, random_state=zlib.crc32(str(values.name).encode())).set_axis(values.index)
-
-
-def falling(values: pd.Series) -> pd.Series:
-    """The later the row, the smaller; success at first alone."""
-    place = np.linspace(0.0, 1.0, len(values))
-    return values & (place < 0.5) if values.dtype == bool else values * np.exp(-2.0 * place)
 
 
 def noise(values: pd.Series) -> pd.Series:
@@ -273,17 +254,22 @@ def noise(values: pd.Series) -> pd.Series:
     return np.exp(drawn) if (values.dropna() >= 0).all() else drawn
 
 
-def raised(values: pd.Series) -> pd.Series:
-    """Success everywhere, or far larger numbers, which differ as they did."""
-    return values | True if values.dtype == bool else 1e3 * (1.0 + values.abs())
+def either(of_booleans: Callable, of_numbers: Callable) -> Callable[[pd.Series], pd.Series]:
+    return lambda values: (of_booleans if values.dtype == bool else of_numbers)(values)
 
 
-def lowered(values: pd.Series) -> pd.Series:
-    """Success nowhere, or far smaller numbers."""
-    return values & False if values.dtype == bool else 1e-3 * values
+def place(values: pd.Series) -> np.ndarray:
+    """From 0 in the first row to 1 in the last."""
+    return np.linspace(0.0, 1.0, len(values))
 
 
+negated = either(lambda its: ~its, lambda its: -its)
+inverted = either(lambda its: ~its, lambda its: 1.0 / its)
+falling = either(lambda its: its & (place(its) < 0.5), lambda its: its * np.exp(-2.0 * place(its)))
+raised = either(lambda its: its | True, lambda its: 1e3 * (1.0 + its.abs()))  # which differ as they did
+lowered = either(lambda its: its & False, lambda its: 1e-3 * its)
 HOW = (negated, inverted, noise, permuted, falling, raised, lowered)
+"""Ways to change what was measured; yes and no are changed as the first function of each says."""
 
 
 def measured(table: pd.DataFrame, known: set[str] = frozenset()) -> list[str]:

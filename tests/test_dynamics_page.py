@@ -13,7 +13,6 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, NAMES
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.page.findings import (
@@ -24,6 +23,7 @@ from structlearn.testbeds.dynamics.page.findings import (
     residual_torques,
 )
 from structlearn.testbeds.dynamics.page.page import dynamics_page, tables
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 from structlearn.testbeds.dynamics.world.joint_logs import StandInParameters, stand_in
 
 

@@ -12,9 +12,9 @@ from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.training_grid import OURS
 from structlearn.testbeds.dynamics.names import ROBOT
 from structlearn.testbeds.dynamics.protocol.tracking import tracked_reaches
+from structlearn.testbeds.dynamics.protocol.trainings import OURS
 from structlearn.testbeds.dynamics.views.arm_recordings import (
     DynamicsViewParameters,
     write_payload,

@@ -29,25 +29,24 @@ def orientation_pair(rng, dt=0.002):
     return nominal, wobbly_turn(rng, 1.2, wobble=0.4, duration=1.2, dt=dt)
 
 
+def unrolled(nominal, path, start, target, goal):
+    """The nominal primitive from the initial state of a path, with its target as coupling."""
+    velocity, acceleration = (rate[0] for rate in path.rates)
+    coupling = lambda k, x, xd: target[k]  # noqa: E731
+    return nominal.unroll(path.dt, start, goal, path.duration, velocity, acceleration, coupling)
+
+
 def position_error(seed, dt, goal):
-    """Largest distance between a demonstration and the nominal primitive with its target as coupling."""
+    """Largest distance from the demonstration."""
     nominal, path = vector_pair(np.random.default_rng(seed), dt)
-    target = position_target(path, nominal, goal)
-    state = {"velocity": path.velocity[0], "acceleration": path.acceleration[0]}
-    unrolled = nominal.unroll(
-        path.dt, path.position[0], goal, path.duration, coupling=lambda k, x, xd: target[k], **state
-    )
-    return np.linalg.norm(unrolled.position - path.position, axis=1).max()
+    again = unrolled(nominal, path, path.position[0], position_target(path, nominal, goal), goal)
+    return np.linalg.norm(again.position - path.position, axis=1).max()
 
 
 def orientation_error(seed, dt, goal):
     nominal, path = orientation_pair(np.random.default_rng(seed), dt)
-    target = orientation_target(path, nominal, goal)
-    state = {"velocity": path.angular_velocity[0], "acceleration": path.angular_acceleration[0]}
-    unrolled = nominal.unroll(
-        path.dt, path.orientation[0], goal, path.duration, coupling=lambda k, q, w: target[k], **state
-    )
-    return quaternion.angle_between(unrolled.orientation, path.orientation).max()
+    again = unrolled(nominal, path, path.orientation[0], orientation_target(path, nominal, goal), goal)
+    return quaternion.angle_between(again.orientation, path.orientation).max()
 
 
 @pytest.mark.parametrize(

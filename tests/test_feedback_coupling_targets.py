@@ -239,13 +239,6 @@ def test_fingers_and_wrench_are_felt_alike(primitive, expected, sensors, groups,
     assert set(level.setting) == {"nominal"}
 
 
-def test_corrections_that_could_not_be_cut_are_an_error(primitive, expected):
-    run, _ = demonstration(primitive, expected)
-    none = pd.DataFrame(columns=["start_s", "end_s"])
-    with pytest.raises(InputError, match="'turn' was cut in none of the corrected demonstrations"):
-        coupling_targets.coupling_dataset({5.0: [run]}, {5.0: none}, primitive, expected, PARAMETERS)
-
-
 def test_expected_traces_are_learned_per_primitive_and_without_offset():
     """Three runs of equal movements with offsets of their own: the traces are what they share."""
     time = DT * np.arange(round(4.0 / DT) + 1)
@@ -293,6 +286,10 @@ def test_what_is_missing_is_named(primitive, expected, change, turn, complaint):
 
 
 def test_primitives_that_cannot_get_feedback_are_named(primitive, expected):
+    run, _ = demonstration(primitive, expected)
+    none = pd.DataFrame(columns=["start_s", "end_s"])
+    with pytest.raises(InputError, match="'turn' was cut in none of the corrected demonstrations"):
+        coupling_targets.coupling_dataset({5.0: [run]}, {5.0: none}, primitive, expected, PARAMETERS)
     coupling_targets.require_parts(["turn"], [primitive], {"turn": expected})
     with pytest.raises(InputError, match="there is no primitive 'tern' among turn"):
         coupling_targets.require_parts(["tern"], [primitive], {"turn": expected})

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from committed import committed
-from feedback_runs import RATE_HZ, SEGMENTS, Y, cuts, execution
+from feedback_runs import NAMES, RATE_HZ, SEGMENTS, Y, cuts, execution
 from feedback_skills import random_network
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,7 +15,6 @@ from structlearn.primitives import canonical
 from structlearn.primitives.vector import fit_expected_traces
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     SETTLED_S,
-    ExecutedSet,
     cost_ratios,
     execution_scores,
     nominal_orientation,
@@ -35,16 +34,14 @@ def scores(*runs):
     return execution_scores(runs, cuts(runs, SCORED), NOMINAL, Y)
 
 
-def test_scores_of_sets_are_those_of_their_runs_by_model_setting_and_primitive():
+def test_scores_of_a_model_are_those_of_its_runs_by_setting_and_primitive():
     runs = {setting: [execution(f"{n}", roll=setting / 100.0 * n) for n in (1, 2)] for setting in (5.0, 10.0)}
-    segments = {setting: cuts(group) for setting, group in runs.items()}
-    sets = [ExecutedSet(model, {}, runs, segments) for model in ("nominal", "ours")]
-    keys = ["model", "setting_deg", "run", "primitive"]
-    table = execution_scores_of(sets, NOMINAL, PARAMETERS)
-    assert len(table.drop_duplicates(keys)) == len(table) == 2**4  # the first primitive has no feedback
-    for _, part in table[table["setting_deg"] == 10.0].groupby("model"):
-        alone = scores(*runs[10.0])
-        pd.testing.assert_frame_equal(part[alone.columns].reset_index(drop=True), alone)
+    table = execution_scores_of("ours", runs, NAMES, NOMINAL, PARAMETERS)
+    assert len(table.drop_duplicates(["setting_deg", "run", "primitive"])) == len(table) == 2**3
+    assert (table["model"] == "ours").all()
+    alone = scores(*runs[10.0])  # the first primitive has no feedback
+    part = table.loc[table["setting_deg"] == 10.0, alone.columns]
+    pd.testing.assert_frame_equal(part.reset_index(drop=True), alone)
 
 
 def test_a_steady_roll_gives_closed_form_scores():
@@ -105,12 +102,8 @@ def test_ratios_are_of_the_mean_costs_over_all_primitives():
     np.testing.assert_allclose(ratios["lower_rad"], [6.0, 0.0])
     halves = [mean_interval(np.array(differences))[1] for differences in ((5.0, 7.0), (-10.0, 10.0))]
     np.testing.assert_allclose(ratios["half_width"], halves)
-
-
-def test_runs_are_paired_by_name_whatever_their_order():
-    table = hand_made()
-    shuffled = table.sample(frac=1.0, random_state=0)
-    pd.testing.assert_frame_equal(cost_ratios(shuffled, "ours"), cost_ratios(table, "ours"))
+    shuffled = hand_made().sample(frac=1.0, random_state=0)  # runs are paired by name
+    pd.testing.assert_frame_equal(cost_ratios(shuffled, "ours"), ratios)
 
 
 @pytest.fixture(scope="module")
@@ -123,9 +116,9 @@ def test_traces_hold_what_the_model_made_of_the_deviations(expected):
     network = random_network(np.random.default_rng(0))
     runs = {5.0: [execution("01", seed=1), execution("02", seed=2)], 10.0: [execution("01", seed=3)]}
     segments = {setting: cuts(group) for setting, group in runs.items()}
-    executed = ExecutedSet("ours", {"turn": network}, runs, segments)
     own = PARAMETERS.model_copy(update={"primitives": ("turn",)})
-    table = traces([executed], {"turn": expected}, own).drop(columns=["model", "primitive"])
+    table = traces("ours", runs, NAMES, {"turn": network}, {"turn": expected}, own)
+    table = table.drop(columns=["model", "primitive"])
     channels = [f"channel_{index:02d}" for index in range(6)]
     assert list(table.columns) == ["setting_deg", "run", "time_s", "coupling", *channels]
     for (setting, name), rows in table.groupby(["setting_deg", "run"]):
@@ -157,6 +150,9 @@ def test_the_nominal_orientation_is_the_mean_over_runs():
     nominal = nominal_orientation([execution(roll=roll) for roll in rolls])
     np.testing.assert_allclose(quaternion.rotation_vector(nominal)[:, 1], np.mean(rolls), atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(nominal, axis=1), 1.0)
+    run = execution(roll=0.1)  # of two lengths the shorter one is compared
+    assert len(orientation_cost(run, nominal[:200])) == 200
+    assert len(orientation_cost(run, np.concatenate([nominal, nominal]))) == len(run.time)
 
 
 def test_signs_of_quaternions_do_not_matter():
@@ -169,13 +165,6 @@ def test_signs_of_quaternions_do_not_matter():
     nominal = nominal_orientation(plain)
     assert quaternion.angle_between(nominal_orientation(flipped), nominal).max() < 1e-9
     np.testing.assert_allclose(orientation_cost(alternating, nominal), orientation_cost(plain[0], nominal))
-
-
-def test_the_shorter_of_both_is_compared():
-    run = execution(roll=0.1)
-    nominal = nominal_orientation([execution(roll=0.0)])
-    assert len(orientation_cost(run, nominal[:200])) == 200
-    assert len(orientation_cost(run, np.concatenate([nominal, nominal]))) == len(run.time)
 
 
 def test_a_run_without_motion_capture_is_named():

@@ -31,10 +31,8 @@ def datasets():
 @pytest.fixture(scope="module")
 def level():
     """Nothing is to be corrected, whatever is felt."""
-    sets = {
-        "turn": toy_dataset(seed=2, settings=(0.0,)),
-        "scrape": toy_dataset(seed=3, settings=(0.0,), channels=4),
-    }
+    sets = {"turn": toy_dataset(seed=2, settings=(0.0,))}
+    sets["scrape"] = toy_dataset(seed=3, settings=(0.0,), channels=4)
     return {name: replace(one, target=np.zeros(len(one.target))) for name, one in sets.items()}
 
 
@@ -43,14 +41,10 @@ def trained(datasets, level):
     return train_models(datasets, level, FEW)
 
 
-def arrays(network):
-    return list(network.arrays().values())
-
-
 def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
     alone = train_final(PhaseModulatedNetwork, datasets["turn"], FEW.pointwise, FEW.hidden)
-    for one, other in zip(arrays(alone), arrays(dict(trained["pointwise"])["turn"]), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for name, array in dict(trained["pointwise"])["turn"].arrays().items():
+        np.testing.assert_array_equal(array, alone.arrays()[name])
 
 
 def test_what_has_seen_the_level_board_asks_for_less_there(trained, level):
@@ -78,14 +72,6 @@ def test_one_demonstration_is_too_few():
     one = toy_dataset(demonstrations=1, settings=(0.0, 5.0, 10.0))
     with pytest.raises(InputError, match="at least two demonstration numbers"):
         train_models({"turn": one}, {"turn": one}, FEW)
-
-
-QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every=20, batch_size=16)
-
-
-@pytest.fixture(scope="module")
-def table():
-    return feedback_models.compare_representations({"turn": toy_dataset()}, QUICK)["turn"]
 
 
 def made_up(errors):

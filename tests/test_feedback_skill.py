@@ -12,6 +12,8 @@ from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import Limits, ReactiveSkill, Workspace, demonstrated_workspace, on_axis
 from structlearn.primitives.twist_swing import fit_twist_swing
 
+RNG = np.random.default_rng(1)
+
 
 def skill_with_feedback(seed=0):
     rng = np.random.default_rng(seed)
@@ -41,48 +43,27 @@ def broken(**arrays):
     return lambda skill: with_network(skill, replace(skill.networks["tilt"]["rx"], **arrays))
 
 
-FAULTS = {
-    "two of a name": (
-        lambda skill: replace(skill, primitives=[skill.primitives[0], *skill.primitives[:2]]),
-        "two primitives are called 'down'",
-    ),
-    "none": (lambda skill: ReactiveSkill([]), "at least one primitive"),
-    "twist-swing": (twisted, "orientation of 'down' is a TwistSwingPrimitive"),
-    "no orientation": (unturned, "'scrape' has no orientation"),
-    "unknown network": (
-        lambda skill: with_network(skill, open_loop(np.ones(25)), "up"),
-        "a network for 'up'",
-    ),
-    "unknown axis": (
+FAULTS = [
+    (lambda skill: replace(skill, primitives=skill.primitives[:1] * 2), "two primitives are called 'down'"),
+    (lambda skill: ReactiveSkill([]), "at least one primitive"),
+    (twisted, "orientation of 'down' is a TwistSwingPrimitive"),
+    (unturned, "'scrape' has no orientation"),
+    (lambda skill: with_network(skill, open_loop(np.ones(25)), "up"), "a network for 'up'"),
+    (
         lambda skill: with_network(skill, open_loop(np.ones(25)), axis="roll"),
-        "'tilt' has a network for 'roll', no axis among x, y, z, rx, ry, rz",
+        "no axis among x, y, z, rx",
     ),
-    "no bound": (
-        lambda skill: replace(skill, limits=Limits(largest_coupling={"ry": 3.0})),
-        "limits say no largest coupling term for rx",
-    ),
-    "sensors": (
-        lambda skill: replace(skill, sensors=(("tactile", 5),)),
-        "sensors {'tactile': 5} do not make up 6 channels",
-    ),
-    "channels": (five_channels, "'scrape' has expected traces of 5 channels, others 6"),
-    "inputs": (
-        lambda skill: with_network(skill, random_network(np.random.default_rng(1), 7)),
-        "network of 'tilt' for rx takes 7 channels, but its expected traces have 6",
-    ),
-    "no expected": (
-        lambda skill: replace(skill, expected={"down": skill.expected["down"]}),
-        "network of 'tilt' for rx takes 6 channels, but there are no expected traces",
-    ),
-    "input scale": (broken(input_scale=np.ones(5)), "network of 'tilt' for rx has layers that do not fit"),
-    "zero scale": (
-        broken(input_scale=np.zeros(6)),
-        "network of 'tilt' for rx has an input scale that is not positive",
-    ),
-}
+    (lambda skill: replace(skill, limits=Limits(largest_coupling={"ry": 3.0})), "no largest coupling .* rx"),
+    (lambda skill: replace(skill, sensors=(("tactile", 5),)), "{'tactile': 5} do not make up 6 channels"),
+    (five_channels, "'scrape' has expected traces of 5 channels, others 6"),
+    (lambda skill: with_network(skill, random_network(RNG, 7)), "for rx takes 7 channels, but its .* have 6"),
+    (lambda skill: replace(skill, expected={}), "for rx takes 6 channels, but there are no expected traces"),
+    (broken(input_scale=np.ones(5)), "network of 'tilt' for rx has layers that do not fit"),
+    (broken(input_scale=np.zeros(6)), "network of 'tilt' for rx has an input scale that is not positive"),
+]
 
 
-@pytest.mark.parametrize(("change", "message"), FAULTS.values(), ids=FAULTS)
+@pytest.mark.parametrize(("change", "message"), FAULTS)
 def test_parts_that_do_not_fit_together_are_named(change, message):
     skill = skill_with_feedback()
     with pytest.raises(InputError, match=message):

@@ -99,20 +99,16 @@ def changed(file, tensors=None, **description):
         ({"expected": ["down"]}, "'tilt' for z takes 6 channels, but there are no expected traces"),
         ({"limits": LIMITS.model_dump() | {"largest_coupling": {"z": -1.0}}}, "z: Input should be greater"),
         ({"limits": LIMITS.model_dump() | {"largest_coupling": {"z": 1e300}}}, "z: Input should be less"),
-        (
-            {"limits": {"largest_coupling": {"z": 1.0}}},
-            "its limits lack fade_s, offset_within_s, stale_after_s",
-        ),
+        ({"limits": {"largest_coupling": {"z": 1.0}}}, "limits lack fade_s, offset_within_s, stale_after_s"),
         ({"version": 99}, "a skill file of version 99; version 1 is read"),
         ({"units": UNITS | {"length": "mm"}}, "its units are not those of a skill"),
-        ({"units": UNITS | {"orientation": "x, y, z, w"}}, "its units are not those of a skill"),
         (
             {"tensors": {"primitives.down.position.local.weights": np.full((25, 3), 1e308)}},
             "holds 1e.308, more",
         ),
         (
-            {"tensors": {"primitives.down.orientation.duration": np.array(1e300)}},
-            "duration is 1e.300 s|holds 1e",
+            {"tensors": {"primitives.down.orientation.duration": np.array(1e4)}},
+            "duration is 10000 s, more than",
         ),
         ({"tensors": {"primitives.down.orientation.goal": np.ones(4)}}, "is no unit quaternion"),
         ({"tensors": {"primitives.down.orientation.weights": np.ones((25, 2))}}, "weights have shape"),

@@ -30,7 +30,7 @@ def batch():
 
 
 @pytest.mark.parametrize("hidden", [(), (10,), (6, 5)])
-def test_an_exported_network_computes_what_its_stack_does(hidden):
+def test_an_exported_network_computes_what_its_stack_does_and_starts_another(hidden):
     network = stack(hidden)
     inputs, modulation = batch()
     outputs = network.forward(inputs, modulation).detach().numpy()
@@ -41,13 +41,10 @@ def test_an_exported_network_computes_what_its_stack_does(hidden):
         assert found.dtype == np.float64
         np.testing.assert_allclose(found, 30.0 * outputs[index], atol=30.0 * 1e-5)
         assert np.abs(found).max() > 1.0
-
-
-def test_a_stack_starts_from_exported_networks():
-    network = stack((6, 5))
-    exported = [network.to_network(i, np.zeros(4), np.ones(4), 2.0 + i) for i in range(MODELS)]
-    generator = torch.Generator().manual_seed(9)
-    again = StackedPhaseModulatedNetworks.from_networks(exported, [2.0, 3.0, 4.0], 0.5, generator)
+    exported = [network.to_network(i, mean, scale, 2.0 + i) for i in range(MODELS)]
+    again = StackedPhaseModulatedNetworks.from_networks(
+        exported, [2.0, 3.0, 4.0], 0.5, torch.Generator().manual_seed(9)
+    )
     torch.testing.assert_close(again.forward(*batch()), network.forward(*batch()), atol=1e-6, rtol=0.0)
 
 

@@ -7,7 +7,7 @@ from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.readers import synchronise
-from structlearn.readers.runs import write_runs
+from structlearn.readers.demonstration import write_runs
 from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_settings
 
 

@@ -8,6 +8,7 @@ from feedback_toy import toy_dataset
 
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
+from structlearn.feedback import supervised_training
 from structlearn.feedback.coupling_dataset import FRACTIONS, leave_one_out
 from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
@@ -15,7 +16,6 @@ from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import (
     CHOOSING,
     DECAY,
-    LearningCurves,
     Stack,
     StackedData,
     evaluate,
@@ -67,10 +67,12 @@ def test_a_model_learns_the_same_alone_and_in_a_stack():
     data = toy_dataset()
     together, alone = networks(4, dropout=0.0), networks(1, dropout=0.0)
     restore(alone, [values[2:3] for values in together.weights])
-    all_curves = train(together, stacked(data), QUICK)
-    own_curves = train(alone, stacked(data, chosen=slice(2, 3)), QUICK)
-    np.testing.assert_allclose(own_curves.nmse[:, 0], all_curves.nmse[:, 2], rtol=1e-3)
-    assert np.abs(np.diff(own_curves.nmse[:, 0], axis=0)).max() > 0.01  # it did learn something
+    before = evaluate(alone, stacked(data, chosen=slice(2, 3)))
+    train(together, stacked(data), QUICK)
+    train(alone, stacked(data, chosen=slice(2, 3)), QUICK)
+    found = evaluate(alone, stacked(data, chosen=slice(2, 3)))
+    np.testing.assert_allclose(found[0], evaluate(together, stacked(data))[2], rtol=1e-3)
+    assert np.abs(found - before).max() > 0.01  # it did learn something
 
 
 def test_a_step_is_that_of_torch_on_every_tensor():
@@ -99,19 +101,23 @@ def test_training_is_deterministic_and_leaves_the_number_of_threads():
     assert torch.get_num_threads() == threads
 
 
-def test_every_model_ends_with_the_weights_that_validation_chose_and_keeps_the_others():
-    parameters = QUICK.model_copy(update={"steps": 400, "learning_rate": 0.05, "dropout": 0.0})
+def test_every_model_ends_with_the_weights_that_validation_chose_and_keeps_the_others(monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        supervised_training, "evaluate", lambda *its: [seen.append(evaluate(*its)), seen[-1]][1]
+    )
+    parameters = QUICK.model_copy(update={"steps": 390, "learning_rate": 0.05, "dropout": 0.0})
     data, network = stacked(toy_dataset()), networks(4, dropout=0.0)
-    curves = train(network, data, parameters)
-    best = curves.best("validation")
-    assert len(set(best)) > 1  # models differ, or the test shows nothing
-    expected = curves.nmse[best, np.arange(4)]
-    np.testing.assert_array_equal(evaluate(network, data, CHOOSING), expected)
-    np.testing.assert_array_equal(expected[:, 0], curves.nmse[..., 0].min(axis=0))
-    restore(network, curves.weights["generalization"])
-    found = evaluate(network, data, CHOOSING)
-    np.testing.assert_array_equal(found[:, 1], curves.nmse[..., 1].min(axis=0))
-    np.testing.assert_allclose(evaluate(network, data)[:, [1, 3]], found, rtol=1e-5)
+    best = train(network, data, parameters)
+    done = np.array([*range(20, 390, 20), 390])  # evaluated to the last
+    for place, part in enumerate(CHOOSING):
+        weights, steps = best[part]
+        errors = np.array(seen)[..., place]  # (E, M)
+        assert len(set(steps)) > 1  # models differ, or the test shows nothing
+        np.testing.assert_array_equal(steps, done[errors.argmin(axis=0)])
+        if part == "generalization":
+            restore(network, weights)
+        np.testing.assert_array_equal(evaluate(network, data)[:, place], errors.min(axis=0))
 
 
 def test_the_error_of_a_part_is_the_normalised_mean_squared_error():
@@ -119,21 +125,17 @@ def test_the_error_of_a_part_is_the_normalised_mean_squared_error():
     everything = torch.arange(data.inputs.shape[1]).expand(4, -1)
     found, outputs = evaluate(network, data), predict(network, data, everything)
     for model, fold in enumerate(data.folds):
-        for part, rows in enumerate(fold.parts()):
+        for place, part in enumerate(CHOOSING):
+            rows = getattr(fold, part)
             expected = nmse(outputs[model, rows], data.target[model, rows].numpy())
-            assert found[model, part] == pytest.approx(float(expected), rel=1e-5)
+            assert found[model, place] == pytest.approx(float(expected), rel=1e-5)
 
 
-def test_steps_are_evaluated_to_the_last_and_diverged_ones_never_chosen():
-    curves = train(networks(4), stacked(toy_dataset()), QUICK.model_copy(update={"steps": 50}))
-    np.testing.assert_array_equal(curves.steps, [20, 40, 50])
-    assert curves.nmse.shape == (3, 4, len(CHOOSING))
-    errors = np.full((3, 1, 2), 0.5)
-    errors[0, :, 0] = np.nan
-    errors[2, :, 1] = 0.4
-    diverged = LearningCurves(np.arange(3), errors, {})
-    assert diverged.best("validation") == [1]
-    assert diverged.best("generalization") == [2]
+def test_steps_that_diverged_are_never_chosen(monkeypatch):
+    errors = iter(np.array([[[np.nan, 0.5]], [[0.5, 0.5]], [[0.5, 0.4]]]))  # at each evaluation, (M, 2)
+    monkeypatch.setattr(supervised_training, "evaluate", lambda *_: next(errors))
+    best = train(networks(1), stacked(toy_dataset(), chosen=slice(1)), QUICK)
+    assert [best[part][1] for part in CHOOSING] == [[40], [60]]
 
 
 def test_training_goes_on_from_a_given_network():

@@ -71,10 +71,9 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import DriveLog
-from structlearn.rigid_body.learner import LearningParameters
+from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
-from structlearn.rigid_body.training_grid import DynamicsTrainingParameters, EpochLimits, train, trainings
+from structlearn.rigid_body.payload import PayloadLearningParameters, learn_payload
 from structlearn.segmentation.segments import cut
 from structlearn.tactile import latent_comparison
 from structlearn.tactile.latent_parameters import LatentParameters
@@ -87,10 +86,16 @@ from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameter
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
 from structlearn.tasks.obstacles import coupling_representations
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
-from structlearn.tasks.touch import skin_readings, skin_touches, surface_traces, touch_transfer
+from structlearn.tasks.touch import skin_protocol, skin_readings, surface_traces, touch_transfer
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
 from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
+from structlearn.testbeds.dynamics.protocol.trainings import (
+    DynamicsTrainingParameters,
+    EpochLimits,
+    train,
+    trainings,
+)
 from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
@@ -352,8 +357,8 @@ def refinement(monkeypatch, tmp_path):
     def learn(dataset):
         write_table(to_table(dataset), tmp_path / f"{boards.TURN}.parquet")
         read = read_datasets(tmp_path, KNOWN)
-        refined = refine_on_board(board, read, parameters)
-        return refined.before, refined.after
+        before, after, _ = refine_on_board(board, read, parameters)
+        return before, after
 
     return Case(learn, data, corrected(data, data.setting == NEW), corrected(data, data.setting == KNOWN[0]))
 
@@ -685,9 +690,9 @@ def recorded_skin(monkeypatch, tmp_path):
     def changed(run, rows):
         return swapped(data, run, with_wobbling(data[run], rows, "counts"))
 
-    learn = each(monkeypatch, skin_readings, "learn_skin", lambda logs: skin_touches.learn_touch(logs, SKIN))
+    learn = each(monkeypatch, skin_readings, "learn_skin", lambda logs: skin_protocol.learn_touch(logs, SKIN))
     yield Case(lambda its: learn(its)[0], data, changed(0, fold == 0), changed(0, fold == 1))
-    whole = each(monkeypatch, skin_touches, "learn_skin", lambda logs: skin_touches.learn_touch(logs, SKIN))
+    whole = each(monkeypatch, skin_protocol, "learn_skin", lambda logs: skin_protocol.learn_touch(logs, SKIN))
     yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), changed(0, fold == 0))
 
 

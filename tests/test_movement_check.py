@@ -262,7 +262,7 @@ def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
     assert len(section.tables["check_runs"].frame) == check.metrics()["check_runs"]
     sources = {"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")}
     its = {"facts": {"check": section.facts}, "tables": section.tables, "sources": sources}
-    page = Document(section.template, "structlearn.tasks.movement", **its)
+    page = Document("check.html.jinja", "structlearn.tasks.movement", **its)
     panel = [Panel("figures/check_margins.svg", 700, 300)]
     text = render(page, dict.fromkeys(section.pictures, panel))
     assert "panda_grasptarget" in text

@@ -11,7 +11,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import Population
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.readers.runs import write_runs
+from structlearn.readers.demonstration import write_runs
 from structlearn.testbeds.obstacles.files import BASELINE, read_baselines, write_baselines
 from structlearn.testbeds.obstacles.protocol.people import taught
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, captured

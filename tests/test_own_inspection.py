@@ -7,13 +7,7 @@ import pytest
 import yaml
 from committed import ROOT, own_tasks
 from conftest import minimum_jerk
-from readers_bags import (
-    joint_messages,
-    pose_messages,
-    transform_messages,
-    transform_stamped,
-    write_bag,
-)
+from readers_bags import joint_messages, pose_messages, transform_messages, transform_stamped, write_bag
 
 from structlearn.core.errors import InputError
 from structlearn.readers import bag
@@ -94,10 +88,7 @@ def test_the_proposed_entry_is_a_task_with_as_many_primitives_as_moves(tmp_path,
 
 def test_sound_recordings_pass_and_their_runs_of_motion_are_the_moves(example):
     found = find_out(str(example))
-    for question in (
-        "Do runs of motion agree in number?",
-        "Are joints' positions in rad?",
-    ):
+    for question in ("Do runs of motion agree in number?", "Are joints' positions in rad?"):
         assert answer(found, question).verdict == "yes"
     for take in takes(2, 3, 3):
         runs = [(run.start_s, run.end_s) for run in found.motion.counted(take.name)]
@@ -110,7 +101,7 @@ def test_hesitations_and_twitches_are_no_further_runs_and_a_missing_one_is_named
     assert found.proposal.entry["segment"]["primitives"] == 3
     assert "04" not in found.motion.agreeing
     assert answer(found, "Do runs of motion agree in number?").verdict == "doubtful"
-    assert any("04 (2)" in doubt for doubt in found.proposal.doubts[PRIMITIVES])
+    assert any("04 (2)" in warning for warning in found.proposal.warnings[PRIMITIVES])
 
 
 def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):
@@ -177,7 +168,7 @@ def test_fingers_and_other_frames_are_not_held_against_the_hand(tmp_path):
     assert found.proposal.entry["topics"]["pose"] == {"parent": "base", "child": "tool0", "topic": "/tf"}
     assert answer(found, "Are streams without gaps?").verdict == "yes"
     assert answer(found, "Are topics fast enough?").verdict == "yes"
-    assert "source" not in found.proposal.doubts
+    assert "source" not in found.proposal.warnings
 
 
 def test_topics_neither_steer_the_terminal_nor_write_an_entry_of_their_own(tmp_path, capsys):
@@ -257,19 +248,19 @@ SEEN = {
     "degrees": (poses(tool=0.3) + DEGREES, ("Are joints' positions in rad?", "doubtful"), {}, 1),
     "bare": (BARE, ("Do messages say when they were taken?", "doubtful"), {}, 1),
 }
-"""Messages of a bag, a question with its answer, doubts by key of the entry, and how many moves."""
+"""Messages of a bag, a question with its answer, warnings by key of the entry, and how many moves."""
 
 
 @pytest.mark.parametrize("name", SEEN)
 def test_what_is_seen_of_a_bag_is_answered_and_doubted(tmp_path, capsys, name):
-    messages, asked, doubted, moves = SEEN[name]
+    messages, asked, warned, moves = SEEN[name]
     write_bag(tmp_path / "1.mcap", sorted(messages, key=lambda row: row[3]))
     found = find_out(str(tmp_path))
     assert (found.motion and found.motion.number) == moves
     if asked:
         assert answer(found, asked[0]).verdict == asked[1]
-    for key, words in doubted.items():
-        assert any(words in doubt for doubt in found.proposal.doubts[key])
+    for key, words in warned.items():
+        assert any(words in warning for warning in found.proposal.warnings[key])
     policy = {"repeat": "drop", "swap": "sort"}.get(name)
     stamps = {"clock": "header", "disorder": policy} if policy else None
     assert found.proposal.entry.get("stamps") == stamps
@@ -315,7 +306,7 @@ def test_a_file_without_the_pose_of_the_others_is_named(tmp_path):
         write_bag(tmp_path / f"{name}.mcap", pose_messages(STAMPS, moving_rows(), topic))
     found = find_out(str(tmp_path))
     assert answer(found, "Does every file have the hand's pose?").number == "/tool: 2 of 3"
-    assert found.proposal.doubts["topics.pose"][0].startswith("not in 2,")
+    assert found.proposal.warnings["topics.pose"][0].startswith("not in 2,")
 
 
 def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
@@ -331,7 +322,7 @@ def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
     assert step.verdict == "no"
     assert "400 ms" in step.number
     assert found.proposal.entry["stamps"] == {"clock": "log", "disorder": "error"}
-    assert "out of step" in found.proposal.doubts["stamps"][0]
+    assert "out of step" in found.proposal.warnings["stamps"][0]
 
 
 def test_damaged_files_are_left_out_and_named(example, tmp_path, capsys):

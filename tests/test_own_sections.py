@@ -12,9 +12,8 @@ import yaml
 from committed import merged, own_tasks, run_stages
 
 from structlearn.readers import write_recordings
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.joint_log import write_joint_log
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.bag_recording import write_joint_log
+from structlearn.readers.demonstration import Demonstration, Recording, Stream
 from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.rigid_body.tree import read_urdf

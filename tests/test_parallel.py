@@ -9,19 +9,9 @@ from functools import partial
 from pathlib import Path
 
 import dask
+import parallel_work as work
 import pytest
 from distributed import Client, LocalCluster
-from parallel_work import (
-    missing,
-    noisy_matrix,
-    noisy_mean,
-    process_of,
-    processes_within,
-    product_of_ones,
-    slow_first_square,
-    square,
-    square_at_the_second_try,
-)
 
 from structlearn.core import parallel
 from structlearn.core.errors import InputError
@@ -77,26 +67,26 @@ def on_cluster(chosen, cluster):
 def test_processes_give_what_a_loop_gives(count):
     """To the bit, in the order of the items, whoever finishes first, of any iterable."""
     seeds = range(4)
-    assert parallel_map(noisy_matrix, seeds, "matrices") == [noisy_matrix(seed) for seed in seeds]
-    squares = parallel_map(slow_first_square, (item for item in range(12)), "squares")
+    assert parallel_map(work.noisy_matrix, seeds, "matrices") == [work.noisy_matrix(seed) for seed in seeds]
+    squares = parallel_map(work.slow_first_square, (item for item in range(12)), "squares")
     assert squares == [item**2 for item in range(12)]
     assert parallel_map(abs, [], "nothing") == []
     with pytest.raises(TypeError, match="unsupported operand"):  # an error is no death
-        parallel_map(square, ["text"], "squares", lost=missing)
+        parallel_map(work.square, ["text"], "squares", lost=work.missing)
 
 
 def test_processes_stay_for_the_next_work(count):
-    first, second = (parallel_map(process_of, range(20), "processes") for _ in range(2))
+    first, second = (parallel_map(work.process_of, range(20), "processes") for _ in range(2))
     assert len(set(first + second)) <= count
-    for process, inner in parallel_map(processes_within, range(2), "processes"):
+    for process, inner in parallel_map(work.processes_within, range(2), "processes"):
         assert set(inner) == {process}  # what is shared within a process is not shared again
 
 
 def test_torch_works_after_this_process_has_used_its_threads(count):
     """Threads do not survive a fork; a process that waited for them would wait for ever."""
-    expected_sums = [product_of_ones(item) for item in range(4)]
+    expected_sums = [work.product_of_ones(item) for item in range(4)]
     parallel._end_processes()
-    assert parallel_map(product_of_ones, range(4), "products") == expected_sums
+    assert parallel_map(work.product_of_ones, range(4), "products") == expected_sums
 
 
 @pytest.mark.parametrize(
@@ -105,7 +95,7 @@ def test_torch_works_after_this_process_has_used_its_threads(count):
 def test_a_variable_that_makes_no_sense(monkeypatch, variable, value):
     monkeypatch.setenv(f"STRUCTLEARN_{variable}", value)
     with pytest.raises(InputError, match=f"^STRUCTLEARN_{variable}={value}: is"):
-        parallel_map(square, range(3), "squares")
+        parallel_map(work.square, range(3), "squares")
 
 
 def expected(count, deadly=()):
@@ -114,36 +104,36 @@ def expected(count, deadly=()):
 
 @pytest.mark.parametrize("deadly", [{0}, {11}, {2, 9}])
 def test_only_what_ends_its_process_is_lost(deadly):
-    found = parallel_map(partial(square, deadly=deadly), range(12), "squares", lost=missing)
+    found = parallel_map(partial(work.square, deadly=deadly), range(12), "squares", lost=work.missing)
     assert found == expected(12, deadly)
     with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items number 1 has no result"):
-        parallel_map(partial(square, deadly=deadly), [max(deadly)], "squares")
-    assert parallel_map(square, range(3), "squares") == expected(3)  # the next work has new processes
+        parallel_map(partial(work.square, deadly=deadly), [max(deadly)], "squares")
+    assert parallel_map(work.square, range(3), "squares") == expected(3)  # the next work has new processes
 
 
 def test_what_ends_its_process_once_is_tried_again(tmp_path):
-    work = partial(square_at_the_second_try, marker=tmp_path / "marker")
-    assert parallel_map(work, range(6), "squares", lost=missing) == expected(6)
+    tried = partial(work.square_at_the_second_try, marker=tmp_path / "marker")
+    assert parallel_map(tried, range(6), "squares", lost=work.missing) == expected(6)
     assert (tmp_path / "marker").exists()
 
 
 def test_a_cluster_gives_what_a_loop_gives(on_cluster):
     seeds = range(20)
-    assert parallel_map(noisy_mean, seeds, "means") == [noisy_mean(seed) for seed in seeds]
+    assert parallel_map(work.noisy_mean, seeds, "means") == [work.noisy_mean(seed) for seed in seeds]
     first = Client.current()
-    assert os.getpid() not in parallel_map(process_of, range(2), "processes")
+    assert os.getpid() not in parallel_map(work.process_of, range(2), "processes")
     assert Client.current() is first
     # Dask would take a tuple that begins with a function for a call
     items = [(abs, -1), "text", ["text", {"key": (1, 2)}], None]
     assert parallel_map(repr, items, "items") == [repr(item) for item in items]
-    found = parallel_map(partial(square, deadly={0, 5}), range(12), "squares", lost=missing)
+    found = parallel_map(partial(work.square, deadly={0, 5}), range(12), "squares", lost=work.missing)
     assert found == expected(12, {0, 5})
 
 
 def test_work_on_files_of_this_machine_stays_here(chosen):
-    assert parallel_map(square, range(3), "squares", local=True) == expected(3)
+    assert parallel_map(work.square, range(3), "squares", local=True) == expected(3)
     with pytest.raises(InputError, match="DASK_SCHEDULER_ADDRESS"):
-        parallel_map(square, range(3), "squares")
+        parallel_map(work.square, range(3), "squares")
 
 
 def test_the_environment_alone_chooses_the_cluster(cluster):
@@ -176,7 +166,7 @@ def test_a_scheduler_that_does_not_answer_or_that_others_can_reach_is_refused(im
         dask.config.set({"scheduler-address": address}),
         pytest.raises(InputError, match=ADDRESSES[address]) as error,
     ):
-        parallel_map(square, range(3), "squares")
+        parallel_map(work.square, range(3), "squares")
     assert f"DASK_SCHEDULER_ADDRESS={address}: " in str(error.value)
 
 
@@ -206,4 +196,4 @@ def test_a_cluster_without_workers(impatient):
         dask.config.set({"scheduler-address": empty.scheduler_address}),
         pytest.raises(InputError, match="no worker has joined within"),
     ):
-        parallel_map(square, range(3), "squares")
+        parallel_map(work.square, range(3), "squares")

@@ -14,7 +14,7 @@ from structlearn.readers import kuka_lwr4, ur10e
 from structlearn.readers.joint_log import DriveLog
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import environment
-from structlearn.rigid_body.arm_identification import LEAST_SQUARES
+from structlearn.rigid_body.model_comparison import LEAST_SQUARES
 from structlearn.tasks.motion import motion_parameters as protocol
 from structlearn.tasks.motion.drives_and_load import found_gains
 from structlearn.tasks.motion.joint_motion import CARRIES, arm_of, learn_motion, logs_that_are_there

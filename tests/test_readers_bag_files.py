@@ -12,8 +12,9 @@ from readers_bags import Older, joint_messages, pose_messages, pose_rows, write_
 
 from structlearn.core.errors import InputError
 from structlearn.readers import read_recording, read_recordings
-from structlearn.readers.bag_files import as_recording_file, open_bag, recording_files
+from structlearn.readers.bag_recording import open_bag
 from structlearn.readers.messages import definition
+from structlearn.readers.source import as_recording_file, recording_files
 
 STAMPS = [1_700_000_000 * 10**9 + 5_000_001 * row for row in range(12)]
 POSES = pose_rows(12)

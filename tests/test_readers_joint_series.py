@@ -9,7 +9,7 @@ from readers_bags import joint_messages, make_recording, pose_messages, pose_row
 
 from structlearn.core.errors import InputError
 from structlearn.readers import Recording, Stream, read_recording, synchronise, write_recording
-from structlearn.readers.joint_log import read_joint_log
+from structlearn.readers.bag_recording import read_joint_log
 
 STEP = 10**7
 STAMPS = [10**9 + row * STEP for row in range(12)]

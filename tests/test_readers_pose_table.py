@@ -8,7 +8,7 @@ from readers_bags import pose_messages, pose_rows, write_bag
 
 from structlearn.core.errors import InputError
 from structlearn.readers import read_demonstrations, read_recording, read_recordings
-from structlearn.readers.pose_table import TABLE_TOPICS
+from structlearn.readers.user_tables import TABLE_TOPICS
 
 TIMES = ["1700000000.000000001", "1700000000.01", "1700000000.02", "1700000000.03"]
 POSES = pose_rows(4)

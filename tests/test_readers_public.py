@@ -21,7 +21,7 @@ from structlearn.readers import (
 )
 from structlearn.readers.joint_log import DriveLog
 from structlearn.readers.reaches_past_boxes import read_obstacles, unity_rotation, unity_to_base
-from structlearn.readers.touch_log import read_touch_logs, read_touch_table, write_touch_logs
+from structlearn.readers.user_tables import read_touch_logs, read_touch_table, write_touch_logs
 from structlearn.tasks.motion.drives_and_load import on_clock
 
 ROWS = 6

@@ -8,9 +8,7 @@ import pytest
 
 from structlearn.core.artefacts import write_arrow
 from structlearn.core.errors import InputError
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import NamedShape
-from structlearn.readers.runs import UNIT, read_runs, write_runs
+from structlearn.readers.demonstration import UNIT, Demonstration, NamedShape, read_runs, write_runs
 
 
 def _runs() -> list[Demonstration]:

@@ -7,13 +7,12 @@ import pytest
 from committed import topic_map
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from mcap_ros2.writer import Writer
-from readers_bags import header, make_recording, ros_pose
+from readers_bags import make_recording, pose_messages, pose_rows, ros_pose, write_bag
 
 from structlearn.core.errors import InputError
 from structlearn.readers import read_recording, synchronise, write_recording
-from structlearn.readers.recording import NamedShape
-from structlearn.readers.topics import SceneTopicMap
+from structlearn.readers.demonstration import NamedShape
+from structlearn.readers.source import SceneTopicMap
 
 SHAPES = (
     NamedShape(
@@ -21,26 +20,6 @@ SHAPES = (
     ),
     NamedShape("ball", "sphere", np.array([-0.1, 0.0, 1.0]), np.array([1.0, 0, 0, 0]), np.full(3, 0.05)),
 )
-
-OLDER = """std_msgs/Header header
-string ns
-int32 id
-int32 type
-geometry_msgs/Pose pose
-geometry_msgs/Vector3 scale
-string text"""
-"""A marker of another release: other fields at other places."""
-
-NESTED = {
-    "visualization_msgs/Marker": OLDER,
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
-    "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose",
-}
 
 
 def marker(space, number, kind, size=0.1, text=""):
@@ -51,20 +30,9 @@ def marker(space, number, kind, size=0.1, text=""):
 
 def user_bag(path, messages):
     """Two poses and messages of markers, as another program writes them."""
-    with open(path, "wb") as file:
-        writer = Writer(file)
-        nested = "".join(f"\n{'=' * 80}\nMSG: {name}\n{text}" for name, text in NESTED.items())
-        pose = writer.register_msgdef(
-            "geometry_msgs/msg/PoseStamped", NESTED["geometry_msgs/PoseStamped"] + nested
-        )
-        array = "visualization_msgs/Marker[] markers"
-        markers = writer.register_msgdef("visualization_msgs/msg/MarkerArray", array + nested)
-        for stamp in (10**9, 2 * 10**9):
-            message = {"header": header(stamp), "pose": ros_pose([0, 0, 0, 1, 0, 0, 0])}
-            writer.write_message("/tool", pose, message, stamp, stamp)
-        for stamp, message in enumerate(messages, start=10**9):
-            writer.write_message("/world", markers, {"markers": message}, stamp, stamp)
-        writer.finish()
+    rows = pose_messages([10**9, 2 * 10**9], pose_rows(2))
+    rows += [("/world", "visualization_msgs/msg/MarkerArray", {"markers": one}, 10**9) for one in messages]
+    write_bag(path, rows)
     return read_recording(path, SceneTopicMap(**topic_map(pose="/tool").model_dump(), obstacles="/world"))
 
 

@@ -12,7 +12,8 @@ from readers_bags import joint_messages, pose_messages, pose_rows, write_bag
 from structlearn.core.errors import InputError
 from structlearn.readers import StampPolicy, read_demonstrations, read_recording
 from structlearn.readers.bag import read_bag
-from structlearn.readers.clock import AS_WRITTEN, in_order, longest_increase
+from structlearn.readers.clock import in_order, longest_increase
+from structlearn.readers.source import AS_WRITTEN
 from structlearn.tasks.inspection import clocks as survey
 
 DROP, SORT, LOG = (
@@ -111,11 +112,6 @@ def test_joints_of_each_publisher_have_an_order_of_their_own(tmp_path):
 MS = 10**6
 
 
-def messages_of(path, messages, topic):
-    write_bag(path, messages)
-    return read_bag(path, [topic]).messages[topic]
-
-
 def test_rates_gaps_and_disorder_are_numbers():
     steps = np.tile([8, 12], 100) * MS
     steps[150] = 500 * MS
@@ -149,21 +145,8 @@ def test_delays_of_the_log_behind_the_header(tmp_path):
             pose_messages(taken.tolist(), pose_rows(1000)), late, strict=True
         )
     ]
-    clocks = survey.topic_clocks("", messages_of(tmp_path / "bag.mcap", rows, "/tool"))
+    write_bag(tmp_path / "bag.mcap", rows)
+    clocks = survey.topic_clocks("", read_bag(tmp_path / "bag.mcap", ["/tool"]).messages["/tool"])
     assert clocks.delay_s == pytest.approx(0.080, abs=1e-4)
     assert clocks.own is clocks.header
     assert clocks.header.rate_hz == pytest.approx(100.0)
-
-
-@pytest.mark.parametrize(
-    ("kind", "content"),
-    [
-        ("geometry_msgs/msg/Pose", {"position": {"x": 0.0, "y": 0.0, "z": 0.0}}),
-        ("geometry_msgs/msg/PoseStamped", {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}}),
-    ],
-)
-def test_the_log_time_stands_in_where_no_header_is_set(tmp_path, kind, content):
-    rows = [("/tool", kind, content, 10**9 + 20 * MS * row) for row in range(50)]
-    clocks = survey.topic_clocks("", messages_of(tmp_path / "bag.mcap", rows, "/tool"))
-    assert clocks.header is None
-    assert clocks.own.rate_hz == pytest.approx(50.0)

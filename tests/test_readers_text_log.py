@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from structlearn.core.errors import InputError
-from structlearn.readers.text_log import PublicSet, read_stamped_table, read_table, uniform_stamps
+from structlearn.readers.foreign_tables import PublicSet, read_stamped_table, read_table, uniform_stamps
 
 
 @pytest.fixture

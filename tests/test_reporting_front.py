@@ -17,8 +17,12 @@ ROWS = [row for one in PAGE.findings for row in (one.simulated, one.recorded) if
 TILES = [tile for card in PAGE.cards.values() for tile in card.tiles]
 
 
-def is_of_claims(file):
-    return "claims" in file.as_posix() and file.stem != "published"
+CLAIM_FILES = {
+    file: yaml.safe_load(file.read_text())
+    for folder in ("src", "stages")
+    for file in (ROOT / folder).rglob("*.yaml")
+    if "claims" in file.as_posix() and file.stem != "published"
+}
 
 
 CLAIMS = pd.DataFrame(
@@ -52,12 +56,9 @@ def test_words_take_the_numbers_and_the_verdict_of_a_claim():
 
 def test_every_claim_and_set_that_the_page_names_exists():
     names = {}
-    for file in (file for folder in ("src", "stages") for file in (ROOT / folder).rglob("*.yaml")):
-        if is_of_claims(file):
-            report = file.parents[1].name if "testbeds" in file.parts else "recorded"
-            names.setdefault(report, set()).update(
-                one["evidence"] for one in yaml.safe_load(file.read_text())
-            )
+    for file, claims in CLAIM_FILES.items():
+        report = file.parents[1].name if "testbeds" in file.parts else "recorded"
+        names.setdefault(report, set()).update(one["evidence"] for one in claims)
     assert {(one.report, one.claim) for one in (*ROWS, *TILES) if one.claim not in names[one.report]} == set()
     kinds = yaml.safe_load((ROOT / "stages/tasks/public.yaml").read_text())
     titles = {entry.get("title") for entries in kinds.values() for entry in entries.values()}
@@ -65,9 +66,8 @@ def test_every_claim_and_set_that_the_page_names_exists():
 
 
 def test_the_page_counts_the_statements_of_the_dissertation():
-    card = next(iter(PAGE.cards.values())).model_copy(
-        update={"tiles": (row("hits", "{value} | of spheres"),)}
-    )
+    tiles = (row("hits", "{value} | of spheres"),)
+    card = next(iter(PAGE.cards.values())).model_copy(update={"tiles": tiles})
     page = PAGE.model_copy(update={"cards": {"scraping": card}, "findings": ()})
     html = render_front(page, {"scraping": CLAIMS}, {"pour": "tasks/pour/index.html"}, Made("unknown commit"))
     assert "<b>2.2 %</b> of spheres" in html
@@ -110,16 +110,11 @@ def test_the_readme_has_the_table_of_findings():
 
 def test_statements_are_whole_sentences_and_counterparts_exist():
     """A claim about recorded data names the like statement of a testbed as this one makes it."""
-    folders = (ROOT / folder for folder in ("src", "stages"))
-    files = [file for folder in folders for file in folder.rglob("*.yaml") if is_of_claims(file)]
-    claims = {file: yaml.safe_load(file.read_text()) for file in files}
-    stated = {file: [claim["statement"] for claim in its] for file, its in claims.items()}
-    for one in (statement for its in stated.values() for statement in its):
-        assert one[0].isupper() or not one[0].isalpha(), one
-        assert not one.startswith("…"), one
-    for like in (claim["simulated"] for its in claims.values() for claim in its if "simulated" in claim):
-        own = [
-            one for file, its in stated.items() for one in its if f"testbeds/{like['testbed']}/" in str(file)
-        ]
+    claims = [(file.as_posix(), claim) for file, its in CLAIM_FILES.items() for claim in its]
+    for _, claim in claims:
+        first = claim["statement"][0]
+        assert first.isupper() or not (first.isalpha() or first == "…"), claim["statement"]
+    for like in (claim["simulated"] for _, claim in claims if "simulated" in claim):
+        own = [one["statement"] for file, one in claims if f"testbeds/{like['testbed']}/" in file]
         patterns = [".*".join(map(re.escape, re.split(r"{{.*?}}", one))) for one in own]
         assert any(re.fullmatch(pattern, like["statement"]) for pattern in patterns), like["statement"]

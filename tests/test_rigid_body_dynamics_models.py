@@ -20,7 +20,7 @@ from structlearn.rigid_body.dynamics_models import (
     read_dynamics_models,
     write_dynamics_models,
 )
-from structlearn.rigid_body.learner import KINDS, LearningParameters, Lesson, learner
+from structlearn.rigid_body.dynamics_training import KINDS, LearningParameters, Lesson, learner
 from structlearn.rigid_body.network_models import StackedLagrangianNetworks, StackedPerceptrons
 
 FRICTION = ("viscous", "offset")
@@ -65,12 +65,9 @@ def test_what_cannot_be_used_is_one_message(tmp_path):
         compiled_model(DynamicsModels("cov", ("a", "b"), (), (), models.state), 0, arm().tree)
     broken = models.state["inertia"].copy()
     broken[0, 0, 0] = np.nan
+    incomplete = {"friction": np.zeros((1, 7, 0))}, '{"dynamics_models": {"kind": "spd"}}'
     for tensors, description, message in (
-        (
-            {"friction": np.zeros((1, 7, 0))},
-            '{"dynamics_models": {"kind": "spd"}}',
-            r"\(KeyError: 'joints'\)",
-        ),
+        (*incomplete, r"\(KeyError: 'joints'\)"),
         ({"weights": np.zeros(3)}, "something else", "holds no dynamics models"),
         ({"inertia": broken}, "{}", "inertia holds a value that is not finite"),
     ):

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rigid_body_robots import robot
 
-from structlearn.rigid_body.friction import friction_coefficients
-from structlearn.rigid_body.inertia_learner import squared
+from structlearn.rigid_body.friction import friction_coefficients, squared
 from structlearn.rigid_body.inertia_parameters import (
     STRUCTURES,
     draw,

@@ -1,32 +1,27 @@
+from itertools import product
+
 import numpy as np
 import pytest
 from committed import committed
-from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
+from rigid_body_motions import arm, rubbing_motion, sine_motion
 from rigid_body_robots import carrying
 
-from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.dynamics_models import rigid_body_torques
-from structlearn.rigid_body.friction import friction_columns
-from structlearn.rigid_body.learner import LearningParameters
+from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.online_learning import (
-    OnlineParameters,
-    PayloadLearningParameters,
-    follow_payload,
-    identify_empty,
-    learn_once_through,
-)
-from structlearn.rigid_body.training_grid import (
+from structlearn.rigid_body.payload import PayloadLearningParameters, follow_payload, learn_payload
+from structlearn.simulation.arm import Payload
+from structlearn.testbeds.dynamics.protocol.trainings import (
     OURS,
     TEXT,
     DynamicsTrainingParameters,
     EpochLimits,
+    OnlineParameters,
+    learn_once_through,
     scores,
     train,
     trainings,
 )
-from structlearn.simulation.arm import Payload
 
 PARAMETERS = committed(
     DynamicsTrainingParameters,
@@ -46,12 +41,8 @@ def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated():
     models, errors, outcomes = train(work, motions, arm().tree, PARAMETERS)
     ours = ("mlp", "mlp_scaled", "delan", "cov")
     text = ("mlp", "delan", "cov")  # the scaled perceptron is no model of the text
-    expected = {
-        f"{motion}/{form}/{kind}"
-        for motion in motions
-        for form, its in ((TEXT, text), (OURS, ours))
-        for kind in its
-    }
+    forms = [*product((TEXT,), text), *product((OURS,), ours)]
+    expected = {f"{motion}/{form}/{kind}" for motion, (form, kind) in product(motions, forms)}
     expected |= {f"stand_in/{robot}/{form}/cov_coulomb" for robot in ROBOTS for form in (TEXT, OURS)}
     assert set(models) == expected
     for name, learned in models.items():
@@ -60,10 +51,8 @@ def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated():
     keys = ["arm", "model", "form", "seed"]
     assert not outcomes.duplicated(keys).any()
     seeds = outcomes.groupby("arm")["seed"].unique()
-    assert (set(seeds["iiwa"]), set(seeds["stand_in"])) == (
-        {3, 5},
-        set(ROBOTS),
-    )  # a robot's model has its seed
+    assert set(seeds["iiwa"]) == {3, 5}
+    assert set(seeds["stand_in"]) == set(ROBOTS)  # a robot's model has its seed
     last = errors[errors["epoch"] == errors["arm"].map({"iiwa": 2, "stand_in": 1})].groupby(keys)["nmse"]
     np.testing.assert_allclose(outcomes.set_index(keys)["nmse_max"].sort_index(), last.max().sort_index())
 
@@ -128,14 +117,11 @@ def test_online_learning_sees_every_batch_once():
     assert cov.iloc[-1] < 0.5 * cov.iloc[0]
 
 
-def test_an_empty_robot_is_identified_with_its_friction():
-    motion = rubbing_motion(arm())
+def test_an_arm_that_carries_nothing_is_identified_with_its_friction():
     parameters = committed(PayloadLearningParameters, "online.payload", empty_s=20.0)
-    links, friction = identify_empty(arm().tree, arm().inertias, motion, 0.02, parameters)
-    expected = friction_columns(motion.q, motion.qd, ("viscous", "coulomb")) @ [VISCOUS, COULOMB]
-    np.testing.assert_allclose(friction, expected, atol=0.1)
-    torques = rigid_body_torques(arm().tree, links, motion) + friction
-    assert nmse(torques, motion.torque).max() < 1e-3  # also of what came after
+    table = learn_payload((rubbing_motion(arm()), 0.02), arm().tree, arm().inertias, parameters)
+    assert table["nmse_fixed"].max() < 3e-3  # also after the samples it was fitted to
+    np.testing.assert_allclose(table["mass_kg"], 0.0, atol=0.05)
 
 
 def test_a_payload_is_found_after_it_was_picked_up():

@@ -147,9 +147,8 @@ def test_a_log_is_brought_into_the_robot_s_order():
 
 def test_a_log_of_another_robot_is_refused():
     tree = robot("panda").tree
-    with pytest.raises(
-        InputError, match=r"log\.mcap: the log lacks the robot's joints panda_joint6, panda_joint7"
-    ):
+    lacking = r"log\.mcap: the log lacks the robot's joints panda_joint6, panda_joint7"
+    with pytest.raises(InputError, match=lacking):
         joint_order(tree, tree.names[:5], "log.mcap")
     with pytest.raises(InputError, match=r"log\.mcap: joint 'panda_joint2' stands 2 times"):
         joint_order(tree, [*tree.names, "panda_joint2"], "log.mcap")

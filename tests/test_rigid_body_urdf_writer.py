@@ -7,7 +7,7 @@ import pybullet
 import pybullet_data
 import pytest
 import torch
-from rigid_body_robots import ODD, pinocchio_torques, states
+from rigid_body_robots import FILES, ODD, pinocchio_torques, states
 from rigid_body_robots import robot as known_robot
 
 from structlearn.core.errors import InputError
@@ -15,18 +15,12 @@ from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import Robot, read_urdf
-from structlearn.rigid_body.urdf_writer import write_urdf
-
-SOURCES = {
-    "iiwa": "kuka_iiwa/model.urdf",
-    "panda": "franka_panda/panda.urdf",
-    "xarm": "xarm/xarm6_robot.urdf",
-}
+from structlearn.rigid_body.urdf import write_urdf
 
 
 def source(name: str, folder: Path) -> Path:
     if name != "odd":
-        return Path(pybullet_data.getDataPath()) / SOURCES[name]
+        return Path(pybullet_data.getDataPath()) / FILES[name]
     path = folder / "source.urdf"
     path.write_text(ODD)
     return path
@@ -66,9 +60,8 @@ def test_pybullet_has_the_same_torques_and_the_friction(name, tmp_path, engine):
     write_urdf(source(name, tmp_path), target, robot.tree, inertias, viscous, coulomb)
     flags = pybullet.URDF_USE_INERTIA_FROM_FILE
     body = pybullet.loadURDF(str(target), useFixedBase=True, flags=flags, physicsClientId=engine)
-    found = [
-        pybullet.getJointInfo(body, joint, engine) for joint in range(pybullet.getNumJoints(body, engine))
-    ]
+    numbers = range(pybullet.getNumJoints(body, engine))
+    found = [pybullet.getJointInfo(body, joint, engine) for joint in numbers]
     moving = [one for one in found if one[2] != pybullet.JOINT_FIXED]
     assert [one[1].decode() for one in moving] == list(robot.tree.names)
     np.testing.assert_allclose([one[6:8] for one in moving], np.stack([viscous, coulomb], axis=1))

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from primitives_movements import quick, rngs
 
+from structlearn.core import minimum_jerk
 from structlearn.core.signals import derivative, low_pass, standardise, time_normalised
 
 DT = 1 / 300
@@ -68,3 +69,14 @@ def test_time_normalisation_is_linear_interpolation(rng):
     np.testing.assert_allclose(found[:, 1, 0], expected, atol=1e-12)
     np.testing.assert_array_equal(found[[0, -1]], signal[[0, -1]])
     np.testing.assert_array_equal(time_normalised(signal, 31), signal)
+
+
+def test_least_jerk_goes_from_rest_to_rest_at_the_derivative_of_its_path():
+    ends = np.array([0.0, 1.0])
+    np.testing.assert_allclose(minimum_jerk.progress(ends), ends)
+    np.testing.assert_allclose(minimum_jerk.rate(ends), 0.0)
+    s = np.linspace(0, 1, 1001)
+    rate = minimum_jerk.rate(s)
+    np.testing.assert_allclose(rate, np.gradient(minimum_jerk.progress(s), s, edge_order=2), atol=1e-4)
+    assert rate[1] / s[1] == pytest.approx(0.0, abs=0.05)  # no acceleration at the ends
+    assert rate.max() == 15 / 8

@@ -10,7 +10,6 @@ from rigid_body_robots import robot as rigid_body_robot
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_dynamics import bodies_model
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
     ArmMotionParameters,
@@ -62,16 +61,18 @@ def arm(robot):
 def constant(robot, torque, ticks):
     """A controller that always wants the same torque; its path stands still at zero."""
     zero = np.zeros((ticks, 7))
-    bodies = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
+    known = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
+    bodies = known.bodies
     massless = (0.0 * values for values in (bodies.mass, bodies.moment, bodies.inertia))
-    wants = np.stack([np.zeros(7), np.zeros(7), np.full(7, torque)])
-    model = bodies._replace(**dict(zip(("mass", "moment", "inertia"), massless, strict=True)), friction=wants)
-    return sine_controller(bodies_model(model), ReferencePath(zero, zero, zero), Feedback(zero[0], zero[0]))
+    wants = compiled_dynamics.friction_rows(np.full((7, 1), torque), ("offset",))
+    parts = dict(zip(("mass", "moment", "inertia"), massless, strict=True))
+    model = known._replace(bodies=bodies._replace(**parts, friction=wants))
+    return sine_controller(model, ReferencePath(zero, zero, zero), Feedback(zero[0], zero[0]))
 
 
 def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, arm):
     reference = sine_path(robot.tree, SHORT)
-    model = bodies_model(compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias))
+    model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     moved = run(
         arm, sine_controller(model, reference, feedback), reference.position[0], reference.velocity[0]
     )
@@ -107,9 +108,7 @@ def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot, arm):
     reference = ReferencePath(still + 0.1, still, still)
     model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     soft = Feedback(np.full(7, 2.0), np.full(7, 0.1))
-    moved = run(
-        replace(arm, mechanics=mechanics), sine_controller(bodies_model(model), reference, soft), zero, zero
-    )
+    moved = run(replace(arm, mechanics=mechanics), sine_controller(model, reference, soft), zero, zero)
     commands = model(*(path[0] for path in (reference.position, reference.velocity, reference.acceleration)))
     commands = commands + soft.stiffness * (0.1 - moved.q) - soft.damping * moved.qd
     given = commands[np.maximum(np.arange(6) - late, 0)]

@@ -69,13 +69,13 @@ def same_network(one, other):
 
 def test_a_primitive_is_refined_while_those_before_it_run_refined(board):
     ASKED.clear()
-    refined = board_refinement.refine_on_board(board, DATASETS, PARAMETERS)
+    before, after, _ = board_refinement.refine_on_board(board, DATASETS, PARAMETERS)
     assert list(dict.fromkeys(name for name, *_ in ASKED)) == [TURN, SCRAPE]
     for name, _, preceding, _ in ASKED:
         assert list(preceding) == ([] if name == TURN else [TURN])
         if name == SCRAPE:
-            assert same_network(preceding[TURN], refined.after[TURN])
-    assert not same_network(refined.after[TURN], refined.before[TURN])
+            assert same_network(preceding[TURN], after[TURN])
+    assert not same_network(after[TURN], before[TURN])
 
 
 def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(board, monkeypatch):
@@ -116,10 +116,10 @@ def test_in_the_text_s_form_only_what_was_tried_is_added(board):
 @pytest.mark.parametrize("explored", [{SCRAPE}, set()])
 def test_a_primitive_without_exploration_keeps_its_model(explored, board):
     parameters = PARAMETERS.model_copy(update={"exploration": dict.fromkeys(explored, 5.0)})
-    refined = board_refinement.refine_on_board(board, DATASETS, parameters)
+    before, after, tables = board_refinement.refine_on_board(board, DATASETS, parameters)
     for name in {TURN, SCRAPE} - explored:
-        assert same_network(refined.after[name], refined.before[name])
-    assert set(refined.history.get("primitive", ())) == explored
+        assert same_network(after[name], before[name])
+    assert set(tables["history"].get("primitive", ())) == explored
 
 
 def test_a_primitive_without_corrections_is_named(board):

@@ -9,7 +9,6 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     FLAT_ORIENTATION,
     DemonstratorParameters,
     intended_movements,
-    orientation_of,
 )
 
 
@@ -19,27 +18,8 @@ def pose_of(recording):
 
 
 @pytest.fixture(scope="module")
-def recordings():
-    return simulated()
-
-
-@pytest.fixture(scope="module")
 def noise_free():
     return simulated(noise_mm=0)
-
-
-def test_readers_are_the_intended_movements_with_their_noise(recordings):
-    """What a person guides the arm along in the physical world is the same movement."""
-    for recording, movement in zip(
-        recordings, intended_movements(committed(DemonstratorParameters, "simulate")), strict=True
-    ):
-        time, pose = pose_of(recording)
-        assert recording.name == movement.name
-        np.testing.assert_allclose(time, movement.time, atol=1e-9)
-        np.testing.assert_array_equal(pose[:, :3], movement.edge + movement.edge_noise)
-        np.testing.assert_array_equal(pose[:, 3:], orientation_of(movement.tilt + movement.tilt_noise))
-        np.testing.assert_array_equal(recording.true_segments, movement.segments)
-        assert movement.contact == recording.true_segments[0, 1]
 
 
 def test_true_cut_points_are_where_the_speed_passes_five_per_cent_of_its_peak(noise_free):

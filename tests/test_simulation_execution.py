@@ -202,7 +202,7 @@ def test_the_arm_follows_the_intended_path(movement, guided):
     """Sideways within a few mm, and no further into the board than the pressure asks for."""
     off = guided.position - movement.edge
     assert np.linalg.norm(off[:, :2], axis=1).max() < 3e-3
-    in_the_air = movement.time < movement.contact - 0.1
+    in_the_air = movement.time < movement.segments[0, 1] - 0.1
     assert np.abs(off[in_the_air, 2]).max() < 3e-3
     turned = quaternion.angle_between(guided.orientation, orientation_of(movement.tilt))
     assert np.degrees(turned).max() < 3.0
@@ -210,8 +210,8 @@ def test_the_arm_follows_the_intended_path(movement, guided):
 
 def test_the_pressure_settles_where_it_is_meant_to(movement, guided):
     down = -guided.wrench[:, 2]
-    assert np.abs(down[movement.time < movement.contact - 0.2]).max() < 0.15
-    assert down[movement.time > movement.contact + 1.2].mean() == pytest.approx(1.0, abs=0.1)
+    assert np.abs(down[movement.time < movement.segments[0, 1] - 0.2]).max() < 0.15
+    assert down[movement.time > movement.segments[0, 1] + 1.2].mean() == pytest.approx(1.0, abs=0.1)
 
 
 def test_people_reproduce_a_pressure_poorly_and_hold_it_better():

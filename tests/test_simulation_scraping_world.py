@@ -9,7 +9,7 @@ from scraping_motions import FLAT, beside_contact
 from structlearn.testbeds.scraping.world import scraping_world
 from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
 from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
-from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm_model, joint_angles, urdf
+from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm, joint_angles, urdf
 
 ABOVE = beside_contact(0.05)
 NOTHING = np.zeros(6)
@@ -23,7 +23,7 @@ class Engine:
 
     def __init__(self, world):
         self.world = world
-        self.arm = controlled(arm_model(), world.q[:ARM_JOINTS].copy())
+        self.arm = controlled(arm(), world.q[:ARM_JOINTS].copy())
 
     def hold(self, position, rotation, ticks, force=NOTHING):
         """Hold a pose of the hand for some ticks."""
@@ -49,21 +49,17 @@ def place(position=ABOVE, rotation=FLAT, roll=0.0, parameters=PARAMETERS, **fact
     )
 
 
-def test_nothing_drifts_in_the_air():
-    engine = place()
-    start = engine.world.q.copy()
-    world = engine.hold(ABOVE, FLAT, 150)
+def test_a_run_starts_at_rest_where_it_is_placed_and_nothing_drifts_in_the_air():
+    engine = place(roll=0.1)
+    world, start = engine.world, engine.world.q.copy()
+    np.testing.assert_allclose(world.tool_rotation, FLAT, atol=1e-9)
+    sag = start[ARM_JOINTS + 2]
+    assert 0 < sag < 5e-4  # the tool hangs in the grasp
+    np.testing.assert_allclose(world.edge, ABOVE - [0, 0, sag], atol=1e-9)
+    engine.hold(ABOVE, FLAT, 150)
     np.testing.assert_allclose(world.q, start, atol=2e-6)
     np.testing.assert_allclose(world.v, 0.0, atol=1e-6)
     np.testing.assert_array_equal(world.board_wrench, 0.0)
-
-
-def test_the_place_of_a_run_is_where_it_starts():
-    world = place(roll=0.1).world
-    np.testing.assert_allclose(world.tool_rotation, FLAT, atol=1e-9)
-    sag = world.q[ARM_JOINTS + 2]
-    assert 0 < sag < 5e-4  # the tool hangs in the grasp
-    np.testing.assert_allclose(world.edge, ABOVE - [0, 0, sag], atol=1e-9)
 
 
 @pytest.mark.parametrize("tilt_deg", [(0, 0, 0), (20, 0, 0), (0, 25, 0), (0, -25, 0), (10, -10, 20)])

@@ -9,7 +9,7 @@ from scipy.ndimage import binary_closing
 from scipy.optimize import minimize_scalar
 
 from structlearn.core import quaternion
-from structlearn.readers.recording import check_recording
+from structlearn.readers.clock import check_recording
 from structlearn.simulation.touch import Handle, make_finger, moved, rested, touch, touching
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, held_on_handle, recorded
 from structlearn.tactile.electrodes import SKINS, biotac

@@ -8,13 +8,13 @@ from committed import committed
 from dynamics_motion import committed_motion
 
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_dynamics import bodies_model, inverse_dynamics, model_torques
+from structlearn.rigid_body.compiled_dynamics import inverse_dynamics, model_torques
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.simulation.arm import ArmParameters, ideal
 from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, known, learned, track
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 from structlearn.testbeds.dynamics.world.arm_motion import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
 
@@ -36,7 +36,7 @@ def testbed(robot):
 @pytest.fixture(scope="module")
 def tables(testbed, robot):
     broken = inverse_dynamics(robot.tree, robot.inertias, np.full((4, 7), np.nan))
-    return track(testbed, [*known(testbed), Candidate("broken", TEXT, (1,), bodies_model(broken))])
+    return track(testbed, [*known(testbed), Candidate("broken", TEXT, (1,), broken)])
 
 
 def test_the_truth_follows_sines_and_reaches(tables):
@@ -57,7 +57,7 @@ def test_a_model_that_fails_is_told_not_dropped(tables):
 
 def test_scores_are_those_of_the_definition(testbed, robot):
     heavy = replace(robot.inertias, mass=1.2 * robot.inertias.mass)
-    wrong = bodies_model(inverse_dynamics(robot.tree, heavy))
+    wrong = inverse_dynamics(robot.tree, heavy)
     scores, paths = track(testbed, [Candidate("wrong", TEXT, (0,), wrong)])
     reach = scores.query("task == 'reach'").iloc[0]
     path = paths.query("task == 'reach'")

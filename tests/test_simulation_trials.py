@@ -9,7 +9,7 @@ from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skil
 
 from structlearn.core import quaternion
 from structlearn.readers import synchronise
-from structlearn.readers.recording import check_recording
+from structlearn.readers.clock import check_recording
 from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
     evaluation_runs,

@@ -93,21 +93,12 @@ def run(toy, *cells):
 
 
 @pytest.mark.parametrize(
-    ("cell", "seeds"),
-    [
-        ("13", [13]),
-        ("19-21", [19, 20, 21]),
-        ("x", "not a seed"),
-        ("3-1", "1 is below 3"),
-        ("-2", "not a seed"),
-    ],
+    ("cell", "fault"), [("x", "not a seed"), ("3-1", "1 is below 3"), ("-2", "not a seed")]
 )
-def test_a_cell_is_named_by_its_seeds(cell, seeds):
-    if isinstance(seeds, list):
-        assert seeds_of(cell) == seeds
-    else:
-        with pytest.raises(InputError, match=f"cell {cell}: .*{seeds}"):
-            seeds_of(cell)
+def test_a_cell_is_named_by_its_seeds(cell, fault):
+    assert [seeds_of("13"), seeds_of("19-21")] == [[13], [19, 20, 21]]
+    with pytest.raises(InputError, match=f"cell {cell}: .*{fault}"):
+        seeds_of(cell)
 
 
 def test_a_cell_runs_all_stages_with_its_seeds_and_a_variant_those_that_it_changes(toy):
@@ -201,31 +192,20 @@ CHECK = Check(cell="3", commit="0a1b2c3", processor="here", exact=True, compared
 
 
 @pytest.mark.parametrize(
-    ("cells", "check", "words"),
+    ("cells", "check", "made", "outcome"),
     [
-        ({"1": ORIGIN}, None, "made by commit a1b2c3d, not run again"),
-        (
-            {"1": ORIGIN, "2": ORIGIN, "3": LATER},
-            {},
-            "made by commit a1b2c3d (2 cells: 1 to 2) and e4f5a6b (1 cell: 3); "
-            "cell 3 run again by 0a1b2c3: 70 numbers, equal",
-        ),
-        (
-            {"1": ORIGIN},
-            {"exact": False},
-            "made by commit a1b2c3d; "
-            "cell 3 run again by 0a1b2c3: 70 numbers, equal within 0.1 % on another processor",
-        ),
-        (
-            {"1": ORIGIN},
-            {"different": ["findings.cost"]},
-            "made by commit a1b2c3d; cell 3 run again by 0a1b2c3: 70 numbers, findings.cost differ",
-        ),
+        ([ORIGIN], None, "a1b2c3d", ""),
+        ([ORIGIN, ORIGIN, LATER], {}, "a1b2c3d (2 cells: 1 to 2) and e4f5a6b (1 cell: 3)", "equal"),
+        ([ORIGIN], {"exact": False}, "a1b2c3d", "equal within 0.1 % on another processor"),
+        ([ORIGIN], {"different": ["findings.cost"]}, "a1b2c3d", "findings.cost differ"),
     ],
 )
-def test_a_study_says_by_whose_code_each_cell_was_made_and_which_was_run_again(cells, check, words):
+def test_a_study_says_by_whose_code_each_cell_was_made_and_which_was_run_again(cells, check, made, outcome):
     again = None if check is None else CHECK.model_copy(update=check)
-    study = Study({}, Made(parameters={}, seeds=[], cells=cells, check=again))
+    origins = {str(number): origin for number, origin in enumerate(cells, 1)}
+    study = Study({}, Made(parameters={}, seeds=[], cells=origins, check=again))
+    told = f"; cell 3 run again by 0a1b2c3: 70 numbers, {outcome}" if outcome else ", not run again"
+    words = f"made by commit {made}{told}"
     assert provenance(study) == words
     assert rests_on(NAME, study) == f"Rows over people rest on the study toy/people, {words}."
     assert rests_on(NAME, None) == ""

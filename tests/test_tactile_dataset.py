@@ -1,8 +1,11 @@
 """Chains of actions between samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from committed import committed
+from tactile_toy import toy_dataset
 
 from structlearn.core import quaternion
 from structlearn.core.artefacts import write_tensors
@@ -14,25 +17,14 @@ from structlearn.tactile.electrodes import biotac
 RATE_HZ = 100.0
 
 
-def walk(lengths=(120, 100, 40), seed: int = 0) -> touch_dataset.TouchDataset:
-    """Contacts of these lengths, with random velocities and orientations."""
-    rng = np.random.default_rng(seed)
-    count = sum(lengths)
-    contact = np.repeat(np.arange(len(lengths)), lengths)
-    return touch_dataset.TouchDataset(
-        signals=rng.normal(size=(count, 19)).astype(np.float32),
-        pressure=rng.normal(size=count).astype(np.float32),
-        contact_point=rng.normal(size=(count, 3)).astype(np.float32),
-        velocity=rng.normal(size=(count, 6)).astype(np.float32),
-        orientation=quaternion.normalised(rng.normal(size=(count, 4))).astype(np.float32),
-        contact=contact,
-        pressed=np.full(count, True),
-        trial=contact,
-        time=np.concatenate([np.arange(length) / RATE_HZ for length in lengths]).astype(np.float32),
-        motion=np.zeros(count, dtype=int),
-        split=np.where(contact == 1, touch_dataset.TEST, touch_dataset.TRAIN),
-        rate_hz=np.array(RATE_HZ),
-    )
+def walk(lengths=(120, 100, 40)) -> touch_dataset.TouchDataset:
+    """Contacts of these lengths, with random orientations; the second is for tests."""
+    samples, rng = toy_dataset(contacts=len(lengths), samples=max(lengths)), np.random.default_rng(0)
+    kept = np.concatenate([np.flatnonzero(samples.contact == n)[:length] for n, length in enumerate(lengths)])
+    columns = {name: values[kept] for name, values in vars(samples).items() if np.ndim(values)}
+    turned = quaternion.normalised(rng.normal(size=(len(kept), 4))).astype(np.float32)
+    split = np.where(columns["contact"] == 1, touch_dataset.TEST, touch_dataset.TRAIN)
+    return replace(samples, **columns | {"orientation": turned, "split": split})
 
 
 def test_chains_never_leave_their_contact():
@@ -99,15 +91,9 @@ def pressed_twice(name: str = "one", **changes) -> Demonstration:
     counts = np.tile(OFFSET, (len(time), 1))
     counts[:, 17] -= 2000.0 * (((time > 2) & (time < 6)) | ((time > 8) & (time < 12)))
     turn = quaternion.from_rotation_vector(np.outer(0.2 * time, [1.0, 0.0, 0.0]))
-    fields = {
-        "name": name,
-        "time": time,
-        "position": np.outer(0.01 * time, [1.0, 0.0, 0.0]),
-        "orientation": turn,
-        "tactile": counts,
-        "provenance": {"motion": "rotation"},
-    }
-    return Demonstration(**fields | changes)
+    fields = {"time": time, "position": np.outer(0.01 * time, [1.0, 0.0, 0.0]), "orientation": turn}
+    fields |= {"tactile": counts, "provenance": {"motion": "rotation"}}
+    return Demonstration(name, **fields | changes)
 
 
 def test_contacts_are_found_with_their_velocities_and_offsets():
@@ -124,7 +110,7 @@ def test_contacts_are_found_with_their_velocities_and_offsets():
     )
     np.testing.assert_allclose(dataset.contact_point[middle], [[-9.8e-3, 0, -7e-3]] * middle.sum(), atol=1e-4)
     assert (dataset.motion == touch_dataset.ROTATION).all()
-    assert set(dataset.split) == {touch_dataset.TRAIN, touch_dataset.VALIDATION, touch_dataset.TEST}
+    assert set(dataset.split) == set(touch_dataset.SPLITS.values())
     assert not dataset.pressed.all()
     assert (dataset.pressure[dataset.pressed] >= PARAMETERS.pressed_counts).all()
     for contact in range(4):
@@ -137,11 +123,7 @@ def test_splits_have_their_shares_and_spread_over_motions():
     assert np.bincount(split).tolist() == [154 - 24, 12, 12]
     for number in (touch_dataset.VALIDATION, touch_dataset.TEST):
         assert 2 <= (motions[split == number] == 0).sum() <= 5
-    assert sorted(touch_dataset.splits(np.zeros(3), PARAMETERS)) == [
-        touch_dataset.TRAIN,
-        touch_dataset.VALIDATION,
-        touch_dataset.TEST,
-    ]
+    assert sorted(touch_dataset.splits(np.zeros(3), PARAMETERS)) == list(touch_dataset.SPLITS.values())
     np.testing.assert_array_equal(split, touch_dataset.splits(motions, PARAMETERS))
 
 

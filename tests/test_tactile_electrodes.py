@@ -9,28 +9,25 @@ from scipy.sparse.csgraph import shortest_path
 from scipy.spatial import cKDTree
 
 from structlearn.core.errors import InputError
+from structlearn.tactile import geodesics as graph
 from structlearn.tactile.electrodes import DEPTH, SKINS, biotac, flat_pad, skin_distance, sphere
-from structlearn.tactile.geodesics import (
-    Geodesics,
-    geodesics,
-    graph_distances,
-    read_geodesics,
-    write_geodesics,
-)
+from structlearn.tactile.geodesics import Geodesics, geodesics, graph_distances
 from structlearn.tactile.latent_parameters import GeodesicParameters
 from structlearn.tactile.touch_dataset import contact_points
 
 UNIT = st.floats(0.0, 1.0)
 
 
+def on_range(skin, share):
+    low, high = np.transpose([skin.along, skin.across])
+    return low + share * (high - low)
+
+
 @given(st.sampled_from(sorted(SKINS)), UNIT, UNIT)
 def test_coordinates_undo_the_surface(name, along, across):
     skin = SKINS[name]
-    wanted = [
-        low + 0.98 * (0.01 + share) / 1.01 * (high - low)
-        for share, (low, high) in ((along, skin.along), (across, skin.across))
-    ]
-    point = skin.surface(*np.array(wanted))
+    wanted = on_range(skin, 0.98 * (0.01 + np.array([along, across])) / 1.01)
+    point = skin.surface(*wanted)
     found = skin.coordinates(point)
     assert skin.holds(point)
     np.testing.assert_allclose(skin.surface(*found), point, atol=1e-9)
@@ -41,10 +38,7 @@ def test_coordinates_undo_the_surface(name, along, across):
 def test_projection_is_along_the_normal(name, along, across, height):
     """A point above or below the surface comes back to where it was lifted from."""
     skin = SKINS[name]
-    ranges = (skin.along, skin.across)
-    point = skin.surface(
-        *(low + share * (high - low) for share, (low, high) in zip((along, across), ranges, strict=True))
-    )
+    point = skin.surface(*on_range(skin, np.array([along, across])))
     normal = skin.normal(point)
     assert np.linalg.norm(normal) == pytest.approx(1.0)
     np.testing.assert_allclose(skin.project(point + height * skin.radius * normal), point, atol=1e-12)
@@ -61,30 +55,18 @@ def test_electrodes_lie_under_the_skin_and_look_outwards(name):
     assert ((skin.normals * skin.normal(surface)).sum(axis=1) > 0.6).all()
 
 
-# Shortest paths on skins against closed forms.
-
-
-def test_on_a_cylinder_it_is_a_helix():
+def test_shortest_paths_are_helices_great_circles_and_straight_lines():
     skin = biotac()
     along, across = np.array([[-0.012, -0.004], [-0.006, 0.0]]), np.array([[-0.006, 0.005], [-0.002, -0.007]])
     found = skin_distance(*(skin.surface(*ends) for ends in zip(along, across, strict=True)), skin)
     np.testing.assert_allclose(found, np.hypot(np.diff(along, axis=0), np.diff(across, axis=0))[0], rtol=2e-3)
-
-
-def test_on_a_sphere_it_is_a_great_circle():
     skin = sphere()
-    first, second = skin.surface(np.array([-0.008]), np.array([0.004])), skin.surface([0.005], [-0.007])
+    first, second = skin.surface([-0.008], [0.004]), skin.surface([0.005], [-0.007])
     angle = np.arccos((first * second).sum(axis=1) / skin.radius**2)
     np.testing.assert_allclose(skin_distance(first, second, skin), skin.radius * angle, rtol=2e-3)
-
-
-def test_on_a_plane_it_is_straight():
     skin = flat_pad()
-    first, second = skin.surface([-0.015], [-0.005]), skin.surface([-0.002], [0.006])
-    assert skin_distance(first, second, skin)[0] == pytest.approx(np.hypot(0.013, 0.011), rel=1e-6)
-
-
-# Point of contact from electrodes.
+    found = skin_distance(skin.surface([-0.015], [-0.005]), skin.surface([-0.002], [0.006]), skin)
+    assert found[0] == pytest.approx(np.hypot(0.013, 0.011), rel=1e-6)
 
 
 def published(signal: np.ndarray) -> np.ndarray:
@@ -172,10 +154,10 @@ def test_bins_are_random_disjoint_and_measured_alone(tmp_path):
     assert geodesics(points, parameters.model_copy(update={"bins": 1})).rows.shape == (1, 200)
     assert geodesics(points[:150], parameters).rows.shape == (1, 150)
 
-    write_geodesics(found, tmp_path / "g.safetensors")
-    write_geodesics(geodesics(points, parameters), tmp_path / "again.safetensors")
+    graph.write_geodesics(found, tmp_path / "g.safetensors")
+    graph.write_geodesics(geodesics(points, parameters), tmp_path / "again.safetensors")
     assert (tmp_path / "g.safetensors").read_bytes() == (tmp_path / "again.safetensors").read_bytes()
-    back = read_geodesics(tmp_path / "g.safetensors")
+    back = graph.read_geodesics(tmp_path / "g.safetensors")
     np.testing.assert_array_equal(back.rows, found.rows)
     np.testing.assert_allclose(back.distance, found.distance, atol=0.51e-6)
     np.testing.assert_array_equal(back.distance, back.distance.transpose(0, 2, 1))
@@ -190,4 +172,4 @@ def test_what_has_no_geodesics_is_named(tmp_path):
         geodesics(points, committed(GeodesicParameters, "geodesics"))
     long = Geodesics(np.array([[0, 1]]), np.array([[[0, 0.1], [0.1, 0]]], dtype=np.float32))
     with pytest.raises(ValueError, match="16 bits"):
-        write_geodesics(long, tmp_path / "g.safetensors")
+        graph.write_geodesics(long, tmp_path / "g.safetensors")

@@ -1,6 +1,5 @@
 """Training, evaluation, files and runtime of latent spaces of touch, on a toy finger."""
 
-import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -15,12 +14,7 @@ from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile import latent_training
 from structlearn.tactile.geodesics import Geodesics
-from structlearn.tactile.latent_comparison import (
-    ChainData,
-    decoded_errors,
-    direction_errors,
-    learn,
-)
+from structlearn.tactile.latent_comparison import decoded_errors, direction_errors, learn
 from structlearn.tactile.latent_models import LatentModels, read_models, write_models
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
@@ -59,8 +53,8 @@ def lesson(touch):
     dataset, geodesics = touch
     taught = chains(dataset, latent_training.CHAIN_STEPS, split=TRAIN)
     units = touch_units(dataset, taught, 0.01)
-    pairs = latent_training.draw_pairs(dataset, geodesics, TRAIN, 5000, np.random.default_rng(0))
-    return latent_training.training_data(dataset, pairs, taught, units)
+    pairs = latent_training.draw_pairs(dataset.split, geodesics, TRAIN, 5000, np.random.default_rng(0))
+    return latent_training.latent_data(dataset, pairs, taught, units)
 
 
 @pytest.fixture(scope="module")
@@ -83,14 +77,14 @@ def models(seeds=(0, 1), seed=0):
 def test_contacts_that_are_too_short_for_chains_are_refused(touch, part, message):
     dataset, geodesics = touch
     pressed = (dataset.split != part) | (dataset.time < 0.6)  # s, in every contact
-    short = dataclasses.replace(dataset, pressed=pressed)
+    short = replace(dataset, pressed=pressed)
     with pytest.raises(InputError, match=message):
         learn(short, geodesics, SMALL.model_copy(update={"longest_chain": 4}))
 
 
 def test_pairs_share_bin_and_split(touch):
     dataset, geodesics = touch
-    pairs = latent_training.draw_pairs(dataset, geodesics, TEST, 402, np.random.default_rng(0))
+    pairs = latent_training.draw_pairs(dataset.split, geodesics, TEST, 402, np.random.default_rng(0))
     assert len(pairs.first) == 402
     assert (dataset.split[[pairs.first, pairs.second]] == TEST).all()
     for first, second, distance in zip(pairs.first, pairs.second, pairs.distance, strict=True):
@@ -104,13 +98,13 @@ def test_what_cannot_be_learned_or_controlled_is_named(touch, comparison):
     signals = dataset.signals.copy()
     signals[:, 4] = 7.0
     with pytest.raises(InputError, match="electrode 5 has the same value in all samples"):
-        touch_units(dataclasses.replace(dataset, signals=signals), chains(dataset, 3, split=TRAIN), 0.01)
+        touch_units(replace(dataset, signals=signals), chains(dataset, 3, split=TRAIN), 0.01)
     with pytest.raises(InputError, match="its horizon must be 1"):
         TactileServo(comparison.models, comparison.units, True, ServoParameters(inverse="NG", horizon=2), 3.0)
     rows = np.flatnonzero(dataset.split == TRAIN)[:10][None]
     lacking = Geodesics(rows, geodesics.distance[:1, :10, :10])
     with pytest.raises(InputError, match="a bin has fewer than two samples of split 2"):
-        latent_training.draw_pairs(dataset, lacking, TEST, 10, np.random.default_rng(0))
+        latent_training.draw_pairs(dataset.split, lacking, TEST, 10, np.random.default_rng(0))
 
 
 def test_the_dynamics_do_not_change_the_encoders(lesson):
@@ -278,7 +272,7 @@ def test_predictions_are_held_against_the_touch_that_followed(comparison, lesson
     dataset, _ = touch
     servo = TactileServo(comparison.models, comparison.units, True, ServoParameters(), 3.0)
     rows = lesson.chains[:200]
-    chain = ChainData(lesson.signals, rows, lesson.actions[:200], lesson.time_step[:200])
+    chain = replace(lesson, chains=rows, actions=lesson.actions[:200], time_step=lesson.time_step[:200])
     table = decoded_errors(comparison.models, chain, comparison.units)
     found = table.query("structure and seed == 1 and forward == 'unchanged' and steps == 2").iloc[0]
     first, then = (dataset.signals[rows[:, step]] for step in (0, 2))
@@ -299,22 +293,16 @@ def test_directions_count_by_the_size_of_the_true_action(comparison, lesson):
     actions = lesson.actions[:200].clone()
     actions[~keep, 1] = 0.0
     actions[~keep, 0] *= 50.0
-    chain = ChainData(lesson.signals, lesson.chains[:200], actions, lesson.time_step[:200])
-    alone = ChainData(lesson.signals, chain.rows[keep], actions[keep], chain.time_step[keep])
+    rows, time_step = lesson.chains[:200], lesson.time_step[:200]
+    chain = replace(lesson, chains=rows, actions=actions, time_step=time_step)
+    alone = replace(lesson, chains=rows[keep], actions=actions[keep], time_step=time_step[keep])
     found, expected = (direction_errors(comparison.models, one, 0.1) for one in (chain, alone))
     np.testing.assert_allclose(found.pop("distance"), expected.pop("distance"), rtol=1e-4, atol=1e-6)
     assert found.equals(expected)
 
 
-@pytest.fixture(scope="module")
-def touches():
-    samples = toy_dataset(contacts=10, samples=150)
-    samples = replace(samples, split=np.where(samples.contact % 5 == 4, TEST, TRAIN))
-    return samples, toy_geodesics(samples, bins=2, size=300)
-
-
-def test_a_set_has_the_units_of_its_training_samples(touches):
-    samples, geodesics = touches
+def test_a_set_has_the_units_of_its_training_samples(touch):
+    samples, geodesics = touch
     units = latent_training.own_units(samples, geodesics)
     rows = samples.split == TRAIN
     seen = units.signals(samples.signals[rows].astype(float))

@@ -1,4 +1,4 @@
-"""Any sensor by its description, presses at known places, and servoing on a table of them."""
+"""Readings of any sensor, presses at known places, and servoing on a table of them."""
 
 from types import SimpleNamespace
 
@@ -9,22 +9,18 @@ from committed import committed
 from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_parameters import NetworkParameters, SensorDescription
+from structlearn.tactile.latent_parameters import NetworkParameters
 from structlearn.tactile.pressed_skin import (
     PressedSkin,
     TableRuns,
+    drifted,
     plate_pairs,
-    pressed_skin,
+    seen,
     servo_on_table,
     walks,
 )
 from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST, TRAIN, touch_units
-
-
-def sensor(channels=4, **changes):
-    given = {"places_mm": None, "change": "either", "by_norm": True, "gain_spread": 0.5} | changes
-    return SensorDescription(channels=tuple("abcdefgh"[:channels]), **given)
 
 
 @pytest.fixture
@@ -38,60 +34,52 @@ def grid(size=8):
 
 
 def test_a_gain_of_all_channels_changes_the_last_signal_alone(counts):
-    signals, pressure = sensor().seen(counts)
-    stronger, more = sensor().seen(3.0 * counts)
+    signals, pressure = seen(counts, "either", by_norm=True)
+    stronger, more = seen(3.0 * counts, "either", by_norm=True)
     np.testing.assert_allclose(np.linalg.norm(signals[:, :-1], axis=1), 1.0)
     np.testing.assert_allclose(stronger[:, :-1], signals[:, :-1])
     np.testing.assert_allclose(more - pressure, np.log(3.0))
     np.testing.assert_array_equal(signals[:, -1], pressure)
+    counts[7] = 0.0
+    with pytest.raises(InputError, match="row 7 is zero in all channels"):
+        seen(counts, "either", by_norm=True)
 
 
 def test_pressure_follows_what_readings_do(counts):
     """Of a BioTac readings fall: p = -mean(s) (II.3.2)."""
-    plain = {"by_norm": False}
-    np.testing.assert_array_equal(sensor(change="falls", **plain).seen(counts)[1], -counts.mean(axis=1))
-    np.testing.assert_array_equal(sensor(change="rises", **plain).seen(counts)[1], counts.mean(axis=1))
-    signals, pressure = sensor(**plain).seen(counts)
+    np.testing.assert_array_equal(seen(counts, "falls", by_norm=False)[1], -counts.mean(axis=1))
+    np.testing.assert_array_equal(seen(counts, "rises", by_norm=False)[1], counts.mean(axis=1))
+    signals, pressure = seen(counts, "either", by_norm=False)
     np.testing.assert_array_equal(signals, counts)
     np.testing.assert_allclose(pressure**2, np.square(counts).sum(axis=1))
 
 
-def test_faults_of_a_sensor_are_named(counts):
-    with pytest.raises(InputError, match="4 channels, its description has 3"):
-        sensor(3).seen(counts)
-    counts[7] = 0.0
-    with pytest.raises(InputError, match="row 7 is zero in all channels"):
-        sensor().seen(counts)
-
-
 def test_copies_differ_by_a_gain(counts):
-    drifted = sensor().drifted(counts, 3, np.random.default_rng(0)).reshape(3, *counts.shape)
-    np.testing.assert_array_equal(drifted[0], counts)
-    gains = drifted[1:] / counts
+    found = drifted(counts, 0.5, 3, np.random.default_rng(0)).reshape(3, *counts.shape)
+    np.testing.assert_array_equal(found[0], counts)
+    gains = found[1:] / counts
     np.testing.assert_allclose(gains, gains[..., :1].repeat(4, axis=-1))
     assert 0.3 < np.log(gains[..., 0]).std() < 0.7
 
 
 def test_pairs_know_their_distance_and_stay_in_their_split(counts):
     place, split = np.random.default_rng(1).normal(size=(30, 3)), np.where(np.arange(30) < 20, TRAIN, TEST)
-    skin = pressed_skin(sensor(), counts, place, split, 2, np.random.default_rng(0))
-    pairs = plate_pairs(skin, TRAIN, 200, np.random.default_rng(2))
-    assert (skin.split[pairs.first] == TRAIN).all()
-    assert (skin.split[pairs.second] == TRAIN).all()
-    expected = np.hypot(*(skin.place[pairs.first] - skin.place[pairs.second]).T[:2])
+    pairs = plate_pairs(PressedSkin(counts, counts[:, 0], split, place), TRAIN, 200, np.random.default_rng(2))
+    assert (split[[pairs.first, pairs.second]] == TRAIN).all()
+    expected = np.hypot(*(place[pairs.first] - place[pairs.second]).T[:2])
     np.testing.assert_allclose(pairs.distance, expected)
 
 
 def test_walks_go_from_press_to_press():
     place = grid()
     split = np.where(place[:, 0] < 5.5e-3, TRAIN, TEST)
-    skin = PressedSkin(np.zeros((64, 4)), np.zeros(64), place, split)
+    skin = PressedSkin(np.zeros((64, 4)), np.zeros(64), split, place)
     found = walks(skin, 500, 2e-3, np.random.default_rng(0))
     assert found.actions.shape == (500, 3, 2)  # depth never changes, so it is no action
     np.testing.assert_allclose(found.actions, np.diff(place[found.rows], axis=1)[..., :2])
     assert (split[found.rows] == TRAIN).all()
     assert np.abs(found.actions).max() < 3e-3
-    deeper = PressedSkin(skin.signals, skin.pressure, np.tile(place, (2, 1)), np.full(128, TRAIN))
+    deeper = PressedSkin(skin.signals, skin.pressure, np.full(128, TRAIN), np.tile(place, (2, 1)))
     deeper.place[64:, 2] = 1e-3
     assert walks(deeper, 50, 2e-3, np.random.default_rng(0)).actions.shape == (50, 3, 3)
 
@@ -113,7 +101,7 @@ class Straight:
 
 def test_a_servo_that_knows_its_place_arrives_on_the_straight_way():
     place = grid()
-    table = PressedSkin(place.copy(), np.zeros(64), place, np.full(64, TEST))
+    table = PressedSkin(place.copy(), np.zeros(64), np.full(64, TEST), place)
     starts, targets = np.array([0, 9, 63]), np.array([63, 9, 7])
     done = servo_on_table(Straight(), table, starts, targets, 20, map_alone=True)
     assert done.path.shape == (21, 1, 3, 2)
@@ -137,7 +125,8 @@ def test_models_take_actions_of_any_number_of_components(axes):
     models = LatentModels.initial((0, 1), 5, networks, seeded(0), actions=axes).detached()
     place = grid()
     place[::2, 2] = 1e-3 * (axes - 2)
-    skin = pressed_skin(sensor(), np.random.default_rng(0).normal(size=(64, 4)), place, np.full(64, TRAIN))
+    readings = seen(np.random.default_rng(0).normal(size=(64, 4)), "either", by_norm=True)
+    skin = PressedSkin(*readings, np.full(64, TRAIN), place)
     chains = walks(skin, 50, 2e-3, np.random.default_rng(0))
     units = touch_units(skin, chains, 1e-2)
     assert units.action_scale.shape == (axes,)

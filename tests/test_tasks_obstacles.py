@@ -26,8 +26,7 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
 from structlearn.primitives.position import fit_position
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import NamedShape
+from structlearn.readers.demonstration import Demonstration, NamedShape
 from structlearn.reporting.claims import read_claims
 from structlearn.tasks.obstacles.coupling_representations import samples_of_reaches
 from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings, scene_pictures
@@ -59,14 +58,15 @@ def made_up_trial(person, number, bow=0.0, x=0.0, move_s=MOVE_S, late_s=0.2):
 @lru_cache
 def made_up_reaches():
     """Three people, each with a blocked reach, a free one and another blocked one."""
-    trials = []
-    for place in range(3):
-        bow = 0.12 + 0.01 * place
-        trials += [
-            made_up_trial(f"p{place}", 0, bow),
-            made_up_trial(f"p{place}", 1, 0.01, x=-0.2),
-            made_up_trial(f"p{place}", 2, -bow, x=0.08),
-        ]
+    trials = [
+        made_up_trial(f"p{place}", number, bow, x)
+        for place in range(3)
+        for number, bow, x in (
+            (0, 0.12 + 0.01 * place, 0.0),
+            (1, 0.01, -0.2),
+            (2, -0.12 - 0.01 * place, 0.08),
+        )
+    ]
     return reaches_past_obstacles(trials, PARAMETERS)
 
 
@@ -191,9 +191,7 @@ def test_the_text_sees_the_nearest_box():
 def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstration():
     reaches, _ = made_up_reaches()
     baseline = scene_models.straight_baseline(reaches, PARAMETERS.straight_share)
-    bent = [
-        reach for reach in reaches if reach.name.endswith("_0")
-    ]  # none is straight, the first straightest
+    bent = [one for one in reaches if one.name.endswith("_0")]  # none is straight, the first straightest
     alone, both = (
         scene_models.straight_baseline(some, PARAMETERS.straight_share) for some in (bent[:1], bent)
     )
@@ -236,15 +234,16 @@ def test_states_elsewhere_lead_back():
 
 def recordings():
     """Reaches of a task, each a person of its own: blocked and free ones in turn, their times not known."""
-    blocked = [made_up_trial(f"blocked {n}", n, 0.12 + 0.01 * n, x=0.03 * n) for n in range(3)]
-    free = [made_up_trial(f"free {n}", n, 0.01, x=0.03 * n + 0.3) for n in range(3)]
-    runs = [one for pair in zip(blocked, free, strict=True) for one in pair]
-    crates = [(replace(one.shapes[0], name="crate"),) for one in runs]
-    names = [one.provenance["person"] for one in runs]
-    return [
-        replace(one, name=name, shapes=shapes, provenance={"person": name})
-        for one, name, shapes in zip(runs, names, crates, strict=True)
-    ]
+    runs = []
+    for n in range(3):
+        for name, bow, x in (
+            (f"blocked {n}", 0.12 + 0.01 * n, 0.03 * n),
+            (f"free {n}", 0.01, 0.03 * n + 0.3),
+        ):
+            one = made_up_trial(name, n, bow, x)
+            crate = replace(one.shapes[0], name="crate")
+            runs.append(replace(one, name=name, shapes=(crate,), provenance={"person": name}))
+    return runs
 
 
 def test_reaches_of_a_task_are_learned_from_without_times_and_people():
@@ -288,30 +287,23 @@ def made_up_ways():
         path_mm=np.where(scene, 15.0 + 0.1 * people, 40.0),
         same_gaps=(people != 1) | (number != 0) | ~scene,
     ).drop(columns="number")
-    errors = [(way, axis, 4.0, 8.0, fold) for way in MODELS for axis in "xyz" for fold in range(4)]
-    time = np.linspace(0.0, 1.5, 20)
+    errors = pd.DataFrame(product(MODELS, "xyz", range(4)), columns=["way", "axis", "fold"])
+    time, reaches = np.linspace(0.0, 1.5, 20), ("p0_1", "p1_1", "p2_1")
     paths = [
         pd.DataFrame({"reach": reach, "way": way, "time_s": time, "x_m": 0.1, "y_m": time / 3, "z_m": 0.8})
-        for reach in ("p0_1", "p1_1", "p2_1")
-        for way in ("recorded", *WAYS)
+        for reach, way in product(reaches, ("recorded", *WAYS))
     ]
-    shapes = [
-        (reach, box, 0.2 * box, -0.05, 0.79, 0.1, 0.05, 0.12)
-        for reach in ("p0_1", "p1_1", "p2_1")
-        for box in (True, True, False)
-    ]
-    extent = ["x_m", "y_m", "z_m", "width_m", "depth_m", "height_m"]
+    shapes = pd.DataFrame(product(reaches, (True, True, False)), columns=["reach", "box"])
+    place = {"x_m": 0.2 * shapes["box"], "y_m": -0.05, "z_m": 0.79}
+    pair = {"first": ["p0"], "second": "p1", "reach": "p0_1", "path_mm": 28.0, "same_gaps": True}
     return SceneWays(
         {
             "reaches": rows,
-            "errors": pd.DataFrame(errors, columns=["way", "axis", "squared", "variance", "fold"]),
-            "people": pd.DataFrame(
-                [("p0", "p1", "p0_1", 28.0, True)],
-                columns=["first", "second", "reach", "path_mm", "same_gaps"],
-            ),
+            "errors": errors.assign(squared=4.0, variance=8.0),
+            "people": pd.DataFrame(pair),
             "left_out": pd.DataFrame({"trial": ["p0_9"], "person": ["p0"], "reason": ["takes 5.0 s"]}),
             "paths": pd.concat(paths, ignore_index=True),
-            "shapes": pd.DataFrame(shapes, columns=["reach", "box", *extent]),
+            "shapes": shapes.assign(**place, width_m=0.1, depth_m=0.05, height_m=0.12),
         }
     )
 

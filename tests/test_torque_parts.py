@@ -9,12 +9,12 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import delan_characters
 from structlearn.readers.joint_log import PartedLog, read_log_table, write_log_table
 from structlearn.rigid_body.dynamics_models import predicted_torques, rigid_body_torques, torque_parts
+from structlearn.rigid_body.identification import fit_planar_arm, planar_tree
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.planar_arm import fit_planar_arm, planar_tree
 from structlearn.rigid_body.tree import LinkInertias
 from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
+from structlearn.tasks.motion.motion_section import parts_section
 from structlearn.tasks.motion.torque_parts import held_out, learn_parts
-from structlearn.tasks.motion.torque_parts_section import parts_section
 
 PLACES = np.array([[0.6, -0.2]])
 BODIES = LinkInertias(

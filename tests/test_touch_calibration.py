@@ -5,24 +5,15 @@ import pytest
 from committed import committed
 
 from structlearn.core.errors import InputError
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.demonstration import Recording, Stream
 from structlearn.tasks.touch import touch_calibration
-from structlearn.tasks.touch.touch_calibration import FingerTrace, finger_traces, joined
+from structlearn.tasks.touch.touch_calibration import FingerTrace, finger_traces
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE
 
 RATE_HZ = 100.0
 NOTHING = np.zeros((100, 2))
-PARAMETERS = committed(
-    touch_calibration.CalibrationParameters,
-    "calibrate",
-    rate_hz=RATE_HZ,
-    settling_s=0.0,
-    average_s=0.1,
-    active_counts=20.0,
-    variance=0.99,
-    segment_s=2.56,
-    factor=2.0,
-)
+CHANGES = {"rate_hz": RATE_HZ, "settling_s": 0.0, "average_s": 0.1, "segment_s": 2.56}
+PARAMETERS = committed(touch_calibration.CalibrationParameters, "calibrate", active_counts=20.0, **CHANGES)
 
 
 def execution(seed: int, gain: float = 1.0) -> np.ndarray:
@@ -103,7 +94,7 @@ def test_held_values_are_thinned_and_primitives_joined():
     own = execution(1)
     held = np.repeat(own, 3, axis=0)
     parts = [recording("a", [held[:900], held[:900]], 300.0), recording("b", [held[900:], held[900:]], 300.0)]
-    left, right = joined("set", "run", parts, RATE_HZ, settling_s=0.5)
+    left, right = finger_traces("set", "run", parts, RATE_HZ, settling_s=0.5)
     np.testing.assert_array_equal(left.counts, own)
     assert (left.finger, right.finger) == ("left", "right")
     assert (left.contact, len(left.moving)) == (350, 650)
@@ -112,7 +103,7 @@ def test_held_values_are_thinned_and_primitives_joined():
 def test_one_stream_of_both_fingers_is_split():
     counts = np.hstack([execution(1), execution(2)])
     segments = np.array([[0.0, 3.0], [3.0, 9.0]])
-    left, right = finger_traces("set", recording("run", [counts], RATE_HZ, segments), RATE_HZ)
+    left, right = finger_traces("set", "run", [recording("run", [counts], RATE_HZ, segments)], RATE_HZ)
     np.testing.assert_array_equal(right.counts, execution(2))
     assert left.contact == right.contact == 300
 
@@ -128,34 +119,24 @@ def test_one_stream_of_both_fingers_is_split():
 def test_readers_without_fingers(counts, rate_hz, message):
     empty = Recording("run", (), None, {})
     with pytest.raises(InputError, match=message):
-        finger_traces("set", recording("run", counts, rate_hz) if counts else empty, RATE_HZ)
-
-
-def traces(gain: float) -> list[FingerTrace]:
-    recorded = [
-        FingerTrace(REFERENCE, "run", finger, execution(seed), 300)
-        for seed, finger in enumerate(("left", "right"))
-    ]
-    simulated = [
-        FingerTrace(CALIBRATED, f"{run}", finger, execution(10 * run + place, gain), 300)
-        for run in range(3)
-        for place, finger in enumerate(("left", "right"))
-    ]
-    return [*recorded, *simulated, FingerTrace("slides, recorded", "slide", "left", execution(99))]
+        finger_traces("set", "run", [recording("run", counts, rate_hz) if counts else empty], RATE_HZ)
 
 
 def calibrated(gain: float):
-    """All tables, of traces that are recorded, and simulated `gain` times as strong."""
-    return touch_calibration.calibration_tables(traces(gain), PARAMETERS)
-
-
-def compared(gain: float):
-    tables = calibrated(gain)
-    return tables["fingers"], tables["comparison"].set_index("statistic")
+    """All tables, of a recorded run and three simulated ones that are `gain` times as strong."""
+    traces = [
+        FingerTrace(group, f"{run}", finger, execution(10 * run + place, strength), 300)
+        for group, runs, strength in ((REFERENCE, 1, 1.0), (CALIBRATED, 3, gain))
+        for run in range(runs)
+        for place, finger in enumerate(("left", "right"))
+    ]
+    slide = FingerTrace("slides, recorded", "slide", "left", execution(99))
+    return touch_calibration.calibration_tables([*traces, slide], PARAMETERS)
 
 
 def test_the_comparison_finds_the_same_in_the_same():
-    table, comparison = compared(1.0)
+    tables = calibrated(1.0)
+    table, comparison = tables["fingers"], tables["comparison"].set_index("statistic")
     assert comparison["agrees"].all()
     assert comparison.loc["contact_strongest", "recorded"] == pytest.approx(190, abs=2)
     assert comparison.loc["contact_many", "simulated"] == 1
@@ -163,18 +144,15 @@ def test_the_comparison_finds_the_same_in_the_same():
     assert comparison.loc["power_slow", "recorded"] == pytest.approx(9.5 / np.sqrt(2), rel=0.1)
     always = table[table["group"] == "slides, recorded"]
     assert always[["contact_strongest", "contact_many"]].isna().all(axis=None)
+    traces = tables["traces"]
+    assert set(traces["group"]) == {REFERENCE, CALIBRATED}
+    assert abs(traces[traces["time_s"] < -2.0]["change"]).max() < 10
+    assert traces["time_s"].min() == -3.0
 
 
 def test_the_comparison_finds_a_factor():
-    _, comparison = compared(3.0)
+    comparison = calibrated(3.0)["comparison"].set_index("statistic")
     disagree = comparison.index[~comparison["agrees"]]
     assert {"contact_strongest", "range_strongest", "power_slow"} <= set(disagree)
     assert comparison.loc["contact_strongest", "ratio"] == pytest.approx(3.0, rel=0.05)
     assert {"noise_median", "power_fast"}.isdisjoint(disagree)
-
-
-def test_traces_to_look_at_start_at_zero():
-    table = touch_calibration.trace_table(traces(1.0), PARAMETERS)
-    assert set(table["group"]) == {REFERENCE, CALIBRATED}
-    assert abs(table[table["time_s"] < -2.0]["change"]).max() < 10
-    assert table["time_s"].min() == -3.0

@@ -12,19 +12,15 @@ from structlearn.readers import clmc, slide, synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import biotac
 from structlearn.tactile.touch_dataset import TEST, TRAIN
+from structlearn.tasks.touch import touch_names as names
 from structlearn.tasks.touch import touch_transfer
 from structlearn.tasks.touch.touch_names import (
-    COMPONENTS,
     MAGNITUDES,
     NEW_MATERIAL,
     NEW_SET,
     NEW_TRIALS,
-    OWN_UNITS,
-    PARTNERS,
-    PLAIN,
     SIMULATED,
     SLIDES,
-    STRUCTURED,
     UNSCREWING,
 )
 from structlearn.tasks.touch.touch_transfer import TouchSet
@@ -106,17 +102,17 @@ def test_every_trial_is_left_out_once_and_every_material_once():
 
 def test_all_is_asked_of_all_models(results):
     counts = results["errors"].groupby(["learned_from", "asked_about", "new", "model"])["part"].nunique()
-    for model in (STRUCTURED, PLAIN, COMPONENTS):
-        for new, parts in ((NEW_TRIALS, 2), (NEW_MATERIAL, 2), (OWN_UNITS, 2)):
+    for model in (names.STRUCTURED, names.PLAIN, names.COMPONENTS):
+        for new, parts in ((NEW_TRIALS, 2), (NEW_MATERIAL, 2), (names.OWN_UNITS, 2)):
             assert counts[SLIDES, SLIDES, new, model] == parts
-        for source, target in PARTNERS.items():
+        for source, target in names.PARTNERS.items():
             assert counts[source, target, NEW_SET, model] >= 1
     assert results["errors"]["reconstruction"].notna().all()
 
 
 def test_a_partner_in_other_counts_is_as_good_as_the_set_itself(results):
     """All samples of the set are those learned from and those left out."""
-    errors = results["errors"][results["errors"]["model"] == COMPONENTS]
+    errors = results["errors"][results["errors"]["model"] == names.COMPONENTS]
     by = errors.groupby(["learned_from", "new"])["reconstruction"].mean()
     slides = by[SLIDES]
     low, high = sorted(slides[[touch_transfer.LEARNED, NEW_TRIALS]])
@@ -135,26 +131,27 @@ def test_likeness_is_one_for_the_same_touches(results):
     np.testing.assert_allclose(diagonal, 1.0)
 
 
-def test_a_faulty_trial_is_left_out_altogether():
-    counts = 50.0 + 10.0 * np.random.default_rng(0).normal(size=(150, 19)).cumsum(axis=0) / 12
-    trials = [demonstration(name, np.abs(counts)) for name in ("mat9_1", "mat9_3", "mat15_1")]
-    few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0})
-    faulty = ("mat9_3",)
+def sets_of(slides, logs, faulty=(), **changes):
+    """Sets of recorded trials beside simulated touches, with distances on the skin."""
+    few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0} | changes)
     simulated = toy_dataset(contacts=4, samples=130)
-    sets = touch_transfer.touch_sets(
-        {SLIDES: trials, UNSCREWING: trials[::2]}, simulated, SKIN, 1.0, faulty, few
-    )
+    return touch_transfer.touch_sets({SLIDES: slides, UNSCREWING: logs}, simulated, SKIN, 1.0, faulty, few)
+
+
+def wandering(*trials, samples=150):
+    counts = 50.0 + 10.0 * np.random.default_rng(0).normal(size=(150, 19)).cumsum(axis=0) / 12
+    return [demonstration(name, np.abs(counts[:samples])) for name in trials]
+
+
+def test_a_faulty_trial_is_left_out_altogether():
+    trials, faulty = wandering("mat9_1", "mat9_3", "mat15_1"), ("mat9_3",)
+    sets = sets_of(trials, trials[::2], faulty)
     assert [one.name for one in sets] == ["slides", "unscrewing", "simulated", "simulated, magnitudes"]
     assert sets[0].groups == ("mat9", "mat15")
     assert len(sets[0].samples) == 300
-    alone = touch_transfer.touch_sets(
-        {SLIDES: trials[1:2], UNSCREWING: trials[::2]}, simulated, SKIN, 1.0, faulty, few
-    )
-    assert [one.name for one in alone] == ["unscrewing", "simulated"]
+    assert [one.name for one in sets_of(trials[1:2], trials[::2], faulty)] == ["unscrewing", "simulated"]
     with pytest.raises(MissingInputError, match="no two slides or logs of unscrewing"):
-        touch_transfer.touch_sets(
-            {SLIDES: trials[1:2], UNSCREWING: trials[:1]}, simulated, SKIN, 1.0, faulty, few
-        )
+        sets_of(trials[1:2], trials[:1], faulty)
 
 
 def test_a_set_goes_on_without_the_other(capsys):
@@ -162,14 +159,9 @@ def test_a_set_goes_on_without_the_other(capsys):
     found = touch_transfer.learn_transfer(
         [touch_set(SLIDES, ("a", "a", "b", "b")), touch_set(MAGNITUDES, ("c",) * 4)], SKIN, FEW
     )
-    assert set(found["sets"]["set"]) == {SLIDES, MAGNITUDES}
-    assert set(found["errors"]["learned_from"]) == set(found["sets"]["set"])
+    assert set(found["sets"]["set"]) == set(found["errors"]["learned_from"]) == {SLIDES, MAGNITUDES}
     assert list(found["likeness"]["first"]) == [SLIDES] * 2
-    counts = 50.0 + 10.0 * np.random.default_rng(0).normal(size=(150, 19)).cumsum(axis=0) / 12
-    long, short = ([demonstration(name, np.abs(counts[:samples])) for name in "ab"] for samples in (150, 20))
-    few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0, "neighbours": 45})
-    simulated = toy_dataset(contacts=4, samples=130)
-    sets = touch_transfer.touch_sets({SLIDES: long, UNSCREWING: short}, simulated, SKIN, 1.0, (), few)
+    sets = sets_of(wandering("a", "b"), wandering("a", "b", samples=20), neighbours=45)
     assert [one.name for one in sets] == ["slides", "simulated, magnitudes"]
     assert "unscrewing left aside: touch: 40 points in a bin" in capsys.readouterr().out
 

@@ -79,9 +79,6 @@ def test_errors_of_rerun_raise_and_strictness_ends_with_the_recording(tmp_path):
     assert strict_mode() == before
 
 
-"""A stage that writes two recordings, of about 0.2 and 0.9 MB."""
-
-
 def test_a_full_disk_is_one_line_and_leaves_the_former_recordings(tmp_path):
     """Two recordings, of about 0.2 and 0.9 MB; the disk is full at once, in the data, or in the footer."""
     folder = tmp_path / "recordings"

@@ -28,8 +28,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import yaml
@@ -53,14 +52,14 @@ PIPELINE_HEADER = """\
 # One stage of one task: dvc repro segment@NAME
 """
 
-IGNORED = (
-    "/data/code",
-    "/data/tasks",
-    "/reports/tasks/*/rerun",
-    "/reports/times.json",
-    ".running-*",
-    "__pycache__",
-)
+IGNORED = """\
+/data/code
+/data/tasks
+/reports/tasks/*/rerun
+/reports/times.json
+.running-*
+__pycache__
+"""
 
 
 def main(words: list[str] | None = None) -> None:
@@ -70,7 +69,7 @@ def main(words: list[str] | None = None) -> None:
 
 
 def new(given: argparse.Namespace) -> None:
-    """Make a folder with an entry for recordings, a pipeline, and what git ignores."""
+    """Make a project folder from recordings."""
     folder, name = Path(given.name), Path(given.name).name
     if not is_name(name):
         raise InputError(f"{name!r}: {NAME_RULE}")
@@ -87,7 +86,7 @@ def new(given: argparse.Namespace) -> None:
         (target / project.LAB).write_text(HEADER + text)
         pipeline = yaml.safe_dump(project.lab_pipeline(), sort_keys=False, width=110)
         (target / "dvc.yaml").write_text(PIPELINE_HEADER + pipeline)
-        (target / ".gitignore").write_text("".join(f"{line}\n" for line in IGNORED))
+        (target / ".gitignore").write_text(IGNORED)
     _begin(folder)
     print(f"{folder}: look at {folder / project.LAB}, then: cd {folder} && structlearn run")
 
@@ -105,7 +104,7 @@ def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
         raise InputError(f"{source}: nothing here could be the pose of a hand{reasons and ': '}{reasons}")
     for answer in found.answers:
         print(f"{answer.verdict:12} {answer.question} {answer.number}")
-    return as_yaml(replace(found.proposal, name=name))
+    return as_yaml(found.proposal._replace(name=name))
 
 
 def _begin(folder: Path) -> None:
@@ -120,7 +119,7 @@ def _begin(folder: Path) -> None:
 
 
 def make(given: argparse.Namespace) -> None:
-    """Bring tasks up to date, all of the project's or one."""
+    """Bring all tasks up to date, or one: from recordings to a page."""
     from structlearn.tasks.task_entry import targets
 
     stages = targets(project.entry_files()[-1].name, given.task or "")
@@ -131,7 +130,7 @@ def make(given: argparse.Namespace) -> None:
 
 
 def check(given: argparse.Namespace) -> None:
-    """Say whether the robot of a task can do what its skill may ask; exit code 1 if it cannot."""
+    """Can the robot of a task do what its skill may ask?"""
     from structlearn.tasks.movement import check_results
     from structlearn.tasks.task_entry import read_task
 
@@ -142,7 +141,7 @@ def check(given: argparse.Namespace) -> None:
 
 
 def view(given: argparse.Namespace) -> None:
-    """Open the recordings of a task."""
+    """Open the recordings of a task in 3-D."""
     folder = TaskFiles(given.task).report / "rerun"
     files = sorted(map(str, folder.glob("*.rrd")))
     if not files:
@@ -158,7 +157,7 @@ def view(given: argparse.Namespace) -> None:
 
 
 def export(given: argparse.Namespace) -> None:
-    """Write a task's demonstrations as a LeRobotDataset, its primitives as subtasks."""
+    """Write the demonstrations of a task as a LeRobotDataset (v3.0)."""
     from structlearn.tasks.movement.lerobot_export import write_lerobot
     from structlearn.tasks.movement.movement_parameters import MovementEntry
 
@@ -175,19 +174,19 @@ def export(given: argparse.Namespace) -> None:
 
 
 def defaults(given: argparse.Namespace) -> None:
-    """Print the defaults of all kinds of data with their units."""
+    """Print what an entry may set, with units and defaults."""
     print(project.defaults_file().read_text(encoding="utf-8"), end="")
 
 
 def inspect(given: argparse.Namespace) -> None:
-    """Say what recordings hold, and propose an entry."""
+    """Say what recordings hold, whether they are fit, and propose an entry."""
     from structlearn.tasks.inspection.recordings_report import inspect as look
 
     look(given.source, given.urdf, given.output)
 
 
 def excite(given: argparse.Namespace) -> None:
-    """Design a motion to record, from which the inertias and friction of an arm are identified."""
+    """Design a motion to identify an arm from, within the limits of its URDF."""
     from structlearn.tasks.motion.excite import design_trajectory
 
     design_trajectory(given.task, given.urdf, given.lock)
@@ -212,9 +211,9 @@ def _beside_python(program: str) -> str:
     return found
 
 
-def _quietly(words: Iterable[str]) -> bool:
+def _quietly(words: Sequence[str]) -> bool:
     try:
-        return subprocess.run(list(words), capture_output=True, check=False).returncode == 0
+        return subprocess.run(words, capture_output=True, check=False).returncode == 0
     except OSError:
         return False
 
@@ -225,39 +224,40 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def command(name: str, do: object, words: str) -> argparse.ArgumentParser:
-        its = commands.add_parser(name, help=words, description=words)
+    def command(name: str, do: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
+        words = (do.__doc__ or "").rstrip(".")
+        its = commands.add_parser(name, help=words[0].lower() + words[1:], description=words)
         its.set_defaults(do=do)
         return its
 
-    one = command("new", new, "make a project folder from recordings")
+    one = command("new", new)
     one.add_argument("name", help="folder to make; its last part is the task's name")
     one.add_argument("--from", dest="source", required=True, help="a recording, or a folder of them")
     one.add_argument("--kind", choices=KINDS, default="movement", help="of data (default: movement)")
     one.add_argument(
         "--urdf", help="the robot, where poses are computed from joints, or whose arm is identified"
     )
-    one = command("run", make, "bring all tasks up to date, or one: from recordings to a page")
+    one = command("run", make)
     one.add_argument("task", nargs="?", help="default: all")
-    one = command("check", check, "can the robot of a task do what its skill may ask?")
+    one = command("check", check)
     one.add_argument("task")
-    one = command("view", view, "open the recordings of a task in 3-D")
+    one = command("view", view)
     one.add_argument("task")
     one.add_argument("--web", action="store_true", help="serve them to a browser")
-    one = command("export", export, "write the demonstrations of a task as a LeRobotDataset (v3.0)")
+    one = command("export", export)
     one.add_argument("task")
     one.add_argument("--format", choices=["lerobot"], default="lerobot")
     one.add_argument("--to", type=Path, help="folder to make (default: the task's name)")
     one.add_argument("--fps", type=int, help="frames per second (default: those of the task's clock)")
     one.add_argument("--words", help="what is done, in words (default: the task's title or name)")
     one.add_argument("--robot", help="name of the robot")
-    one = command("excite", excite, "design a motion to identify an arm from, within the limits of its URDF")
+    one = command("excite", excite)
     robot = one.add_mutually_exclusive_group(required=True)
     robot.add_argument("--task", help="a task whose entry names the robot")
     robot.add_argument("--urdf", help="the robot")
     one.add_argument("--lock", nargs="*", default=(), help="joints that do not move, e.g. of a gripper")
-    command("defaults", defaults, "print what an entry may set, with units and defaults")
-    one = command("inspect", inspect, "say what recordings hold, whether they are fit, and propose an entry")
+    command("defaults", defaults)
+    one = command("inspect", inspect)
     one.add_argument("source", help="a file, a bag, or a folder of them")
     one.add_argument("--urdf", help="the robot, where poses are computed from joints")
     one.add_argument("--output", type=Path, help="file for the proposed entry")

@@ -1,8 +1,8 @@
-"""The project's colours: one palette for pictures on pages and in recordings, with names that all share.
+"""Colours (`#rrggbb`) and names of methods, shared by pages and recordings.
 
 The categorical colours are those of Okabe and Ito, which people with common colour blindness can tell apart,
 without yellow; ochre, pink and light blue are darker than theirs, so that every line has a contrast of 3:1
-on white and on the dark ground of recordings. All colours are hex strings (`#rrggbb`).
+on white and on the dark ground of recordings.
 """
 
 from typing import NamedTuple
@@ -20,22 +20,12 @@ GREY = "#6f7780"  # what is context: other demonstrations, true values
 LIGHT_GREY = "#8d959d"
 WHITE = "#d5d9de"  # on the dark ground of recordings alone
 
-COLOUR_NAMES = {
-    BLUE: "blue",
-    OCHRE: "ochre",
-    GREEN: "green",
-    ORANGE: "orange",
-    PINK: "pink",
-    LIGHT_BLUE: "light blue",
-    GREY: "grey",
-    LIGHT_GREY: "light grey",
-    WHITE: "white",
-}
-"""What texts call them."""
+COLOUR_NAMES = {BLUE: "blue", OCHRE: "ochre", GREEN: "green", ORANGE: "orange", PINK: "pink"}
+COLOUR_NAMES |= {LIGHT_BLUE: "light blue", GREY: "grey", LIGHT_GREY: "light grey", WHITE: "white"}
 
 
 class Look(NamedTuple):
-    """How something is called (in running text, legends, tables and recordings) and drawn."""
+    """Name in texts, legends, tables and recordings, and colour."""
 
     name: str
     colour: str
@@ -69,7 +59,7 @@ PHASE_PATHS = {
     "coupling": Look("with learned coupling", REPRODUCTION_COLOUR),
     "spread": Look("mean of the training runs", BLACK),
 }
-"""Of corrected runs; tables hold distances to them as `KEY_mm`."""
+"""Paths that corrected runs are compared with; tables hold distances to them as `KEY_mm`."""
 
 # who or what moves a hand through a scene of obstacles, in the order of tables
 SCENE_WAYS = {
@@ -92,7 +82,7 @@ PLATE_CORNERS = ((BLUE, GREEN), (ORANGE, OCHRE))
 
 
 def place_colours(places: np.ndarray) -> np.ndarray:
-    """Colours (N, 3) of bytes of places (N, 2) on a plate: the same in all pictures of it."""
+    """Colours (N, 3), bytes, of places (N, 2) on a plate."""
     corners = np.array([[[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in row] for row in PLATE_CORNERS])
     part = (places - places.min(axis=0)) / np.maximum(np.ptp(places, axis=0), 1e-12)
     weights = np.stack([1.0 - part, part], axis=-1)  # (N, 2, 2): axis, end

@@ -1,10 +1,8 @@
-"""Hold the files of the pipeline against what its stages wrote: `python -m structlearn.verify [FILE ...]`.
+"""Compare the files of the pipeline with what its stages wrote: `python -m structlearn.verify [FILE ...]`.
 
-Without arguments every output that a `dvc.lock` names is read anew and its digest compared; DVC itself looks
-at times and sizes first, so that it does not see a bit that changed by itself. A pipeline of which nothing is
-there has not been run, and is said so. With arguments single files are read, and must be what they were
-written as: arrays, skills, tables, bags; what carries no checksum is said to. Ends with code 1 where one is
-not.
+Without arguments every output that a `dvc.lock` names is read and its digest compared; DVC itself looks at
+times and sizes first, so it does not detect bit rot. With arguments the checksums of single files are checked
+(arrays, skills, tables, bags). Ends with code 1 if a file is not as it was written.
 """
 
 import argparse
@@ -20,12 +18,11 @@ from structlearn.core.params import read_values
 from structlearn.core.reading import digest as file_digest
 from structlearn.readers.bag import read_bag
 
-SKILL = '{"reactive_skill"'
-"""How the description of a skill file begins."""
+SKILL = '{"reactive_skill"'  # begins the description of a skill file
 
 
 def main() -> None:
-    """Say what is not as it was written."""
+    """Print what is not as it was written."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", type=Path, help="default: all outputs of all stages")
     files = parser.parse_args().files
@@ -51,11 +48,7 @@ def main() -> None:
 
 
 def outputs(lock: Path, root: Path = Path()) -> list[tuple[str, Path, str]]:
-    """Stage, path and digest of each output that a `dvc.lock` names; its paths start from the root.
-
-    Raises:
-        InputError: the lock cannot be read.
-    """
+    """Stage, path below `root` and digest of each output of a `dvc.lock`; an InputError if unreadable."""
     try:
         stages = read_values(lock)["stages"].items()
         return [(name, root / out["path"], out["md5"]) for name, its in stages for out in its.get("outs", ())]
@@ -64,7 +57,7 @@ def outputs(lock: Path, root: Path = Path()) -> list[tuple[str, Path, str]]:
 
 
 def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
-    """For each output that a lock names, why it is not what was written; None where it is."""
+    """For each output of a lock, why it is not what was written; None if it is."""
     for name, path, written in outputs(lock, root):
         try:
             yield None if digest(path) == written else f"{path}: not as stage '{name}' left it"
@@ -95,10 +88,10 @@ def _fault(path: Path) -> str | None:
 
 
 def _read_arrays(path: Path) -> object:
-    """A skill must be whole; of other arrays the digest is all that can be told."""
+    """Read arrays; a skill must be complete too."""
     if not read_description(path).startswith(SKILL):
         return read_tensors(path)
-    from structlearn.feedback.skill_file import read_skill  # takes compiled code along
+    from structlearn.feedback.skill_file import read_skill  # imports compiled code
 
     return read_skill(path)
 

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from structlearn.core.stage import run
-from structlearn.readers.joint_log import read_joint_logs, write_log_table
+from structlearn.readers.bag_recording import read_joint_logs
+from structlearn.readers.joint_log import write_log_table
 
 
 def main() -> None:

@@ -7,15 +7,12 @@ import pandas as pd
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.core.stage import run, stage_parameters
-from structlearn.rigid_body.learner import LearningParameters
+from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.model_names import IDEAL
-from structlearn.rigid_body.online_learning import (
-    OnlineParameters,
-    learn_once_through,
-    learn_payload,
-)
+from structlearn.rigid_body.payload import learn_payload
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.files import as_motion, read_logs, step_s
+from structlearn.testbeds.dynamics.protocol.trainings import OnlineParameters, learn_once_through
 
 
 def main() -> None:

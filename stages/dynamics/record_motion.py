@@ -7,7 +7,7 @@ from structlearn.core.artefacts import publish
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.joint_log import write_joint_log
+from structlearn.readers.bag_recording import write_joint_log
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters

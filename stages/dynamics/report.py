@@ -9,8 +9,6 @@ from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import extended, read_study
 from structlearn.rigid_body.model_names import COULOMB, ROBOT
 from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
-from structlearn.rigid_body.online_learning import OnlineParameters
-from structlearn.rigid_body.training_grid import TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
@@ -26,12 +24,13 @@ from structlearn.testbeds.dynamics.page.findings import (
 )
 from structlearn.testbeds.dynamics.page.page import dynamics_page
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
-from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import (
-    RecordMotionParameters,
-    StandInParameters,
-    stand_in,
+from structlearn.testbeds.dynamics.protocol.trainings import (
+    TEXT,
+    DynamicsTrainingParameters,
+    OnlineParameters,
 )
+from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
+from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, StandInParameters, stand_in
 
 PARAMETERS = {
     "arm": ArmParameters,

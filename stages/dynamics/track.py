@@ -11,13 +11,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.dynamics_models import DynamicsModels, read_dynamics_models
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
-from structlearn.testbeds.dynamics.protocol.tracking import (
-    Testbed,
-    TrackingParameters,
-    known,
-    learned,
-    track,
-)
+from structlearn.testbeds.dynamics.protocol.tracking import Testbed, TrackingParameters, known, learned, track
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
 from structlearn.testbeds.dynamics.world.joint_logs import StandInParameters, stand_in

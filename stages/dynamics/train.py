@@ -7,9 +7,14 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.base_parameters import base_parameters, base_table, link_table
 from structlearn.rigid_body.dynamics_models import write_dynamics_models
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
-from structlearn.rigid_body.training_grid import DynamicsTrainingParameters, scores, train, trainings
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.files import as_motion, read_logs
+from structlearn.testbeds.dynamics.protocol.trainings import (
+    DynamicsTrainingParameters,
+    scores,
+    train,
+    trainings,
+)
 
 
 def main() -> None:

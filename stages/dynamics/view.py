@@ -2,11 +2,11 @@
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
-from structlearn.rigid_body.training_grid import DynamicsTrainingParameters
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_FORM
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters, tracked_reaches
+from structlearn.testbeds.dynamics.protocol.trainings import DynamicsTrainingParameters
 from structlearn.testbeds.dynamics.views.arm_recordings import (
     DynamicsViewParameters,
     write_payload,

@@ -5,7 +5,7 @@ from functools import partial
 from structlearn.core.artefacts import publish
 from structlearn.core.parallel import parallel_map
 from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.runs import write_runs
+from structlearn.readers.demonstration import write_runs
 from structlearn.testbeds.obstacles.files import BASELINE, RUNS
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, captured
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios

@@ -4,8 +4,7 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.core.artefacts import publish, read_table
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import Demonstration, read_runs
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
 from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (

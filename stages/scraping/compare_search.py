@@ -45,12 +45,12 @@ def searches(
 ) -> pd.DataFrame:
     """Both searches for every primitive that is refined, from what its model before refinement does."""
     tables = []
-    for name in [one.name for one in board.primitives if one.name in refined.exploration]:
+    for name in [one.name for one in board.skill.primitives if one.name in refined.exploration]:
         own, exploration = board.of(name, after), refined.exploration[name]
         start = refinement.start(own, before[name], refined, exploration).compressed
         first = refined.seed * parameters.seeds
-        silent = replace(own, telling=False)
-        table = compare(silent, start, exploration, refined.search, parameters, first)
+        searched = replace(own, with_samples=False)
+        table = compare(searched, start, exploration, refined.search, parameters, first)
         tables.append(table.assign(primitive=name))
     return pd.concat(tables, ignore_index=True)
 

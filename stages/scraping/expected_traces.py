@@ -10,7 +10,7 @@ from structlearn.feedback.coupling_targets import (
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
 from structlearn.readers import synchronise, write_recordings
-from structlearn.readers.runs import write_runs
+from structlearn.readers.demonstration import write_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs

@@ -5,7 +5,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
 from structlearn.primitives.primitive_files import write_primitives
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import read_runs
 from structlearn.segmentation.segments import read_segmentation
 
 

@@ -2,7 +2,7 @@
 
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import read_demonstrations
-from structlearn.readers.runs import write_runs
+from structlearn.readers.demonstration import write_runs
 from structlearn.readers.source import ClockParameters
 
 

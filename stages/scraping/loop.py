@@ -6,12 +6,12 @@ from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.palette import Look
 from structlearn.testbeds.scraping.files import CLOSED_LOOP, ScrapingFiles
 from structlearn.testbeds.scraping.names import RUNS
-from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL, EvaluationParameters
+from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL, ExecutionParameters
 from structlearn.testbeds.scraping.world.scene_still import write_loop
 
 
 def main() -> None:
-    tilt = max(stage_parameters("evaluate_feedback", EvaluationParameters).settings_deg)
+    tilt = max(stage_parameters("evaluate_feedback", ExecutionParameters).settings_deg)
     files = ScrapingFiles()
     runs = [
         (Look(name, RUNS[model].colour), files.runs_at(tilt, CLOSED_LOOP, model)[0])

@@ -5,16 +5,13 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers import write_recordings
-from structlearn.testbeds.scraping.protocol.executions import (
-    CorrectedRunsParameters,
-    corrected_runs,
-    executions,
-)
+from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
+from structlearn.testbeds.scraping.protocol.executions import corrected_runs, executions
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 def main() -> None:
-    parameters = stage_parameters("record_corrections", CorrectedRunsParameters)
+    parameters = stage_parameters("record_corrections", ExecutionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
     runs = corrected_runs(parameters.settings_deg, parameters.runs)

@@ -22,12 +22,11 @@ def main() -> None:
     with publish("data/feedback/scraping/refinement") as folder:
         folder.mkdir()
         board, datasets = read_board("data", parameters, supervision, testbed, clock)
-        refined = refine_on_board(board, datasets, parameters, tell)
-        write_networks(list(refined.before.items()), folder / "before.safetensors")
-        write_networks(list(refined.after.items()), folder / "after.safetensors")
-        write_table(refined.history, folder / "history.parquet")
-        write_table(refined.samples, folder / "rollouts.parquet")
-        write_table(refined.policies, folder / "policies.parquet")
+        before, after, tables = refine_on_board(board, datasets, parameters, tell)
+        write_networks(list(before.items()), folder / "before.safetensors")
+        write_networks(list(after.items()), folder / "after.safetensors")
+        for name, table in tables.items():
+            write_table(table, folder / f"{name}.parquet")
 
 
 def tell(name: str, progress: Progress) -> None:

@@ -19,37 +19,44 @@ from structlearn.testbeds.scraping.page.results import read_results
 from structlearn.testbeds.scraping.page.tables import tables
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
-from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
-from structlearn.testbeds.scraping.protocol.executions import CorrectedRunsParameters
+from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 PARAMETERS = {
-    "clock": ClockParameters,
-    "simulate": DemonstratorParameters,
-    "segment": SegmentParameters,
-    "segment_sweep": SweepParameters,
-    "fit_primitives": FitParameters,
-    "generalise": GeneraliseParameters,
-    "scraping_people": Population,
-    "testbed": TestbedParameters,
-    "expected_traces": ExpectedTracesParameters,
-    "record_corrections": CorrectedRunsParameters,
-    "coupling_dataset": SupervisionParameters,
-    "train_feedback": FeedbackParameters,
-    "compare_models": TrainingParameters,
-    "evaluate_feedback": EvaluationParameters,
-    "refine": BoardRefinementParameters,
-    "evaluate_refinement": EvaluationParameters,
-    "compare_search": ComparisonParameters,
+    "index": {
+        "clock": ClockParameters,
+        "simulate": DemonstratorParameters,
+        "segment": SegmentParameters,
+        "segment_sweep": SweepParameters,
+        "fit_primitives": FitParameters,
+        "generalise": GeneraliseParameters,
+    },
+    "feedback": {
+        "scraping_people": Population,
+        "testbed": TestbedParameters,
+        "expected_traces": ExpectedTracesParameters,
+        "record_corrections": ExecutionParameters,
+        "coupling_dataset": SupervisionParameters,
+        "train_feedback": FeedbackParameters,
+        "compare_models": TrainingParameters,
+        "evaluate_feedback": ExecutionParameters,
+    },
+    "refinement": {
+        "refine": BoardRefinementParameters,
+        "evaluate_refinement": ExecutionParameters,
+        "compare_search": ComparisonParameters,
+    },
 }
+"""By page, what its results were made with."""
 
 
 def main() -> None:
-    parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
+    models = {key: model for page in PARAMETERS.values() for key, model in page.items()}
+    parameters = {key: stage_parameters(key, model) for key, model in models.items()}
     results, printed = read_results(ScrapingFiles(), parameters), published()
     find, shown = findings(results), tables(results, printed)
-    documents = pages(results, find, shown, printed)
+    documents = pages(results, find, shown, printed, PARAMETERS)
     publish_report("reports/scraping", documents, drawings(results), shown, find, recorded=quoted_claims())
 
 

@@ -1,7 +1,7 @@
 """Cut the nominal demonstrations into primitives (dissertation IV.5, IV.9.2)."""
 
 from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import read_runs
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut, write_segmentation
 

@@ -3,11 +3,7 @@
 from structlearn.core.artefacts import write_metrics
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill_file import read_skill
-from structlearn.testbeds.scraping.protocol.executions import (
-    TimingParameters,
-    controller_latency,
-    run_cost,
-)
+from structlearn.testbeds.scraping.protocol.executions import TimingParameters, controller_latency, run_cost
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 

@@ -2,6 +2,7 @@
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import read_segmentation
 from structlearn.testbeds.scraping.files import ScrapingFiles
@@ -22,7 +23,8 @@ from structlearn.testbeds.scraping.views.nominal_recordings import (
 def main() -> None:
     parameters = stage_parameters("segment", SegmentParameters)
     files = ScrapingFiles()
-    demonstrations, segmentation = files.runs("nominal"), read_segmentation(files.segments)
+    demonstrations, segmentation = files.runs("nominal"), read_segmentation("data/segments/scraping")
+    primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
     paths = {name: files.table(name) for name in ("nominal", "generalised")}
     with_feedback, refined = read_feedback_runs(files), read_refined_runs(files)
 
@@ -34,9 +36,7 @@ def main() -> None:
         write_alignment(
             folder / "alignment.rrd", demonstrations, segmentation, parameters, "Scraping: alignment"
         )
-        write_primitives(
-            folder / "primitives.rrd", demonstrations, files.primitives(), paths, "Scraping: primitives"
-        )
+        write_primitives(folder / "primitives.rrd", demonstrations, primitives, paths, "Scraping: primitives")
         if with_feedback:
             *_, shown = with_feedback[max(with_feedback)]
             write_executions(folder / "feedback.rrd", with_feedback, "Scraping: feedback")

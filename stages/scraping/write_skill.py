@@ -10,7 +10,7 @@ from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demon
 from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import read_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected

@@ -1,7 +1,7 @@
 """Samples of touch from the recordings: low-pass, offsets, contacts, contact points, splits (II.4.1.1)."""
 
 from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_dataset import TouchDataParameters, prepare, write_dataset

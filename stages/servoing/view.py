@@ -2,7 +2,7 @@
 
 from structlearn.core.artefacts import publish, read_table
 from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters

@@ -6,7 +6,7 @@ from structlearn.core.artefacts import publish, write_table
 from structlearn.core.errors import MissingInputError
 from structlearn.core.stage import or_empty, run, stage_parameters
 from structlearn.readers import read_recordings
-from structlearn.readers.runs import read_streams
+from structlearn.readers.demonstration import read_streams
 from structlearn.tasks.project import defaults_file
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch.touch_calibration import (

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from structlearn.core.artefacts import publish, write_metrics, write_table
+from structlearn.core.artefacts import publish, write_metrics
 from structlearn.core.errors import MissingInputError
 from structlearn.feedback.coupling_model import write_networks
 from structlearn.tasks.movement import phase_corrections
 from structlearn.tasks.movement.feedback_learning import feedback_metrics, learn_feedback, write_feedback
 from structlearn.tasks.movement.movement_parameters import MovementEntry
-from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
+from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task, write_tables
 
 
 def main(files: TaskFiles) -> None:
@@ -43,8 +43,7 @@ def learn_over_phase(
     corrected = phase_corrections.corrected_runs(complete, nominal, parameters.smoothing_hz)
     networks, tables = phase_corrections.learn_corrections(corrected, nominal.local, parameters)
     write_networks(networks, folder / "phase_networks.safetensors")
-    for name, table in (tables | {"completeness": ends}).items():
-        write_table(table, folder / f"{name}.parquet")
+    write_tables(tables | {"completeness": ends}, folder)
 
 
 if __name__ == "__main__":

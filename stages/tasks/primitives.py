@@ -1,12 +1,12 @@
 """Learn the primitives of a task, and unroll them as a sequence (dissertation IV.3, IV.5.4)."""
 
-from structlearn.core.artefacts import publish, write_metrics, write_table
+from structlearn.core.artefacts import publish, write_metrics
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import learn_sequence
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.tasks.movement import movement_learning as learning
 from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
-from structlearn.tasks.task_files import TaskFiles, run_for_task
+from structlearn.tasks.task_files import TaskFiles, run_for_task, write_tables
 
 
 def main(files: TaskFiles) -> None:
@@ -33,8 +33,7 @@ def main(files: TaskFiles) -> None:
             for name, primitive in traces.items():
                 path = folder / f"traces/{name}.safetensors"
                 write_vector_primitive(primitive, path, "electrode counts without offset")
-        for name, table in tables.items():
-            write_table(table, folder / f"{name}.parquet")
+        write_tables(tables, folder)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import stage_parameters
-from structlearn.readers.runs import read_streams
-from structlearn.readers.touch_log import read_touch_logs
+from structlearn.readers.demonstration import read_streams
+from structlearn.readers.user_tables import read_touch_logs
 from structlearn.tasks.task_files import TaskFiles, run_for_task
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters, TouchParameters
 
@@ -22,7 +22,7 @@ def main(files: TaskFiles) -> None:
         elif parameters.transfer is not None:
             transfer(files, parameters, folder)
         else:
-            from structlearn.tasks.touch.skin_touches import learn_touch
+            from structlearn.tasks.touch.skin_protocol import learn_touch
 
             learn_touch(read_touch_logs(files.recorded / "touches.parquet"), parameters, folder)
 

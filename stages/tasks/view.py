@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from structlearn.core.artefacts import publish, read_table
+from structlearn.core.artefacts import publish
 from structlearn.primitives.primitive_files import read_vector_primitive
-from structlearn.readers.runs import read_streams
+from structlearn.readers.demonstration import read_streams
 from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
 from structlearn.tasks.motion.motion_view import write_carried
 from structlearn.tasks.movement.movement_view import write_movements
@@ -32,8 +32,7 @@ def write_touch(files: TaskFiles, folder: Path) -> None:
         expected = read_vector_primitive(touch / "expected.safetensors")
         write_slides(folder / "slides.rrd", trials, expected, parameters.surfaces)
     elif parameters.transfer is None:
-        tables = {path.stem: read_table(path) for path in touch.glob("*.parquet")}
-        write_skin(folder / "skin.rrd", tables, parameters.tuned_on)
+        write_skin(folder / "skin.rrd", files.tables("touch"), parameters.tuned_on)
 
 
 def write_obstacles(files: TaskFiles, folder: Path) -> None:

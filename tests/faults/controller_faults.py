@@ -42,52 +42,31 @@ READINGS = (
 )
 NOT_FINITE = ("NaN", "NaN in one channel", "infinite")
 
-LONGEST_STRETCH = 150
-"""Ticks of one kind of reading."""
-
 CALLS = ("a goal moves", "a goal is refused", "a new start")
-BETWEEN_CALLS = 400
-"""Ticks between other calls than `tick`, in the mean."""
 
-SETTLING = 7.0
-"""Durations of the last primitive that a run has after its end, without further calls."""
-
-REACHED = 1e-5
-"""m and rad that may be left of the way to a goal."""
-
-RUNS = 10
-"""That a process does at a time."""
+LONGEST_STRETCH = 150  # ticks of one kind of reading
+BETWEEN_CALLS = 400  # ticks between other calls than `tick`, in the mean
+SETTLING = 7.0  # durations of the last primitive that a run has after its end, without further calls
+REACHED = 1e-5  # m and rad that may be left of the way to a goal
+RUNS = 10  # that a process does at a time
 
 STATE = ("position", "velocity", "acceleration", "orientation", "angular_velocity", "angular_acceleration")
 
 
 @dataclass(frozen=True)
 class Run:
-    """What came of a run, a row per tick.
+    """Results of a run, a row per tick."""
 
-    Attributes:
-        state: (T, 19) all of `STATE`.
-        coupling: (T, D).
-        primitive: (T,) that runs; another number after each start.
-        flags: (T,) of `Status`.
-        reading: (T,) place in `READINGS`.
-        calls: how often each of `CALLS` came.
-        moved: whether a call that was refused has changed something, or an output was written into.
-        missed: m and rad that are left of the way to the last goal.
-        largest: (D,) bounds of the coupling terms.
-        largest_change: (D,) likewise, of their changes in a tick within a primitive.
-    """
-
-    state: np.ndarray
-    coupling: np.ndarray
-    primitive: np.ndarray
-    flags: np.ndarray
-    reading: np.ndarray
-    calls: Counter
-    moved: bool
-    missed: tuple[float, float]
-    largest: np.ndarray
-    largest_change: np.ndarray
+    state: np.ndarray  # (T, 19) all of `STATE`
+    coupling: np.ndarray  # (T, D)
+    primitive: np.ndarray  # (T,) that runs; another number after each start
+    flags: np.ndarray  # (T,) of `Status`
+    reading: np.ndarray  # (T,) place in `READINGS`
+    calls: Counter  # how often each of `CALLS` came
+    moved: bool  # whether a call that was refused has changed something, or an output was written into
+    missed: tuple[float, float]  # m and rad that are left of the way to the last goal
+    largest: np.ndarray  # (D,) bounds of the coupling terms
+    largest_change: np.ndarray  # (D,) likewise, of their changes in a tick within a primitive
 
 
 def main() -> None:

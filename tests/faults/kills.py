@@ -41,14 +41,9 @@ POINTS = "crash points"
 
 GROUP, ALONE = "all processes", "the parent alone"
 
-SHARES = (0.02, 0.8)
-"""Of a stage's time, from the start of Python, at which it is killed; some runs are faster than the first."""
-
-END_S = 5.0
-"""Processes see within half a second that their parent is gone."""
-
+SHARES = (0.02, 0.8)  # of a stage's time at which it is killed; some runs are faster than the first
+END_S = 5.0  # processes see within half a second that their parent is gone
 SHARED = Path("/dev/shm")
-
 ROOT = Path(__file__).parents[2]
 
 
@@ -149,15 +144,7 @@ def kills(project: Path, count: int, seed: int) -> tuple[pd.DataFrame, list[str]
 def healed(
     project: Path, command: str, after_s: float, due: Callable[[], bool], alone: bool
 ) -> tuple[str, str]:
-    """Kill a stage and do it again.
-
-    Args:
-        project: a finished one.
-        command: of the stage, begins with `python`.
-        after_s: when it is killed at the latest, s after its start.
-        due: whether to kill it now.
-        alone: whether only its first process is killed.
-    """
+    """Kill a stage of a finished project when `due`, `alone` or with all its processes, and do it again."""
     shared = set(SHARED.iterdir())
     with started(project, command, subprocess.DEVNULL) as process:
         begin = time.monotonic()

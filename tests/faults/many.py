@@ -17,8 +17,7 @@ from faults.trial import NAMED, OTHER, OUTCOMES, SAME, fingerprint, outcome
 
 from structlearn.core.parallel import parallel_map
 
-BATCH = 50
-"""Mutants that a process takes at a time."""
+BATCH = 50  # mutants that a process takes at a time
 
 
 def main() -> None:

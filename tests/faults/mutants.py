@@ -12,9 +12,15 @@ import numpy as np
 Damage = Callable[[bytes, np.random.Generator], bytes]
 
 
-def _span(content: bytes, rng: np.random.Generator, longest: int = 300) -> tuple[int, int]:
-    begin = int(rng.integers(len(content)))
-    return begin, min(begin + int(rng.integers(1, longest)), len(content))
+def _spliced(middle: Callable[[bytes, np.random.Generator], bytes], longest: int = 300) -> Damage:
+    """Something else in place of a span."""
+
+    def damage(content: bytes, rng: np.random.Generator) -> bytes:
+        begin = int(rng.integers(len(content)))
+        end = min(begin + int(rng.integers(1, longest)), len(content))
+        return content[:begin] + middle(content[begin:end], rng) + content[end:]
+
+    return damage
 
 
 def _bit(content: bytes, rng: np.random.Generator) -> bytes:
@@ -24,38 +30,14 @@ def _bit(content: bytes, rng: np.random.Generator) -> bytes:
     return bytes(changed)
 
 
-def _hole(content: bytes, rng: np.random.Generator) -> bytes:
-    begin, end = _span(content, rng)
-    return content[:begin] + content[end:]
-
-
-def _zeros(content: bytes, rng: np.random.Generator) -> bytes:
-    begin, end = _span(content, rng)
-    return content[:begin] + bytes(end - begin) + content[end:]
-
-
-def _noise(content: bytes, rng: np.random.Generator) -> bytes:
-    begin, end = _span(content, rng, 40)
-    return content[:begin] + rng.bytes(end - begin) + content[end:]
-
-
 def _more(content: bytes, rng: np.random.Generator) -> bytes:
     begin = int(rng.integers(len(content)))
     return content[:begin] + rng.bytes(int(rng.integers(1, 60))) + content[begin:]
 
 
-def _repeat(content: bytes, rng: np.random.Generator) -> bytes:
-    begin, end = _span(content, rng)
-    return content[:end] + content[begin:end] + content[end:]
-
-
 def _swap(content: bytes, rng: np.random.Generator) -> bytes:
     begin, middle, end = sorted(rng.integers(len(content) + 1, size=3).tolist())
     return content[:begin] + content[middle:end] + content[begin:middle] + content[end:]
-
-
-def _cut(content: bytes, rng: np.random.Generator) -> bytes:
-    return content[: int(rng.integers(len(content)))]
 
 
 def _number(content: bytes, rng: np.random.Generator) -> bytes:
@@ -74,30 +56,11 @@ def _double(content: bytes, rng: np.random.Generator) -> bytes:
     return content[:begin] + np.float64(value).tobytes() + content[begin + 8 :]
 
 
-NUMBERS = b"nan -inf 1e999 1e308 -1 0 -0.0 1e-320 1_000 0x1F 1,5".split()
-NAMES = b"true null yes ~ =1+1 ../x {} []".split()
-SYNTAX = b"*a &a !!python/name:os.system << 2026-13-45 ' \" <!-- &x;".split()
-HOSTILE = (
-    b"x; touch y",
-    b"$(touch y)",
-    b"\x1b[2J",
-    b"~nouser/x",
-    b"../../x",
-    b"1e300",
-    b"F8_E4M3",
-    b"x\ny: z",
-)
 WORDS = (
-    *NUMBERS,
-    *NAMES,
-    *SYNTAX,
-    *HOSTILE,
-    b"",
-    b"\x00",
-    b"!!int x",
-    b"x" * 5000,
-    b"9" * 5000,
-    "½".encode(),
+    *b"nan -inf 1e999 1e308 -1 0 -0.0 1e-320 1_000 0x1F 1,5 true null yes ~ =1+1 ../x {} []".split(),
+    *b"*a &a !!python/name:os.system << 2026-13-45 ' \" <!-- &x;".split(),
+    *b"x; touch y|$(touch y)|\x1b[2J|~nouser/x|../../x|1e300|F8_E4M3|x\ny: z||\x00|!!int x".split(b"|"),
+    *(b"x" * 5000, b"9" * 5000, "½".encode()),
 )
 
 
@@ -141,13 +104,13 @@ def _nesting(content: bytes, rng: np.random.Generator) -> bytes:
 
 DAMAGES: dict[str, Damage] = {
     "bits flipped": _bit,
-    "hole": _hole,
-    "zeros": _zeros,
-    "noise": _noise,
+    "hole": _spliced(lambda span, rng: b""),
+    "zeros": _spliced(lambda span, rng: bytes(len(span))),
+    "noise": _spliced(lambda span, rng: rng.bytes(len(span)), longest=40),
     "insertion": _more,
-    "repetition": _repeat,
+    "repetition": _spliced(lambda span, rng: 2 * span),
     "blocks swapped": _swap,
-    "cut off": _cut,
+    "cut off": lambda content, rng: content[: int(rng.integers(len(content)))],
     "extreme number": _number,
     "extreme float": _double,
     "other word": _word,

@@ -29,15 +29,8 @@ SUMMED_BY = {
 def keep(name: str, table: pd.DataFrame, command: str, metrics: Metrics, folder: Path = RESULTS) -> None:
     """Keep what a command found, with the commit of the code that it broke, and make the page again.
 
-    Args:
-        name: of the table, one of `SUMMED_BY`.
-        table: columns in words, then counts.
-        command: that makes it again.
-        metrics: its numbers; `broken` says how often the rule was.
-        folder: of the page.
-
-    Raises:
-        InputError: `metrics.json` of commands before is damaged.
+    The table, one of `SUMMED_BY`, has columns in words, then counts; the metric `broken` says how often the
+    rule was broken.
     """
     path = folder / "metrics.json"
     known = read_metrics(path) if path.exists() else {}

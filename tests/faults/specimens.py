@@ -24,22 +24,16 @@ from structlearn.core.params import read_parameters
 from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
 from structlearn.readers import kuka_lwr4, read_demonstrations, read_recording, write_recording
+from structlearn.readers.bag_recording import read_joint_log, write_joint_log
 from structlearn.readers.clock import synchronise
+from structlearn.readers.demonstration import NamedShape
 from structlearn.readers.eflesh import CHANNELS, FOLDERS, PRESSES, read_run
-from structlearn.readers.joint_log import (
-    DriveLog,
-    JointLog,
-    read_joint_log,
-    read_log_table,
-    write_joint_log,
-    write_log_table,
-)
+from structlearn.readers.foreign_tables import read_stamped_table
+from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table, write_log_table
 from structlearn.readers.lerobot import read_movement
 from structlearn.readers.reaches_past_boxes import TRIALS, read_obstacles
-from structlearn.readers.recording import NamedShape
-from structlearn.readers.text_log import read_stamped_table
-from structlearn.readers.touch_log import read_touch_table
 from structlearn.readers.ur10e import read_motion
+from structlearn.readers.user_tables import read_touch_table
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.task_entry import read_task
@@ -57,21 +51,11 @@ class Specimen:
     damage: Callable[[bytes, int], tuple[str, bytes]] = mutant
 
 
-def _joints(signals: int) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Names, stamps (60,) and signals (n, 60, 7)."""
+def _log(kind: type, name: str, signals: int) -> Any:
+    """60 samples of seven joints."""
     steps = 1e-3 * np.random.default_rng(0).normal(size=(signals, 60, 7))
     names = tuple(f"joint_{number}" for number in range(1, 8))
-    return names, 10**9 + 4_000_000 * np.arange(60), np.cumsum(steps, axis=1)
-
-
-def _log(path: Path) -> None:
-    names, stamps, values = _joints(3)
-    write_joint_log(JointLog(path.stem, names, stamps, *values), path)
-
-
-def _drives(path: Path) -> None:
-    names, stamps, values = _joints(5)
-    write_log_table([DriveLog(path.stem, names, stamps, *values)], path)
+    return kind(name, names, 10**9 + 4_000_000 * np.arange(60), *np.cumsum(steps, axis=1))
 
 
 def _scene(path: Path) -> None:
@@ -102,9 +86,8 @@ def _older(path: Path) -> None:
 
 
 def _drive_text(path: Path) -> None:
-    rng = np.random.default_rng(0)
-    times = 200.0 + 0.01 * np.arange(20)
-    np.savetxt(path, np.column_stack([times, rng.normal(size=(20, 30))]), fmt="%.6f", delimiter=",")
+    values = np.random.default_rng(0).normal(size=(20, 30))
+    np.savetxt(path, np.column_stack([200 + 0.01 * np.arange(20), values]), fmt="%.6f", delimiter=",")
 
 
 def _skin(path: Path) -> None:
@@ -140,21 +123,22 @@ def _lock(path: Path) -> None:
 
 
 def _table(path: Path) -> None:
-    rng = np.random.default_rng(0)
-    names = np.repeat(["a", "b", "c"], 100)
-    write_table(pd.DataFrame({"name": names, "value": rng.normal(size=300), "count": range(300)}), path)
+    columns = {"name": np.repeat(["a", "b", "c"], 100), "value": np.random.default_rng(0).normal(size=300)}
+    write_table(pd.DataFrame(columns | {"count": range(300)}), path)
 
 
 def _text(path: Path) -> None:
-    rng = np.random.default_rng(0)
-    rows = np.hstack([np.arange(50)[:, None] / 100, rng.normal(size=(50, 3))])
-    np.savetxt(path, rows, fmt="%.6f")
+    values = np.random.default_rng(0).normal(size=(50, 3))
+    np.savetxt(path, np.column_stack([np.arange(50) / 100, values]), fmt="%.6f")
 
 
 def _poses(path: Path) -> None:
-    """A user's table; where it is Parquet, with checksums of its pages."""
     rows = np.column_stack([1.0 + 0.01 * np.arange(40), pose_rows(40)])
-    table = pd.DataFrame(rows, columns=["time_s", "x", "y", "z", "qw", "qx", "qy", "qz"])
+    _users(path, pd.DataFrame(rows, columns=["time_s", "x", "y", "z", "qw", "qx", "qy", "qz"]))
+
+
+def _users(path: Path, table: pd.DataFrame) -> None:
+    """A user's table; where it is Parquet, with checksums of its pages."""
     if path.suffix == ".csv":
         table.to_csv(path, index=False)
     else:
@@ -167,18 +151,9 @@ def _described_bag(path: Path) -> None:
     path.write_text(yaml.safe_dump({"rosbag2_bagfile_information": {"relative_file_paths": ["bag.mcap"]}}))
 
 
-def _parameters(path: Path) -> None:
-    path.write_text(yaml.safe_dump({"segment": parameter_tree({})["segment"]}))
-
-
 def _touches(path: Path) -> None:
-    """A user's table of touches; where it is Parquet, with checksums of its pages."""
     values = np.random.default_rng(0).normal(size=(40, 5))
-    table = pd.DataFrame(values, columns=["x_m", "y_m", "time_s", "a", "b"])
-    if path.suffix == ".csv":
-        table.to_csv(path, index=False)
-    else:
-        table.to_parquet(path, index=False, write_page_checksum=True)
+    _users(path, pd.DataFrame(values, columns=["x_m", "y_m", "time_s", "a", "b"]))
 
 
 def _archive(path: Path) -> None:
@@ -212,96 +187,77 @@ def _tasks(path: Path) -> None:
     own_tasks(path.parents[2], reach={"source": "x", "topics": {"pose": "/p"}, **MOVE})
 
 
-def _metrics(path: Path) -> None:
-    write_metrics({"error": 0.1, "runs": 3, "model": "cov", "known": True}, path)
-
-
 TOOL = topic_map(pose="/tool")
 MOVE = {"segment": {"primitives": [{"name": "move", "axis": "z", "threshold_m_s": 0.02}]}}
 
 
-def _urdf(path: Path) -> None:
-    path.write_bytes(Path(pybullet_data.getDataPath(), "kuka_iiwa/model.urdf").read_bytes())
+def _taken(path: Path) -> Any:
+    return synchronise(read_recording(path))
 
 
-SPECIMENS = {
-    specimen.name: specimen
-    for specimen in (
-        Specimen(
-            "demonstration.mcap",
-            lambda path: write_recording(make_recording(path.stem, count=30), path),
-            lambda path: synchronise(read_recording(path)),
-            True,
-        ),
-        Specimen("scene.mcap", _scene, lambda path: synchronise(read_recording(path)), True),
-        Specimen("log.mcap", _log, read_joint_log, True),
-        Specimen("drives.parquet", _drives, lambda path: read_log_table(path, DriveLog), True),
-        Specimen(
-            "lz4.mcap",
-            lambda path: _bag(path, compression=CompressionType.LZ4, chunk_size=2000, enable_data_crcs=True),
-            lambda path: synchronise(read_recording(path)),
-            True,
-        ),
-        Specimen(
-            "unchecked.mcap",
-            lambda path: _bag(path, use_chunking=False, enable_crcs=False),
-            lambda path: synchronise(read_recording(path)),
-            False,
-        ),
-        Specimen(
-            "networks.safetensors",
-            lambda path: write_networks([("tilt", constant_network())], path),
-            read_networks,
-            True,
-        ),
-        Specimen(
-            "primitives.safetensors",
-            lambda path: write_primitives(scraping_skill().primitives, path),
-            read_primitives,
-            True,
-        ),
-        Specimen("skill.safetensors", forged_skills.write, forged_skills.run, True),
-        Specimen("forged.safetensors", forged_skills.write, forged_skills.run, False, forged_skills.forged),
-        Specimen("table.parquet", _table, read_table, True),
-        *(
-            Specimen(f"take.{suffix}", _older, lambda path: read_recording(path, TOOL), False)
-            for suffix in ("db3", "bag")
-        ),
-        Specimen("poses.csv", _poses, read_demonstrations, False),
-        Specimen("poses.parquet", _poses, read_demonstrations, False),
-        Specimen("metadata.yaml", _described_bag, lambda path: read_demonstrations(path.parent), False),
-        Specimen("metrics.json", _metrics, read_metrics, False),
-        Specimen("log.txt", _text, lambda path: read_stamped_table(path, 4), False),
-        Specimen("ur-run.csv", _drive_text, lambda path: read_motion(path.parent), False),
-        Specimen(
-            f"{FOLDERS[PRESSES]}/run/states.csv",
-            _skin,
-            lambda path: read_run(path.parent, path.parents[2], PRESSES),
-            False,
-        ),
-        Specimen("sub_01/T007/HandTracker_movement_T007.csv", _reach, _reaches, False),
-        Specimen("sub_01/T007/grid_objects_layout_T007.csv", _reach, _reaches, False),
-        Specimen("dvc.lock", _lock, lambda path: list(changed(path, path.parent)), False),
-        Specimen(
-            "params.yaml",
-            _parameters,
-            lambda path: read_parameters(path, "segment", SegmentParameters),
-            False,
-        ),
-        *(
-            Specimen(f"stages/tasks/{name}", _tasks, lambda path: read_task("reach", path.parent), False)
-            for name in ("own.yaml", "params.yaml")
-        ),
-        *(
-            Specimen(f"touches.{suffix}", _touches, lambda path: read_touch_table(path, None), False)
-            for suffix in ("csv", "parquet")
-        ),
-        Specimen("measurements_1.npz", _archive, lambda path: kuka_lwr4.read_motion(path.parent), False),
-        *(
-            Specimen(f"lerobot/{name}", _episodes, _demonstrated, False)
-            for name in ("meta/info.json", "data/chunk-000/file-000.parquet")
-        ),
-        Specimen("robot.urdf", _urdf, lambda path: read_urdf(path).inertias, False),
-    )
+SIGNED = {
+    "demonstration.mcap": (lambda path: write_recording(make_recording(path.stem, count=30), path), _taken),
+    "scene.mcap": (_scene, _taken),
+    "log.mcap": (lambda path: write_joint_log(_log(JointLog, path.stem, 3), path), read_joint_log),
+    "drives.parquet": (
+        lambda path: write_log_table([_log(DriveLog, path.stem, 5)], path),
+        lambda path: read_log_table(path, DriveLog),
+    ),
+    "lz4.mcap": (
+        lambda path: _bag(path, compression=CompressionType.LZ4, chunk_size=2000, enable_data_crcs=True),
+        _taken,
+    ),
+    "networks.safetensors": (
+        lambda path: write_networks([("tilt", constant_network())], path),
+        read_networks,
+    ),
+    "primitives.safetensors": (
+        lambda path: write_primitives(scraping_skill().primitives, path),
+        read_primitives,
+    ),
+    "skill.safetensors": (forged_skills.write, forged_skills.run),
+    "table.parquet": (_table, read_table),
 }
-"""By name."""
+UNSIGNED = {
+    "unchecked.mcap": (lambda path: _bag(path, use_chunking=False, enable_crcs=False), _taken),
+    **dict.fromkeys(("take.db3", "take.bag"), (_older, lambda path: read_recording(path, TOOL))),
+    **dict.fromkeys(("poses.csv", "poses.parquet"), (_poses, read_demonstrations)),
+    "metadata.yaml": (_described_bag, lambda path: read_demonstrations(path.parent)),
+    "metrics.json": (
+        lambda path: write_metrics({"error": 0.1, "runs": 3, "model": "cov", "known": True}, path),
+        read_metrics,
+    ),
+    "log.txt": (_text, lambda path: read_stamped_table(path, 4)),
+    "ur-run.csv": (_drive_text, lambda path: read_motion(path.parent)),
+    f"{FOLDERS[PRESSES]}/run/states.csv": (
+        _skin,
+        lambda path: read_run(path.parent, path.parents[2], PRESSES),
+    ),
+    "sub_01/T007/HandTracker_movement_T007.csv": (_reach, _reaches),
+    "sub_01/T007/grid_objects_layout_T007.csv": (_reach, _reaches),
+    "dvc.lock": (_lock, lambda path: list(changed(path, path.parent))),
+    "params.yaml": (
+        lambda path: path.write_text(yaml.safe_dump({"segment": parameter_tree({})["segment"]})),
+        lambda path: read_parameters(path, "segment", SegmentParameters),
+    ),
+    **dict.fromkeys(
+        ("stages/tasks/own.yaml", "stages/tasks/params.yaml"),
+        (_tasks, lambda path: read_task("reach", path.parent)),
+    ),
+    **dict.fromkeys(
+        ("touches.csv", "touches.parquet"), (_touches, lambda path: read_touch_table(path, None))
+    ),
+    "measurements_1.npz": (_archive, lambda path: kuka_lwr4.read_motion(path.parent)),
+    **dict.fromkeys(
+        ("lerobot/meta/info.json", "lerobot/data/chunk-000/file-000.parquet"), (_episodes, _demonstrated)
+    ),
+    "robot.urdf": (
+        lambda path: shutil.copy(Path(pybullet_data.getDataPath(), "kuka_iiwa/model.urdf"), path),
+        lambda path: read_urdf(path).inertias,
+    ),
+}
+SPECIMENS = {name: Specimen(name, *both, signed=True) for name, both in SIGNED.items()}
+SPECIMENS |= {name: Specimen(name, *both, signed=False) for name, both in UNSIGNED.items()}
+SPECIMENS["forged.safetensors"] = Specimen(
+    "forged.safetensors", forged_skills.write, forged_skills.run, False, forged_skills.forged
+)

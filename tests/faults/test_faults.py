@@ -5,8 +5,7 @@ from faults.many import batch
 from faults.specimens import SPECIMENS
 from faults.trial import NAMED
 
-COUNT = 25
-"""Of each kind of file."""
+COUNT = 25  # of each kind of file
 
 
 @pytest.mark.parametrize("name", SPECIMENS)

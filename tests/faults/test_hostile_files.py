@@ -24,8 +24,8 @@ from structlearn.core.artefacts import read_metrics, read_tensors, write_tensors
 from structlearn.core.params import read_values
 from structlearn.feedback.skill_file import KIND, read_skill
 from structlearn.readers import kuka_lwr4, read_demonstrations, read_recording
+from structlearn.readers.foreign_tables import read_stamped_table
 from structlearn.readers.lerobot import read_movement
-from structlearn.readers.text_log import read_stamped_table
 from structlearn.readers.ur10e import read_motion
 from structlearn.rigid_body.tree import read_urdf
 

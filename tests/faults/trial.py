@@ -27,17 +27,10 @@ SAME, NAMED, OTHER = "same data", "named in one line", "other data"
 TRACEBACK, UNCLEAR, BLOWN_UP, HANGS, KILLED = "traceback", "unclear", "out of memory", "hangs", "killed"
 OUTCOMES = (SAME, NAMED, OTHER, TRACEBACK, UNCLEAR, BLOWN_UP, HANGS, KILLED)
 
-MEMORY = 512 * 2**20
-"""Bytes that reading may take beyond what the process has."""
-
-FULL = 0.8
-"""Share of it that nothing which is refused may take."""
-
-LONGEST_S = 10
-"""Of the processor; the files are some 10 kB."""
-
-WAIT_S = 120.0
-"""On the clock, also where many other processes run."""
+MEMORY = 512 * 2**20  # bytes that reading may take beyond what the process has
+FULL = 0.8  # share of it that nothing which is refused may take
+LONGEST_S = 10  # of the processor; the files are some 10 kB
+WAIT_S = 120.0  # on the clock, also where many other processes run
 
 
 def outcome(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, str]:

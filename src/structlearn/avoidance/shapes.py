@@ -14,7 +14,7 @@ import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.readers.recording import NamedShape
+from structlearn.readers.demonstration import NamedShape
 
 Shape = Literal["sphere", "cube", "cylinder"]
 SHAPES: tuple[Shape, ...] = ("sphere", "cube", "cylinder")

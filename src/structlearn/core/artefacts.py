@@ -1,8 +1,7 @@
 """Artefacts: how stages write and read files.
 
-All is published (`structlearn.core.publication`): complete, or not there. Writers are deterministic: the
-same data give the same bytes. Tables and arrays carry checksums, so that a damaged file is an error and not
-other data.
+Every file is published (`structlearn.core.publication`): complete, or not there. Writers are deterministic:
+the same data give the same bytes. Tables and arrays carry checksums, so that damage is detected on reading.
 """
 
 import hashlib
@@ -28,31 +27,22 @@ Metrics = dict[str, float | int | str | bool | None]  # flat key figures
 
 
 def write_table(frame: pd.DataFrame, target: str | Path) -> None:
-    """Publish a table as Parquet, without pandas' index and without versions in its metadata.
-
-    Pages carry checksums, and a digest stands for names and types of the columns and the number of rows.
-    """
+    """Publish a table as Parquet, without pandas' index and without versions in its metadata."""
     write_arrow(pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None), target)
 
 
 def write_arrow(table: pyarrow.Table, target: str | Path, **encoding: Any) -> None:
-    """Publish a table of Arrow as `write_table` does; what its metadata say is covered by the digest."""
-    metadata = {**(table.schema.metadata or {}), HEADINGS: _headings(table)}
+    """Publish an Arrow table as Parquet with page checksums; a digest covers its schema and metadata."""
+    signed = table.replace_schema_metadata({**(table.schema.metadata or {}), HEADINGS: _headings(table)})
     with publish(target) as path:
-        pyarrow.parquet.write_table(
-            table.replace_schema_metadata(metadata),
-            path,
-            compression="zstd",
-            write_page_checksum=True,
-            **encoding,
-        )
+        pyarrow.parquet.write_table(signed, path, compression="zstd", write_page_checksum=True, **encoding)
 
 
 def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
     """Read a Parquet table.
 
-    `needed`: columns that it must have: another table, or one of an older version, is as sound. Raises
-    InputError: the file is missing, truncated, of another kind, not as it was written or lacks a column.
+    Raises InputError: the file is missing, truncated, of another kind, not as it was written or lacks a
+    column that is `needed` (an undamaged file may be another table, or of an older version).
     """
     table = read_arrow(path)
     if missing := [name for name in needed if name not in table.column_names]:
@@ -61,10 +51,7 @@ def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def read_arrow(path: str | Path) -> pyarrow.Table:
-    """Read a table of Arrow that `write_arrow` or `write_table` wrote.
-
-    Raises InputError: the file is missing, truncated, of another kind or not as it was written.
-    """
+    """Read an Arrow table that `write_arrow` or `write_table` wrote; an InputError if it is damaged."""
     damaged = (pyarrow.ArrowException, OSError)  # the latter: pages
     with _readable(path, "readable Parquet", *damaged, whole=False):
         table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
@@ -77,7 +64,7 @@ HEADINGS = b"columns sha256"
 
 
 def _headings(table: pyarrow.Table) -> bytes:
-    """Digest of all that no page holds."""
+    """Digest of what no page's checksum covers: names and types of columns, number of rows, metadata."""
     schema = table.schema.remove_metadata()
     digest = hashlib.sha256(f"{schema.to_string()}\n{table.num_rows}".encode())
     for key, value in sorted((table.schema.metadata or {}).items()):
@@ -100,8 +87,8 @@ def write_tensors(tensors: Mapping[str, np.ndarray], target: str | Path, descrip
 def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
     """Read named arrays from a safetensors file.
 
-    Raises InputError: the file is missing, truncated, of another kind or not as it was written, or a value is
-    NaN or infinite.
+    Raises InputError: the file is missing, truncated, of another kind or damaged, or a value is NaN or
+    infinite.
     """
     description, digest = _signed(path)
     kinds = (SafetensorError, KeyError, AttributeError, TypeError)  # also of numbers that numpy lacks
@@ -116,10 +103,7 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
 
 
 def read_description(path: str | Path) -> str:
-    """The description that a safetensors file was written with; whoever needs it reads the tensors too.
-
-    Raises InputError: the file is missing, truncated or of another kind.
-    """
+    """The description that a safetensors file was written with; only `read_tensors` checks its digest."""
     return _signed(path)[0]
 
 
@@ -164,7 +148,7 @@ def _digest(tensors: Mapping[str, np.ndarray], description: str) -> str:
 
 @contextmanager
 def _readable(path: str | Path, kind: str, *faults: type[Exception], whole: bool = True) -> Iterator[None]:
-    """Say in one line why a file of some kind cannot be read; `faults` are those of its content."""
+    """Report in one line why a file of some kind cannot be read; `faults` are errors of its content."""
     try:
         require_file(path, whole)
         yield
@@ -179,22 +163,16 @@ def _readable(path: str | Path, kind: str, *faults: type[Exception], whole: bool
 
 
 def write_metrics(metrics: Mapping[str, float | int | str | bool | None], target: str | Path) -> None:
-    """Publish a flat JSON of metrics, floats rounded to six significant digits.
-
-    Rounding keeps the file readable; the data it came from stay in the cached artefacts. Raises ValueError: a
-    number is NaN or infinite.
-    """
-    rounded = {key: _rounded(key, value) for key, value in metrics.items()}
+    """Publish a flat JSON of metrics, floats with six digits; a ValueError if one is NaN or infinite."""
+    rounded: dict[str, float | int | str | bool | None] = {}
+    for key, value in metrics.items():
+        if isinstance(value, float | np.floating):
+            if not math.isfinite(value):
+                raise ValueError(f"metric '{key}' is {value}")
+            value = float(f"{float(value):.6g}")
+        rounded[key] = int(value) if isinstance(value, np.integer) else value
     with publish(target) as path:
         path.write_text(json.dumps(rounded, indent=2) + "\n")
-
-
-def _rounded(key: str, value: float | int | str | bool | None) -> float | int | str | bool | None:
-    if isinstance(value, float | np.floating):
-        if not math.isfinite(value):
-            raise ValueError(f"metric '{key}' is {value}")
-        return float(f"{float(value):.6g}")
-    return int(value) if isinstance(value, np.integer) else value
 
 
 def read_metrics(path: str | Path) -> Metrics:
@@ -216,9 +194,6 @@ def write_csv(frame: pd.DataFrame, target: str | Path) -> None:
 
 
 def read_csv(path: str | Path, **options: Any) -> pd.DataFrame:
-    """Read a table that `write_csv` wrote; options are those of pandas' reader.
-
-    Raises InputError: the file is missing or no table.
-    """
+    """Read a CSV table, with the options of pandas' reader; an InputError if it is missing or no table."""
     with _readable(path, "table", ValueError):  # no text, no columns, or rows of other lengths
         return pd.read_csv(path, **options)

@@ -1,12 +1,12 @@
-"""Numba, with a cache that is shared by all clones and safe for processes that run at the same time.
+"""Numba, with a cache that is shared by all clones and safe for concurrent processes.
 
 Modules with compiled functions import numba from here. Numba alone looks for changes only in the file of the
-function that is called: one that calls a function of another module would go on with the old code of that
-module, silently, after an edit. So every state of the compiled sources has a folder of its own, named by its
-digest wherever the sources stand: an edit compiles everything anew (half a minute), a second clone nothing.
+function that is called: one that calls a function of another module would silently go on with that module's
+old code after an edit. So every state of the compiled sources has a folder of its own, named by its digest
+wherever the sources are: an edit recompiles everything (half a minute), a second clone nothing.
 
-The folders are among the user's caches; where these may not be written, beside the sources; where these may
-not either, for this process alone. Never where others may write: what is kept is run.
+The folders are among the user's caches; if these are not writable, beside the sources; else temporary. Never
+where others may write, since cached code is executed.
 """
 
 import atexit
@@ -17,16 +17,18 @@ import shutil
 import threading
 import time
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 from numba.core.caching import UserProvidedCacheLocator
 from numba.core.event import Event, Listener, register
 
 _CONFIG: Any = numba.config  # which gets its values at its import
 PACKAGE = Path(__file__).resolve().parents[1]
-MARK = b"numba"  # files that contain it count; all others cannot change what is compiled
+MARK = b"numba"  # only files that contain it can change what is compiled
 LOCK = "lock"
 UNUSED_S = 30 * 86400.0  # after which the code of other states of the sources is removed
 
@@ -46,8 +48,8 @@ class RelativeLocator(UserProvidedCacheLocator):
 class OneProcess(Listener):
     """Lets one process at a time load, compile and save; the others wait and then load what it has saved.
 
-    Numba replaces index and data of a function in two steps and numbers the data by what the index said
-    before: two processes that compile it at the same time would mix their files and run what does not fit.
+    Numba replaces index and data of a function in two steps, so two processes that compile it at the same
+    time would mix their files.
     """
 
     def __init__(self) -> None:
@@ -81,8 +83,9 @@ def use_own_cache(package: Path) -> None:
     if not _CONFIG.CACHE_DIR:
         kept = _kept_for(package)
         folder = kept / f"compiled-{sources_digest(package)}"
-        if not folder.exists():
-            _remove_unused(kept)
+        for lock in () if folder.exists() else kept.glob(f"compiled-*/{LOCK}"):
+            if time.time() - lock.stat().st_mtime > UNUSED_S:
+                shutil.rmtree(lock.parent, ignore_errors=True)
         _CONFIG.CACHE_DIR = str(folder)
     if not _CONFIG.CACHE_LOCATOR_CLASSES:
         _CONFIG.CACHE_LOCATOR_CLASSES = (
@@ -104,14 +107,8 @@ def _kept_for(package: Path) -> Path:
     return Path(own.name)
 
 
-def _remove_unused(kept: Path) -> None:
-    for lock in kept.glob(f"compiled-*/{LOCK}"):
-        if time.time() - lock.stat().st_mtime > UNUSED_S:
-            shutil.rmtree(lock.parent, ignore_errors=True)
-
-
 def sources_digest(package: Path) -> str:
-    """Digest of a folder's files with compiled functions, names and contents: 16 hexadecimal digits."""
+    """Digest of a folder's files with compiled functions: 16 hexadecimal digits."""
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         content = path.read_bytes()
@@ -122,3 +119,17 @@ def sources_digest(package: Path) -> str:
 
 use_own_cache(PACKAGE)
 register("numba:compiler_lock", OneProcess())
+
+# below the cache's settings, which decorated functions take when they are defined
+
+compiled_inside = partial(
+    numba.njit, cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+)()
+"""Decorator of functions that only compiled functions call: without Python wrappers, which take longer to
+compile than the function if it has many arrays."""
+
+
+@numba.njit(cache=True, inline="always")
+def cross(a: np.ndarray | tuple, b: np.ndarray | tuple) -> tuple:
+    """Vector product of two vectors of three numbers each, faster than a call of linear algebra."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

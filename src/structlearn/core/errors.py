@@ -1,13 +1,10 @@
-"""The errors that mean "the input is at fault, not the program"."""
+"""Errors of input, as opposed to errors of the program."""
 
-LONGEST = 600  # characters of a message; libraries that quote what they could not read know no end
+LONGEST = 600  # characters of a message; some libraries quote all of what they could not read
 
 
 def printable(text: str) -> str:
-    """Text in one line, in which whatever is not printable is escaped.
-
-    What a file says, e.g. the name of a topic, may neither steer a terminal nor begin a line of its own.
-    """
+    """Text with escaped control characters: a file, e.g. by a topic's name, must not steer a terminal."""
     return "".join(
         sign if sign.isprintable() else sign.encode("unicode_escape").decode("ascii") for sign in text
     )
@@ -26,8 +23,4 @@ class InputError(ValueError):
 
 
 class MissingInputError(InputError):
-    """Input that is not there at all, or too little of it for what is asked of it.
-
-    What is there and damaged is an `InputError`. Who can do without says what is missing and goes on
-    (`structlearn.core.stage.or_empty`).
-    """
+    """Input that is absent or too little, but not damaged; optional stages go on (`stage.or_empty`)."""

@@ -16,12 +16,11 @@ FrameKind = Literal["up", "side", "world"]
 
 
 def frame_kind(displacement: np.ndarray, shortest_reach: float) -> FrameKind:
-    """Definition of the local frame for a reach.
+    """Definition of the local frame for a reach of displacement (3,) m, goal minus start.
 
     The choice is made once, from the mean displacement of the demonstrations, and kept with the primitive:
-    deciding again at every unroll could turn the frame between two nearly equal reaches. `displacement` (3,)
-    goal minus start in m; `shortest_reach`: m; a shorter displacement has no direction to speak of. Returns
-    `world` when the reach is too short, `side` when it is steep, else `up`, the text's definition.
+    deciding again at every unroll could turn the frame between two nearly equal reaches. Returns `world` for
+    reaches below `shortest_reach` (m), `side` for steep ones, else `up`, the dissertation's definition.
     """
     length = float(np.linalg.norm(displacement))
     if length < shortest_reach:
@@ -36,9 +35,7 @@ def local_frame(
 
     x points from start to goal. `up`: z is orthogonal to x and closest to up, y = z cross x (IV.6.1).
     `side`: y is orthogonal to x and closest to `side`, z = x cross y. `world`: the base frame itself.
-
-    `start`, `goal` (3,) m; `kind`: see `frame_kind`; `up` (3,) opposite of gravity; `side` (3,) anchor of y
-    for steep reaches. Returns (3, 3) local to base, `base = frame @ local`. Raises ValueError: start and goal
+    `start`, `goal` (3,) m -> (3, 3) local to base, `base = frame @ local`. Raises ValueError: start and goal
     coincide, or the reach is parallel to the anchor.
     """
     if kind == "world":

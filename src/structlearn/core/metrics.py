@@ -1,9 +1,8 @@
-"""Measures of agreement that several testbeds share, and intervals of them.
+"""Measures of agreement that several testbeds share, and their confidence intervals.
 
-Neighbouring samples of one time series are no independent evidence. For an interval of its numbers the series
-is cut into blocks that are longer than what its errors remember, and blocks are drawn anew with replacement
-(Kuensch 1989, blocks side by side). What is asked for must be a function of sums over samples: then a draw
-costs as much as there are blocks, however many samples they have.
+Neighbouring samples of a time series are not independent. For intervals a series is cut into blocks longer
+than the correlation time of its errors, and blocks are resampled with replacement (non-overlapping block
+bootstrap, Kuensch 1989). For statistics that are functions of sums a draw costs as much as there are blocks.
 """
 
 from typing import TYPE_CHECKING
@@ -18,8 +17,8 @@ if TYPE_CHECKING:
 def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Normalised mean squared error: mean squared error / variance of the target (ddof 0), per column.
 
-    `prediction` (T, ...) values; `target` (T, ...) values. Returns (...) dimensionless; 1 is as good as the
-    target's mean. A constant target gives infinity, or 0 when it is met exactly.
+    (T, ...), (T, ...) -> (...); 1 is as good as the target's mean. A constant target gives infinity, or 0
+    when it is met exactly.
     """
     error = np.mean((prediction - target) ** 2, axis=0)
     variance = np.var(target, axis=0)
@@ -28,21 +27,15 @@ def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def pairwise_spread(curves: np.ndarray) -> float:
-    """Mean distance between pairs of aligned curves, averaged over time.
-
-    `curves` (L, T, D) L curves on a common, normalised time. Returns the mean over pairs and time of the
-    Euclidean distance, in the curves' unit.
-    """
+    """Mean Euclidean distance over pairs of aligned curves and over time: (L, T, D) -> the curves' unit."""
     first, second = np.triu_indices(len(curves), k=1)
     return float(np.linalg.norm(curves[first] - curves[second], axis=-1).mean())
 
 
 def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
-    """Mean of independent samples and half the width of its confidence interval by the t distribution.
+    """Mean of independent samples (N,) and half the width of its confidence interval (t distribution).
 
-    For a paired comparison the samples are the differences between the pairs. `samples` (N,) independent
-    samples; `confidence`: probability that the interval covers the true mean. Returns mean and half width in
-    the samples' unit; the half width of a single sample is NaN.
+    For a paired comparison the samples are differences of pairs. A single sample has half width NaN.
     """
     count = len(samples)
     if count < 2:
@@ -54,10 +47,7 @@ def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float,
 def wilson_interval(
     successes: np.ndarray | int, trials: np.ndarray | int, confidence: float = 0.95
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Wilson's interval of a probability, from independent trials; it holds near 0 and 1 too.
-
-    `successes` (...) numbers; `trials` (...) numbers. Returns lower and upper ends, (...) each.
-    """
+    """Wilson's interval of a probability from independent trials: lower and upper ends, (...) each."""
     quantile = ndtri(0.5 + 0.5 * confidence)
     count = np.asarray(trials, dtype=float)
     share = successes / count
@@ -71,10 +61,7 @@ BETTER, WORSE, UNDECIDED = "better", "worse", "undecided"
 
 
 def verdict(low: np.ndarray | float, high: np.ndarray | float) -> np.ndarray:
-    """Verdicts on gains by confidence intervals: better, worse, or undecided if zero is inside or unknown.
-
-    `low` (...) lower ends; `high` (...) upper ends. Returns (...) texts `BETTER`, `WORSE` or `UNDECIDED`.
-    """
+    """`BETTER`, `WORSE` or `UNDECIDED` (...) for gains with intervals from `low` to `high` (...)."""
     return np.select([np.greater(low, 0), np.less(high, 0)], [BETTER, WORSE], UNDECIDED)
 
 
@@ -94,7 +81,7 @@ def block_sums(values: np.ndarray, length: int) -> np.ndarray:
 
 
 def drawn_counts(count: int, draws: int, seed: int) -> np.ndarray:
-    """(draws, count) how often each block is taken when as many blocks are drawn with replacement."""
+    """(draws, count): how often each block is taken when as many blocks are drawn with replacement."""
     generator = np.random.default_rng(seed)
     return generator.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
 

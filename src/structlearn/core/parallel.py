@@ -2,10 +2,8 @@
 
 The environment variable `STRUCTLEARN_BACKEND` says where: `fork`, the default, in processes on this machine,
 as many as there are cores or as `STRUCTLEARN_PROCESSES` says; `dask` on the cluster whose scheduler
-`DASK_SCHEDULER_ADDRESS` names; `sequential` in this process.
-
-Processes are forked from this one at the first work, which takes hundredths of a second where interpreters
-that import everything anew take seconds. They stay for the next work, so each loads compiled code once.
+`DASK_SCHEDULER_ADDRESS` names; `sequential` in this process. Processes are forked, since new interpreters
+would import for seconds, and kept for later work, so that each loads compiled code once.
 """
 
 import logging
@@ -48,28 +46,26 @@ def parallel_map(
     lost: Callable[[Item], Result] | None = None,
     local: bool = False,
 ) -> list[Result]:
-    """Apply a function to every item, in processes, and keep the order.
+    """Apply a picklable function to every item, in processes; results in the order of the items.
 
-    A process may die: killed for want of memory, or by a crash in compiled code. With `lost`, items without a
-    result then run once more, one at a time. So only an item that ends its process also when it runs alone is
-    lost, whatever the number of processes. `function`: a picklable function of one item; randomness must come
-    from a seed in the item; `lost`: result of an item that ends its process; `local`: the work needs files of
-    this machine and is not for a cluster. Returns the results in the order of the items, whatever the number
-    of processes. Raises InputError: a variable of the environment makes no sense, or the cluster cannot be
-    reached. Raises RuntimeError: a process died, and there is no `lost`.
+    Randomness must come from a seed in the item. A process may die, out of memory or by a crash in compiled
+    code: with `lost`, items without a result then run again one at a time, and one that ends its process also
+    alone has the result `lost(item)`. `local`: the work needs files of this machine and not a cluster. Raises
+    InputError: a variable of the environment is invalid, or the cluster cannot be reached; RuntimeError: a
+    process died, and there is no `lost`.
     """
     work = list(items)
     backend = os.environ.get(BACKEND, "fork")
     if backend not in ("fork", "dask", "sequential"):
         raise InputError(f"{BACKEND}={backend}: is not one of fork, dask, sequential")
-    bar = partial(tqdm, desc=description, leave=False, disable=None)  # none where nobody watches
+    bar = partial(tqdm, desc=description, leave=False, disable=None)  # only on a terminal
     if backend == "sequential":
         return [function(item) for item in bar(work)]
     results: dict[int, Result] = {}
     with bar(total=len(work)) as progress:
 
         def take(places: Iterable[int]) -> None:
-            """Enter the results of items; those whose process died have none."""
+            """Store the results of items; those whose process died have none."""
             pool, death = _cluster() if backend == "dask" and not local else (_processes(), BrokenProcessPool)
             running: dict[Future, int] = {}
             try:
@@ -103,7 +99,7 @@ _pools: dict[int, ProcessPoolExecutor] = {}  # by its number of processes; there
 
 
 def _processes() -> ProcessPoolExecutor:
-    """Processes of this machine, those of the work before where they are as many."""
+    """Processes of this machine, reused if their number is the same."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     given = os.environ.get(PROCESSES) or str(cores or 1)
     if not (given.isdecimal() and int(given)):
@@ -122,10 +118,7 @@ def _end_processes() -> None:
 
 
 def _begin_to_work(parent: int) -> None:
-    """In a new process: end with the parent, and keep to one core.
-
-    BLAS and OpenMP, so torch too, whose threads did not survive the fork, take one thread.
-    """
+    """Initialise a new process: it ends with its parent; BLAS, OpenMP and torch take one thread."""
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     threadpool_limits(1)
     os.environ["OMP_NUM_THREADS"] = "1"  # of libraries that are loaded later
@@ -133,18 +126,14 @@ def _begin_to_work(parent: int) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """A parent that is killed, as for want of memory, cannot tell its processes to end."""
+    """Watch for a killed parent, which cannot end its processes."""
     while os.getppid() == parent:
         time.sleep(0.5)
     os._exit(1)
 
 
 def _cluster() -> tuple[Executor, type[Exception]]:
-    """The cluster, connected at the first call, and its error where a worker's process has died four times.
-
-    Raises InputError: Dask is not installed, the scheduler has no address or does not answer, or has no
-    workers.
-    """
+    """The cluster, connected at the first call, and the error that tells of a worker that died four times."""
     try:
         import dask
         from distributed import Client, KilledWorker
@@ -160,7 +149,7 @@ def _cluster() -> tuple[Executor, type[Exception]]:
             f"{SCHEDULER}={address}: whoever reaches this port can run code here; use tls:// with "
             f"certificates, or, in a network that only you reach, {UNENCRYPTED}=yes"
         )
-    # Not for the user: that the work is large, and that results which died with a worker are worked out anew.
+    # no warnings about large work and about results that are computed again since a worker died
     dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"})
     logging.getLogger("distributed.client").setLevel(logging.ERROR)
     try:
@@ -176,10 +165,10 @@ def _cluster() -> tuple[Executor, type[Exception]]:
 
 
 def _private(address: str) -> bool:
-    """Whether nobody else can speak to a scheduler: it is encrypted, or on this machine only."""
+    """Whether a scheduler is encrypted or on this machine."""
     try:
         given = urlsplit(address if "://" in address else f"tcp://{address}")
         host = given.hostname or ""
         return given.scheme in ("tls", "inproc") or host == "localhost" or ip_address(host).is_loopback
-    except ValueError:  # a name, which whoever answers for it may point anywhere
+    except ValueError:  # a host name, which may resolve to any address
         return False

@@ -1,9 +1,8 @@
 """Parameters: `params.yaml` holds one key per stage, a pydantic model per stage checks it.
 
-The model lives beside the code that it configures (where that trains, in a module of its package without
-torch, so that pages start soon), and has no defaults: a value stands in the file, once. Here is only what all
-models share. The file is read by YAML's C loader, once per process:
-`dvc.api.params_show` costs 0.7 s a stage.
+The model lives beside the code that it configures (if that trains, in a module without torch, so that pages
+start quickly) and has no defaults: each value is in the file, once. This module holds what all models share.
+The file is read by YAML's C loader, once per process; `dvc.api.params_show` costs 0.7 s per stage.
 """
 
 import re
@@ -49,8 +48,7 @@ class Parameters(BaseModel):
 
 
 NAME = r"^\w[\w .+()-]*$"
-"""A name becomes a file's, stands in figures, where dollars are formulas, and in tables, where a spreadsheet
-takes what begins with = or @ for one."""
+"""Names become file names, labels in figures (where $ starts a formula) and cells (where = and @ do)."""
 
 Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 
@@ -58,21 +56,16 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 
 def read_parameters(path: Path, key: str, model: type[ParametersType]) -> ParametersType:
-    """Check the value of one key of a YAML file against its model.
+    """Validate the value of one key of a YAML file, e.g. `testbed.touch`, against its model.
 
-    `path`: the YAML file, usually `params.yaml`; `key`: the stage's key at the top level, or with dots one
-    below, e.g. `testbed.touch`. Returns the checked, frozen parameters. Raises InputError: the file is
-    missing or no YAML mapping, the key is absent, a key stands twice, or a value is missing, unknown, of the
-    wrong type or out of range; the message names file, key and reason.
+    Raises InputError: the file is missing or no YAML mapping, the key is absent, a key stands twice, or a
+    value is missing, unknown, of the wrong type or out of range; the message names file, key and reason.
     """
     return checked(value_at(path, key), model, path, key)
 
 
 def value_at(path: str | Path, key: str) -> Any:
-    """Value at one key of a YAML file, not yet checked; read-only.
-
-    Raises InputError: as `read_values`, or the key is absent.
-    """
+    """Value at one dotted key of a YAML file, not validated, read-only; an InputError if it is absent."""
     values = read_values(path)
     for part in key.split("."):
         if not isinstance(values, dict) or part not in values:
@@ -82,10 +75,7 @@ def value_at(path: str | Path, key: str) -> Any:
 
 
 def read_values(path: str | Path) -> Any:
-    """Contents of a YAML file, not yet checked; read-only.
-
-    Raises InputError: the file is missing or no YAML, or a key stands twice.
-    """
+    """Contents of a YAML file, not validated, read-only; an InputError if missing, no YAML, a key twice."""
     path = Path(path)
     try:
         require_file(path)
@@ -104,10 +94,7 @@ def read_values(path: str | Path) -> Any:
 
 
 def home_path(path: str | Path) -> Path:
-    """A path as a user writes it, with `~` for the home folder.
-
-    Raises InputError: it begins with `~NAME`, and there is no such user.
-    """
+    """A path with `~` expanded to the home folder; an InputError if there is no such user."""
     try:
         return Path(path).expanduser()
     except RuntimeError as error:
@@ -115,10 +102,7 @@ def home_path(path: str | Path) -> Path:
 
 
 def checked(values: Any, model: type[ParametersType], path: str | Path, key: str) -> ParametersType:
-    """Values as their model has them.
-
-    Raises InputError: a value is missing, unknown, of the wrong type or out of range.
-    """
+    """Validated values; an InputError if one is missing, unknown, of the wrong type or out of range."""
     try:
         return model.model_validate(values)
     except ValidationError as error:
@@ -138,7 +122,7 @@ def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
 
 @lru_cache(maxsize=4)
 def _tree(path: Path, modified_ns: int, size: int) -> Any:
-    """Contents of one version of the file; read-only."""
+    """Contents of one version of a file, read-only."""
     text = path.read_bytes().decode()
     brackets = np.cumsum([1 if bracket in "[{" else -1 for bracket in re.findall(r"[\[\]{}]", text)])
     levels = (len(line) - len(re.sub(r"^[\s?-]*", "", line)) for line in text.splitlines())
@@ -148,8 +132,8 @@ def _tree(path: Path, modified_ns: int, size: int) -> Any:
 
 
 DEEPEST = 1000
-"""Brackets in brackets, and blanks, dashes and question marks that begin a line: each level takes one. Lines
-may be long: in the description of a bag one has the settings of all publishers of a topic."""
+"""Limit on nested brackets, and on blanks, dashes and question marks before a line's text: each level of YAML
+takes at least one."""
 
 
 class _DuplicateKeyError(ValueError):
@@ -157,16 +141,16 @@ class _DuplicateKeyError(ValueError):
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # libyaml or not
-    """YAML's safe loader, in C where it is compiled in; a key that stands twice is an error."""
+    """YAML's safe loader, in C if compiled in; duplicate keys are errors."""
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
-        """A whole number that can be written out; hexadecimal ones may have any length."""
+        """An integer that can be printed; Python limits the digits, but not of hexadecimal input."""
         value = super().construct_yaml_int(node)
         str(value)
         return value
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        """A mapping, after a look at its keys."""
+        """A mapping without duplicate keys."""
         seen: set[str] = set()
         for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
             if key.value in seen:
@@ -196,11 +180,7 @@ Seeds = Annotated[list[NonNegativeInt], Field(min_length=1)]
 
 
 class Population(Parameters):
-    """Seeds of the people, sensors, robots or scenes that a testbed's results are over.
-
-    Constants were chosen on `tuning`, verdicts rest on `test`, and no seed may be in both. The first of
-    `tuning` is who recordings and first figures show.
-    """
+    """Seeds of people, robots or scenes: constants are chosen on `tuning`, verdicts rest on `test`."""
 
     tuning: Seeds
     test: Seeds
@@ -217,5 +197,5 @@ class Population(Parameters):
 
     @property
     def shown(self) -> int:
-        """Seed of the one that recordings and first figures show."""
+        """Seed that recordings and first figures show."""
         return self.tuning[0]

@@ -1,7 +1,7 @@
-"""Publishing: a file or a folder appears at its place when it is complete, or not at all.
+"""Atomic publishing: a file or a folder appears at its place when it is complete, or not at all.
 
-It is written beside its place under a temporary name, brought to the disk, and moved in place, so neither a
-killed stage nor a power cut leaves anything half-written, and two processes never write one target.
+It is written beside its place under a temporary name, synced to disk and renamed, so neither a killed stage
+nor a power cut leaves anything half-written, and two processes never write one target.
 """
 
 import errno
@@ -24,14 +24,15 @@ def publish(target: str | Path) -> Iterator[Path]:
     Raises InputError: the disk is full or may not be written on, or another process publishes the target.
     """
     target = Path(target)
-    with _writable(target):
+    workspace = target.parent / f".publish-{target.name}"
+    replaced, temporary = workspace / "replaced", workspace / target.name
+    try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        workspace = target.parent / f".publish-{target.name}"
         with alone_in(workspace, f"{target}: another process is writing it"):
-            replaced, temporary = workspace / "replaced", workspace / target.name
             if replaced.exists() and not target.exists():  # killed between the two moves below
                 replaced.rename(target)
-            _empty(workspace)  # left by a killed run
+            for left in workspace.iterdir():  # by a killed run
+                shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink()
             try:
                 yield temporary
                 _to_disk(temporary)
@@ -41,6 +42,10 @@ def publish(target: str | Path) -> Iterator[Path]:
                 _to_disk(target.parent, deep=False)
             finally:
                 shutil.rmtree(workspace, ignore_errors=True)
+    except OSError as error:
+        if (fault := disk_fault(error)) is None:
+            raise
+        raise InputError(f"{target}: cannot be written: {fault}") from error
 
 
 def disk_fault(error: OSError) -> str | None:
@@ -54,27 +59,12 @@ OF_THE_DISK = {
 }
 """Write errors caused by the machine."""
 
-
-@contextmanager
-def _writable(target: Path) -> Iterator[None]:
-    """Say in one line why a target cannot be written."""
-    try:
-        yield
-    except OSError as error:
-        if (fault := disk_fault(error)) is None:
-            raise
-        raise InputError(f"{target}: cannot be written: {fault}") from error
-
-
 _locks: set[int] = set()  # open files by which this process holds its workspaces
 
 
 @contextmanager
 def alone_in(workspace: Path, complaint: str) -> Iterator[None]:
-    """Lock a folder against other processes; it is made, or taken over from a killed process.
-
-    Raises InputError: another process has locked it, with the complaint as its message.
-    """
+    """Lock a folder, which is made if need be, against other processes; an InputError if one has the lock."""
     while True:
         workspace.mkdir(exist_ok=True)
         lock = os.open(workspace, os.O_RDONLY)
@@ -92,20 +82,12 @@ def alone_in(workspace: Path, complaint: str) -> Iterator[None]:
 
 
 def _let_go() -> None:
-    """In a forked process: the workspaces are its parent's, and free when that is killed."""
+    """Close inherited locks in a forked process, so that they end with its parent."""
     while _locks:
         os.close(_locks.pop())
 
 
 os.register_at_fork(after_in_child=_let_go)
-
-
-def _empty(folder: Path) -> None:
-    for entry in folder.iterdir():
-        if entry.is_dir() and not entry.is_symlink():
-            shutil.rmtree(entry)
-        else:
-            entry.unlink()
 
 
 def _to_disk(path: Path, deep: bool = True) -> None:

@@ -11,11 +11,7 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Hamilton product a o b (eq. B.1).
-
-    `a` (..., 4) quaternions; `b` (..., 4) quaternions. Returns (..., 4) the rotation b followed by a, both in
-    the base frame.
-    """
+    """Hamilton product a o b (eq. B.1), the rotation b followed by a, both in the base frame: (..., 4)."""
     components = (np.moveaxis(np.asarray(q, dtype=float), -1, 0) for q in (a, b))
     return np.stack(product_components(*components), axis=-1)
 
@@ -45,11 +41,10 @@ def normalised(q: np.ndarray) -> np.ndarray:
 
 
 def log(q: np.ndarray) -> np.ndarray:
-    """Logarithm of unit quaternions (eq. B.3): half the rotation vector, norm in [0, pi].
+    """Logarithm of unit quaternions (eq. B.3), half the rotation vector: (..., 4) -> (..., 3) rad.
 
-    The half angle is taken by atan2(|q|, r), which keeps full precision near the identity, where arccos(r)
-    loses half the digits. Q and -Q have different logarithms; see `shortest` for the short way round. `q`
-    (..., 4) unit quaternions. Returns (..., 3) half rotation vectors in rad.
+    The half angle is atan2(|q|, r), which keeps full precision near the identity, where arccos(r) loses half
+    the digits. Q and -Q have different logarithms; see `shortest` for the short way round.
     """
     q = np.asarray(q, dtype=float)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
@@ -84,11 +79,7 @@ def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
 
 
 def difference(target: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Rotation vector from Q to the target the short way round, 2 log(Q_target o Q*), in the base frame.
-
-    `target` (..., 4) unit quaternions; `q` (..., 4) unit quaternions. Returns (..., 3) rad: turning Q by it
-    gives the target.
-    """
+    """Rotation vector (..., 3) rad that turns Q to the target the short way round, 2 log(Q_target o Q*)."""
     return rotation_vector(product(target, conjugate(q)))
 
 
@@ -119,11 +110,7 @@ def matrix(q: np.ndarray) -> np.ndarray:
 
 
 def sign_continuous(path: np.ndarray) -> np.ndarray:
-    """A path of orientations with signs chosen so that neighbours are close; the first one is kept.
-
-    `path` (..., T, 4) unit quaternions. Returns (..., T, 4) the same rotations without jumps between Q and
-    -Q.
-    """
+    """The same rotations (..., T, 4) without jumps between Q and -Q along a path; the first one is kept."""
     path = np.asarray(path, dtype=float)
     flips = np.sum(path[..., 1:, :] * path[..., :-1, :], axis=-1) < 0
     signs = np.where(np.cumsum(flips, axis=-1) % 2 == 1, -1.0, 1.0)
@@ -131,10 +118,7 @@ def sign_continuous(path: np.ndarray) -> np.ndarray:
 
 
 def mean(q: np.ndarray) -> np.ndarray:
-    """Mean orientation: the eigenvector of sum Q Q^T with the largest eigenvalue; signs do not matter.
-
-    `q` (L, 4) unit quaternions. Returns (4,) unit quaternion with r >= 0.
-    """
+    """Mean orientation (4,), r >= 0, of (L, 4): eigenvector of sum Q Q^T with the largest eigenvalue."""
     q = np.asarray(q, dtype=float)
     _, vectors = np.linalg.eigh(q.T @ q)
     principal = vectors[:, -1]
@@ -142,11 +126,7 @@ def mean(q: np.ndarray) -> np.ndarray:
 
 
 def interpolate(times: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """Spherical linear interpolation of an orientation path.
-
-    `times` (M,) where to evaluate, within the stamps' range; `stamps` (T,) strictly increasing; `path` (T, 4)
-    unit quaternions at the stamps; sign flips do no harm. Returns (M, 4) unit quaternions.
-    """
+    """Spherical linear interpolation at times (M,) of a path (T, 4) with increasing stamps (T,): (M, 4)."""
     left = np.clip(np.searchsorted(stamps, times, side="right") - 1, 0, len(stamps) - 2)
     fraction = (times - stamps[left]) / (stamps[left + 1] - stamps[left])
     step = difference(path[left + 1], path[left])
@@ -154,10 +134,7 @@ def interpolate(times: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.n
 
 
 def angular_velocity(path: np.ndarray, dt: float) -> np.ndarray:
-    """Angular velocity in the base frame by central differences, one-sided at the ends.
-
-    `path` (T, 4) unit quaternions, uniform clock; `dt`: sampling interval in s. Returns (T, 3) rad/s.
-    """
+    """Angular velocity (T, 3) rad/s in the base frame by central differences, one-sided at the ends."""
     steps = difference(path[1:], path[:-1]) / dt
     return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
 

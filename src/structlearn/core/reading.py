@@ -1,4 +1,4 @@
-"""Limits on what is read: files alone, and no more of each than fits into memory."""
+"""Limits on input: regular files only, and no more of each than fits into memory."""
 
 import hashlib
 import stat
@@ -7,17 +7,14 @@ from pathlib import Path
 from structlearn.core.errors import InputError
 
 LARGEST = 2**30
-"""Bytes of a file that is read as a whole, and what any file may unpack to beside twenty times its size."""
+"""Bytes of the largest file that is read as a whole, see also `Budget`."""
 
 PER_MESSAGE = 200
 """Bytes that Python takes for a message beside its content."""
 
 
 def require_file(path: str | Path, whole: bool = True) -> None:
-    """Refuse a pipe or a device, which would be waited for, and a file that is too large to be read `whole`.
-
-    Raises InputError: as said, naming the file. Raises OSError: there is no such file.
-    """
+    """Raise InputError for a pipe, a device or a file too large to be read `whole`; OSError if missing."""
     state = Path(path).stat()
     if not stat.S_ISREG(state.st_mode):
         raise InputError(f"{path}: cannot be read: not a file")

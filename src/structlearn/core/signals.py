@@ -4,16 +4,14 @@ from functools import cache
 
 import numpy as np
 
-BUTTERWORTH_ORDER = 2
-"""Order of every low-pass here; run forwards and backwards, so the effective order is twice that."""
+BUTTERWORTH_ORDER = 2  # run forwards and backwards, so the effective order is twice that
 
 
 def low_pass(signal: np.ndarray, dt: float, cutoff_hz: float) -> np.ndarray:
-    """Zero-phase Butterworth low-pass along the first axis.
+    """Zero-phase Butterworth low-pass along the first axis: (T, ...) -> (T, ...), `dt` in s.
 
     The ends are extended by odd reflection, which keeps value and slope there. A cut-off at or above half the
-    sampling rate leaves the signal as it is. `signal` (T, ...) samples; `dt`: sampling interval in s;
-    `cutoff_hz`: cut-off frequency in Hz. Returns (T, ...) the smoothed signal.
+    sampling rate leaves the signal as it is.
     """
     from scipy.signal import sosfiltfilt
 
@@ -52,7 +50,7 @@ def time_normalised(signal: np.ndarray, count: int) -> np.ndarray:
 
 @cache
 def _sections(cutoff: float) -> np.ndarray:
-    """Sections of the low-pass, its cut-off as a part of half the sampling rate; their design takes 2 ms."""
+    """Second-order sections of the low-pass, its cut-off relative to Nyquist; their design takes 2 ms."""
     from scipy.signal import butter
 
     return butter(BUTTERWORTH_ORDER, cutoff, output="sos")

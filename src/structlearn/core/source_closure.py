@@ -1,7 +1,7 @@
-"""The source files that a script uses, each with a digest: the code that a stage of DVC depends on.
+"""The source files that a script imports, each with a digest: the code that a stage of DVC depends on.
 
-Imports are read from the syntax tree, those inside functions too. Digests leave out docstrings, comments,
-layout and the annotations of functions, so wording does not make a stage run again.
+Imports are read from the syntax tree, also inside functions. Digests leave out docstrings, comments, layout
+and annotations of functions, so that edits of wording do not run stages again.
 """
 
 import ast
@@ -11,14 +11,12 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
-DATA_SUFFIXES = (".yaml", ".jinja", ".css", ".js")
-"""Of files that modules read from their own folder, or from one below it without modules."""
-
+DATA_SUFFIXES = (".yaml", ".jinja", ".css", ".js")  # that modules read from their folder, or below it
 MODULE_NAME = re.compile(r"structlearn(\.\w+)+\.?")
 
 
 class SourceTree:
-    """Sources below a folder, e.g. `src`, each read once; packages that are not there are not followed."""
+    """Sources below a folder, e.g. `src`, each read once; other packages are not followed."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -28,10 +26,9 @@ class SourceTree:
     def closure(self, script: Path) -> dict[Path, str]:
         """Digest by path, relative to the root, of all that a script imports, directly or not.
 
-        A module counts as imported where a string is its name, all of a package where a string is its name
-        and a dot, or where `package.__name__` is asked for. Data files beside a module come with it. A name
-        from the face of a package (`lazy_loader`, the stub beside `__init__.py`) is its module's. Raises
-        SyntaxError: a file is no Python, or imports relatively.
+        A string that is a module's name counts as an import of it; of all of a package, one that is its name
+        and a dot, or `package.__name__`. Data files beside a module come with it. Names of a lazily loaded
+        package are followed by its stub. Raises SyntaxError: a file is no Python, or imports relatively.
         """
         found: dict[Path, str] = {}
         waiting = self._file(script)[1] - _data_files(script.parent)  # entries of tasks lie beside scripts
@@ -43,7 +40,7 @@ class SourceTree:
         return {path.relative_to(self.root): found[path] for path in sorted(found)}
 
     def write(self, scripts: Iterable[Path], folder: Path, root: Path | None = None) -> None:
-        """Write the closure of each script as `NAME.txt`, a line per file; ordered as below `root`."""
+        """Write the closure of each script as `NAME.txt`, a line per file; in the folders below `root`."""
         for script in scripts:
             path = (folder / (script.relative_to(root) if root else script.name)).with_suffix(".txt")
             lines = [f"{digest[:16]} {file.as_posix()}\n" for file, digest in self.closure(script).items()]
@@ -66,7 +63,7 @@ class SourceTree:
         return self._read[path]
 
     def _modules(self, name: str) -> set[Path]:
-        """Files that importing a dotted name, of a module or in one, runs: with the packages above it."""
+        """Files that run when a dotted name is imported: the module and the packages above it."""
         parts = name.rstrip(".").split(".")
         place = self.root.joinpath(*parts[:-1])
         if (place / "__init__.pyi").exists() and (module := self._face(place).get(parts[-1])):
@@ -87,12 +84,12 @@ class SourceTree:
 
 
 def _attaches_face(node: ast.AST) -> bool:
-    """Whether a statement makes the face of a package, which is followed by name and computes nothing."""
+    """Whether a statement sets up lazy loading of a package, whose names `_face` follows."""
     return "lazy_loader" in {getattr(one, "id", getattr(one, "name", "")) for one in ast.walk(node)}
 
 
 def _without_wording(tree: ast.Module) -> ast.Module:
-    """Docstrings and other bare strings, annotations of functions and faces, taken out in place."""
+    """Remove docstrings and other bare strings, annotations of functions and lazy loading, in place."""
     tree.body = [node for node in tree.body if not _attaches_face(node)]
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
@@ -106,11 +103,10 @@ def _without_wording(tree: ast.Module) -> ast.Module:
 
 
 def _is_bare_string(node: ast.AST) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
+    match node:
+        case ast.Expr(ast.Constant(str())):
+            return True
+    return False
 
 
 def _names(tree: ast.Module) -> Iterator[str]:
@@ -133,7 +129,7 @@ def _names(tree: ast.Module) -> Iterator[str]:
 
 
 def _flatten(node: object, words: list[str]) -> None:
-    """The tree as words, the same for all versions of Python: fields that are empty are left out."""
+    """The tree as words; empty fields are left out, so that all versions of Python agree."""
     if isinstance(node, ast.AST):
         words.append(type(node).__name__)
         for field in node._fields:
@@ -153,7 +149,7 @@ def _flatten(node: object, words: list[str]) -> None:
 
 @cache
 def _data_files(folder: Path) -> set[Path]:
-    """Files of a folder that are no modules, and those of folders below it without any."""
+    """Data files of a folder and of folders below it without modules."""
     below = [one for one in folder.iterdir() if one.is_dir() and not any(one.glob("**/*.py"))]
     files = [*folder.iterdir(), *(file for one in below for file in one.rglob("*"))]
     return {file for file in files if file.suffix in DATA_SUFFIXES}

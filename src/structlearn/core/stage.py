@@ -1,8 +1,8 @@
 """Frame of stage scripts: checked parameters, one-line errors, and wall times.
 
 A stage is a script that DVC runs from the project's root; it can be run by hand from there too. The wall time
-of its last run by DVC is listed by `python -m structlearn.core.stage`. Times differ from run to run and from
-machine to machine: they are in no artefact, no stage depends on them, and git does not keep them.
+of its last run by DVC is listed by `python -m structlearn.core.stage`. Times are in no artefact that a stage
+depends on or that git keeps.
 """
 
 import atexit
@@ -24,15 +24,9 @@ from structlearn.core.params import ParametersType, read_parameters
 from structlearn.core.publication import alone_in, disk_fault, publish
 
 PARAMETER_FILE = Path("params.yaml")
-INTERRUPTED = 130
-"""Exit code of what SIGINT ended, as shells have it."""
-
-TIMES = Path("reports/times.json")
-"""Relative to the working directory, so an experiment in a separate directory has separate times."""
-
-RUN_BY_DVC = "DVC_STAGE"
-"""Environment variable that DVC sets while a stage runs."""
-
+INTERRUPTED = 130  # exit code of what SIGINT ended, as shells have it
+TIMES = Path("reports/times.json")  # of the working directory, so an experiment in another has its own times
+RUN_BY_DVC = "DVC_STAGE"  # environment variable that DVC sets while a stage runs
 _IMPORTED_S = time.perf_counter()
 
 
@@ -42,7 +36,7 @@ def stage_parameters(key: str, model: type[ParametersType], path: Path = PARAMET
 
 
 def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]:
-    """`main`, which leaves an empty folder at `target` and says why where its input is missing."""
+    """`main`, which leaves an empty folder at `target` and says why if its input is missing."""
 
     def made() -> None:
         try:
@@ -58,9 +52,8 @@ def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]
 def run(main: Callable[[], None]) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
-    A second run of the stage at the same time ends in the same way, since their outputs would mix. So does
-    Ctrl-C, with code `INTERRUPTED`. Errors of the program itself keep their traceback. When DVC runs the
-    stage, its time is recorded.
+    So does a second run of the stage at the same time, and Ctrl-C with code `INTERRUPTED`. Errors of the
+    program itself keep their traceback. When DVC runs the stage, its time is recorded.
     """
     try:
         with _alone():
@@ -104,17 +97,14 @@ sys.excepthook = _in_one_line
 
 
 class StageTime(NamedTuple):
-    """What one run of a stage took, from the start of Python, worker processes on this machine included."""
+    """Time that a stage took since the start of Python, including worker processes on this machine."""
 
     wall_s: float
     cpu_s: float
 
 
 def timed(main: Callable[[], None]) -> None:
-    """Run a stage; if DVC runs it and it ends well, its time is written when the program ends.
-
-    Worker processes end with the program, and the system counts a child's time when it has ended.
-    """
+    """Run a stage; if DVC runs it, its time is written at exit, when worker processes have been counted."""
     main()
     if RUN_BY_DVC in os.environ:
         # by its command: DVC's name of a stage depends on the folder that DVC is called in
@@ -123,49 +113,42 @@ def timed(main: Callable[[], None]) -> None:
 
 
 def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
-    """Enter the time of a stage, rounded to 0.1 s; one that cannot be written is told and fails nothing."""
+    """Record the time of a stage, rounded to 0.1 s; if it cannot be written, a warning is printed."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with _one_at_a_time(path.parent), publish(path) as target:
+        lock = os.open(path.parent, os.O_RDONLY)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # other stages that end now add their times too
             times = {**read_times(path), command: StageTime(*(round(value, 1) for value in taken))}
-            target.write_text(json.dumps({name: times[name] for name in sorted(times)}, indent=1) + "\n")
+            with publish(path) as target:
+                target.write_text(json.dumps(times, indent=1, sort_keys=True) + "\n")
+        finally:
+            os.close(lock)
     except (OSError, InputError) as error:
         print(f"{path}: the time of {command} is not written: {error}", file=sys.stderr)
 
 
-@contextmanager
-def _one_at_a_time(folder: Path) -> Iterator[None]:
-    """Wait for other stages that end now: each adds its time to what the others wrote."""
-    lock = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(lock)
-
-
 def read_times(path: Path = TIMES) -> dict[str, StageTime]:
-    """Times by command, without `python`; none where the file is missing or damaged."""
+    """Times by command, without `python`; empty if the file is missing or damaged."""
     try:
-        entries = json.loads(path.read_text()).items()
-        return {name: StageTime(*map(float, its)) for name, its in entries}
+        return {name: StageTime(*map(float, its)) for name, its in json.loads(path.read_text()).items()}
     except (OSError, ValueError, TypeError, AttributeError):
         return {}
 
 
 def main() -> None:
     """Print the times of all stages, the longest first, and their sum."""
-    times = read_times()
-    total = StageTime(*(sum(values) for values in zip(*times.values(), strict=True))) if times else None
+    times = sorted(read_times().items(), key=lambda entry: -entry[1].wall_s)
     print("  wall s    CPU s  stage, when it ran last")
-    for command, its in sorted(times.items(), key=lambda entry: -entry[1].wall_s):
+    for command, its in times:
         print(f"{its.wall_s:8.1f} {its.cpu_s:8.1f}  {command}")
-    if total:
-        print(f"{total.wall_s:8.1f} {total.cpu_s:8.1f}  {len(times)} stages on {os.cpu_count()} cores")
+    if times:
+        wall_s, cpu_s = (sum(values) for values in zip(*(its for _, its in times), strict=True))
+        print(f"{wall_s:8.1f} {cpu_s:8.1f}  {len(times)} stages on {os.cpu_count()} cores")
 
 
 def _since_start_s() -> float:
-    """On the clock since this process started; where there is no /proc, since this was imported."""
+    """Wall time since this process started; without /proc, since this module was imported."""
     try:
         started_ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
     except OSError:

@@ -1,6 +1,6 @@
 """Coupling terms from corrected demonstrations, models that learn them, and the runtime controller (IV.6).
 
-What users import stands in the stub beside this file, and is loaded when it is first used.
+The public names are in the stub beside this file; their modules load on first use.
 """
 
 import lazy_loader

@@ -63,7 +63,6 @@ class State(NamedTuple):
     orientation: np.ndarray  # (1, 1, 4) output
     turning: np.ndarray  # (2, 1, 1, 3) output: angular velocity, angular acceleration
     held: np.ndarray  # (2, 1, 3) coupling vector of the position, and of the orientation; 0 but on the axes
-    window: np.ndarray  # (2, 1, 2, 3) forcing at this row and the next: of the position, of the orientation
     memory: np.ndarray  # (D, M) of the networks
 
 
@@ -86,7 +85,6 @@ def resting_state(plan: Plan) -> State:
         orientation=turned[None].copy(),
         turning=np.zeros((2, 1, 1, 3)),
         held=np.zeros((2, 1, 3)),
-        window=np.zeros((2, 1, 2, 3)),
         memory=np.zeros((len(plan.axes), plan.memory.max(initial=0))),
     )
 
@@ -194,24 +192,15 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
         state.held[axis // 3, 0, axis % 3], fault = _bounded(plan, state, place, wanted)
         flags |= fault
     matrix, tau = plan.matrix[primitive], plan.tau[primitive]
-    for d in range(3):
-        state.window[0, 0, 0, d] = plan.position_forcing[row, d]
-        state.window[0, 0, 1, d] = plan.position_forcing[following, d]
-        state.window[1, 0, 0, d] = plan.orientation_forcing[row, d]
-        state.window[1, 0, 1, d] = plan.orientation_forcing[following, d]
-    goal = plan.position_goal[primitive : primitive + 1]
-    transformation.step_batch(0, matrix, tau, goal, state.point, state.window[0], state.held[0], state.path)
+    goal, turned_goal = plan.position_goal[primitive], plan.orientation_goal[primitive]
+    forcing = plan.position_forcing[row : following + 1].reshape(1, -1, 3)
+    turning = plan.orientation_forcing[row : following + 1].reshape(1, -1, 3)
+    transformation.step_batch(
+        0, matrix, tau, goal.reshape(1, 3), state.point, forcing, state.held[0], state.path
+    )
+    turn = (state.turned, state.rate, state.remaining)
     orientation.step_batch(
-        0,
-        matrix,
-        state.turned,
-        state.rate,
-        state.remaining,
-        state.window[1],
-        plan.orientation_goal[primitive : primitive + 1],
-        state.held[1],
-        state.orientation,
-        state.turning,
+        0, matrix, *turn, turning, turned_goal.reshape(1, 4), state.held[1], state.orientation, state.turning
     )
     for d in range(3):
         state.turning[0, 0, 0, d] /= tau
@@ -222,7 +211,7 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
 
 @_part_of_a_tick
 def _coupling(plan: Plan, state: State, row: int, primitive: int, place: int, sensor_flags: int) -> float:
-    """What the network of an axis asks for; 0 without network or without a sensor that it needs."""
+    """Output of the network of an axis; 0 without network or without a sensor that it needs."""
     kernel = plan.kernels[primitive, place]
     blind = sensor_flags & (WAITING | NO_OFFSET | STALE)
     if kernel == 0 or (plan.inputs[primitive, place] > 0 and blind):

@@ -6,7 +6,7 @@ The goal g evolves from the demonstration's own initial state to the steady goal
 just as it does when the primitive is unrolled with feedback; so the primitive, unrolled from the
 demonstration's start with c_target as its coupling term, is the demonstration.
 
-Feedback corrects along and about the axes of the base frame. A coupling term stands in the transformation
+Feedback corrects along and about the axes of the base frame. A coupling term is added to the transformation
 system (eq. IV.1, IV.2) and has its unit: an acceleration times tau^2, so m for positions and rad for
 orientations. Held for long it shifts by c / (ALPHA BETA).
 """

@@ -30,7 +30,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import Name, Parameters
 from structlearn.feedback import models
 from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, Fold, without_generalization
-from structlearn.networks.compiled_layers import Layers
+from structlearn.networks.compiled_layers import Array, Layers
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.primitive_files import part, prefixed
 
@@ -201,8 +201,8 @@ class Trained(Generic[Model]):
 
     # by the part whose error chose the step: `validation`, which is honest, and where a demonstration is left
     # out `generalization`, which the dissertation reports and is optimistic
-    models: Mapping[str, Model]
-    steps: Mapping[str, int]  # gradient steps done, likewise; 0 where there are none
+    models: dict[str, Model]
+    steps: dict[str, int]  # gradient steps done, likewise; 0 where there are none
     code: float = np.nan  # to how many dimensions the deviations are compressed first; NaN where they are not
 
     @classmethod
@@ -289,12 +289,7 @@ def _call(context, address, sizes, values, row, deviations, memory):
 
 @numba.njit(cache=True, forceinline=True)
 def evaluate(
-    address: int,
-    sizes: np.ndarray,
-    values: np.ndarray,
-    row: np.ndarray,
-    deviations: np.ndarray,
-    memory: np.ndarray,
+    address: int, sizes: Array, values: Array, row: Array, deviations: Array, memory: Array
 ) -> float:
     """Coupling term at one sample, in compiled code; see `Compiled` and `kernel`."""
     return _call(address, sizes, values, row, deviations, memory)  # type: ignore[call-arg]  # numba adds one
@@ -302,13 +297,7 @@ def evaluate(
 
 @numba.njit(cache=True)
 def _batch(
-    address: int,
-    sizes: np.ndarray,
-    values: np.ndarray,
-    table: np.ndarray,
-    deviations: np.ndarray,
-    memory: np.ndarray,
-    p: np.ndarray,
+    address: int, sizes: Array, values: Array, table: Array, deviations: Array, memory: Array, p: Array
 ) -> np.ndarray:
     """Coupling terms (B,) of samples (B, D); where the phase p (B,) jumps up, a movement begins."""
     found = np.empty(len(p))

@@ -46,7 +46,7 @@ class ExpectedTracesParameters(Parameters):
     smoothing_hz: float = Field(gt=0)
 
 
-TACTILE, WRENCH = "tactile", "wrench"
+WRENCH = "wrench"
 
 Sensor = Literal["tactile", "wrench"]
 """Sensors: counts of all electrodes, or force in N and torque in N m."""

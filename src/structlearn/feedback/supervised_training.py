@@ -1,13 +1,13 @@
 """Training of feedback models: RMSProp on the squared error of the coupling term (IV.6.2, eq. IV.31).
 
-All models of a stack train at once, each on its own draws. Every so many steps the normalised mean squared
-error of the parts that may choose a step is taken without dropout, and the weights that did best are kept.
+All models of a stack train at once, each on batches of its own. At intervals, the normalised mean squared
+error of the parts that may choose a step is evaluated without dropout, and the best weights are kept.
 
-Two steps can be named in the end: the one that validation chooses, which is honest, and the one with the
-lowest error on the left-out demonstration itself, which is what the dissertation reports and is optimistic.
+Two steps are kept in the end: the one that validation chooses, which is honest, and the one with the lowest
+error on the left-out demonstration itself, which is what the dissertation reports and is optimistic.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from structlearn.core.errors import InputError
-from structlearn.feedback.coupling_dataset import PARTS, Fold, stream
+from structlearn.feedback.coupling_dataset import Fold, stream
 from structlearn.feedback.coupling_model import Jobs, Model, Trained, TrainingParameters
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 
@@ -50,31 +50,20 @@ class StackedData:
     folds: Sequence[Fold]  # per model, the samples by part
 
 
-@dataclass(frozen=True)
-class LearningCurves:
-    """Errors of a stack while it trained, and its best weights."""
-
-    steps: np.ndarray  # (E,) gradient steps done
-    nmse: np.ndarray  # (E, M, 2) per model and part of `CHOOSING`; NaN for a part without samples
-    weights: Mapping[str, Sequence[Tensor]]  # per part of `CHOOSING`, every model's best ones
-
-    def best(self, part: str) -> np.ndarray:
-        """Per model (M,), the index of the evaluation with the lowest error on a part."""
-        errors = self.nmse[..., CHOOSING.index(part)]
-        return np.where(np.isnan(errors), np.inf, errors).argmin(axis=0)
-
-
-def train(stack: Stack, data: StackedData, parameters: TrainingParameters) -> LearningCurves:
+def train(
+    stack: Stack, data: StackedData, parameters: TrainingParameters
+) -> dict[str, tuple[list[Tensor], list[int]]]:
     """Train a stack in place; every model ends with the weights that did best on its validation part.
 
-    It runs on one thread: parallel work is a matter of processes, and a sum whose order depends on the number
-    of threads would not be reproducible.
+    Returns by part of `CHOOSING` every model's best weights, and the gradient steps done until then. It runs
+    on one thread: parallel work is a matter of processes, and a sum whose order depends on the number of
+    threads would not be reproducible.
     """
     optimiser = RootMeanSquarePropagation(stack.weights, parameters.learning_rate, DECAY)
     draws = [np.random.default_rng([parameters.seed, stream(fold.number), 1]) for fold in data.folds]
     best = np.full((len(data.folds), len(CHOOSING)), np.inf)
+    steps = np.zeros(best.shape, dtype=int)
     kept = {part: [values.detach().clone() for values in stack.weights] for part in CHOOSING}
-    done, errors = [], []
     with one_thread():
         for start in range(0, parameters.steps, parameters.evaluate_every):
             count = min(parameters.evaluate_every, parameters.steps - start)
@@ -83,16 +72,15 @@ def train(stack: Stack, data: StackedData, parameters: TrainingParameters) -> Le
                 squares = (outputs - _taken(data.target, rows)).square()
                 # mean over the samples, summed over models: their gradients do not mix
                 optimiser.step(squares.flatten(1).mean(dim=1).sum())
-            done.append(start + count)
-            errors.append(evaluate(stack, data, CHOOSING))
-            better = errors[-1] < best
-            best[better] = errors[-1][better]
+            errors = evaluate(stack, data)
+            better = errors < best  # never where it diverged
+            best[better], steps[better] = errors[better], start + count
             for place, part in enumerate(CHOOSING):
                 chosen = torch.from_numpy(better[:, place])
                 for found, values in zip(kept[part], stack.weights, strict=True):
                     found[chosen] = values.detach()[chosen]
     restore(stack, kept["validation"])
-    return LearningCurves(np.array(done), np.array(errors), kept)
+    return {part: (kept[part], steps[:, place].tolist()) for place, part in enumerate(CHOOSING)}
 
 
 @torch.no_grad()
@@ -109,18 +97,13 @@ def train_stack(
 
     `model`: exports the network of an index with the weights that the stack has now.
     """
-    curves, count = train(stack, data, parameters), len(data.folds)
-    found: dict[str, list[Model]] = {}
-    steps: dict[str, list[int]] = {}
-    for part in CHOOSING:
+    trained: list[Trained[Model]] = [Trained({}, {}) for _ in data.folds]
+    for part, (weights, steps) in train(stack, data, parameters).items():
         if all(len(getattr(fold, part)) for fold in data.folds):
-            restore(stack, curves.weights[part])
-            found[part] = [model(index) for index in range(count)]
-            steps[part] = curves.steps[curves.best(part)].tolist()
-    return [
-        Trained({part: found[part][index] for part in found}, {part: steps[part][index] for part in steps})
-        for index in range(count)
-    ]
+            restore(stack, weights)
+            for index, one in enumerate(trained):
+                one.models[part], one.steps[part] = model(index), steps[index]
+    return trained
 
 
 def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np.ndarray]], Tensor]:
@@ -152,16 +135,16 @@ def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tupl
     return scales, StackedData(inputs, modulation, as_tensor(np.stack(targets)), [fold for _, fold in jobs])
 
 
-def evaluate(stack: Stack, data: StackedData, parts: Sequence[str] = PARTS) -> np.ndarray:
-    """Normalised mean squared errors (M, len(parts)) without dropout; NaN for a part without samples.
+def evaluate(stack: Stack, data: StackedData) -> np.ndarray:
+    """Normalised mean squared errors (M, 2) on `CHOOSING` without dropout; NaN for a part without samples.
 
     With several targets per sample, both the squared error and the variance are summed over them.
     """
-    rows = [[getattr(fold, part) for part in parts] for fold in data.folds]
+    rows = [[getattr(fold, part) for part in CHOOSING] for fold in data.folds]
     longest = max(sum(map(len, its)) for its in rows)
     padded = np.stack([np.resize(np.concatenate(its), longest) for its in rows])
     outputs = predict(stack, data, torch.from_numpy(padded))
-    result = np.full((len(rows), len(parts)), np.nan)
+    result = np.full((len(rows), len(CHOOSING)), np.nan)
     for model, its in enumerate(rows):
         start = 0
         for place, chosen in enumerate(its):

@@ -11,6 +11,8 @@ import numpy as np
 
 from structlearn.core.compilation import numba
 
+Array = np.ndarray  # in signatures of compiled functions
+
 Layers = Sequence[tuple[np.ndarray, np.ndarray]]
 """Weights (after, before) and biases (after,) of each layer, e.g. `StackedLayers.layers_of`."""
 
@@ -24,7 +26,7 @@ class PackedNetworks(NamedTuple):
 
 
 def pack(networks: Sequence[tuple[np.ndarray, np.ndarray, Layers]]) -> PackedNetworks:
-    """Pack networks: of each, what is taken off its inputs (D,), what divides them (D,), and its layers."""
+    """Pack networks, of each mean (D,) and scale (D,) of its inputs, and its layers."""
     sizes = np.zeros((len(networks), 1 + max(len(pairs) for *_, pairs in networks)), dtype=np.int64)
     values: list[np.ndarray] = []
     first = np.zeros(len(networks), dtype=np.int64)
@@ -43,14 +45,11 @@ def layer_values(sizes: np.ndarray) -> np.ndarray:
 
 
 @numba.njit(cache=True, fastmath={"contract"})
-def hidden_layers(
-    values: np.ndarray, begin: int, layers: int, sizes: np.ndarray, inputs: np.ndarray, work: np.ndarray
-) -> int:
-    """Write the standardised inputs and the values of the first `layers` layers, all tanh, into rows of work.
+def hidden_layers(values: Array, begin: int, layers: int, sizes: Array, inputs: Array, work: Array) -> int:
+    """Write the standardised inputs (D,) and the values of the first layers, all tanh, into rows of work.
 
-    `values`: of packed networks; `begin`: where the network begins; `layers`: how many of its layers; `sizes`
-    (L + 1,) its sizes; `inputs` (D,) a sample; `work`: of `layer_values`; row k is layer k's. Returns where
-    the next layer begins in `values`.
+    `values`: of packed networks; the network, of `sizes` (L + 1,), begins at `begin`. `work`: of
+    `layer_values`; row k is layer k's. Returns where the next layer begins in `values`.
     """
     count = sizes[0]
     for i in range(count):
@@ -59,15 +58,13 @@ def hidden_layers(
     for layer in range(layers):
         out = work[layer + 1]
         at = affine(values, at, sizes[layer], sizes[layer + 1], work[layer], out)
-        for j in range(sizes[layer + 1]):  # tanh, three times faster than the library's and as good beside 1
+        for j in range(sizes[layer + 1]):  # tanh, three times faster than the library's
             out[j] = 1.0 - 2.0 / (math.exp(2.0 * out[j]) + 1.0)
     return at
 
 
 @numba.njit(cache=True, fastmath={"contract"})
-def affine(
-    values: np.ndarray, at: int, inputs: int, width: int, layer_in: np.ndarray, layer_out: np.ndarray
-) -> int:
+def affine(values: Array, at: int, inputs: int, width: int, layer_in: Array, layer_out: Array) -> int:
     """Write W x + b of the layer that begins at `at`; return where the next one begins."""
     biases = at + inputs * width
     for j in range(width):

@@ -1,11 +1,11 @@
 """Stacks of fully connected layers: M independent networks (folds, seeds) in batched matrix products.
 
-A network of this project is small (38-100-25-1): alone it spends its training in the overhead of its own
-steps. With a leading model axis on every tensor, one step of all models costs hardly more calls than a step
-of one. They share nothing but dropout masks; a model learns the same alone and in a stack.
+The project's networks are small (38-100-25-1): training one alone is mostly call overhead. With a leading
+model axis on every tensor, a step of all models needs hardly more calls than a step of one. They share
+nothing but dropout masks; a model learns the same alone and in a stack.
 
-Samples are the last axis, (M, D, B): what is done node by node runs along memory, and batch normalisation
-takes all models in one call. `RowLayers` takes tables as they lie, (M, B, D).
+Samples are the last axis, (M, D, B): node-wise operations run along memory, and batch normalisation takes all
+models in one call. `RowLayers` takes a sample as a row, (M, B, D).
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,10 +30,7 @@ class Dropout:
     generator: torch.Generator  # source of the masks
 
     def mask(self, shape: Sequence[int]) -> Tensor:
-        """One mask for all models: a model's must not depend on who else is in the stack.
-
-        Its values are 0 and 1 / (1 - share), so the expected activation is the one without dropout.
-        """
+        """One mask for all models, so that a model's does not depend on the stack: 0 or 1 / (1 - share)."""
         kept = torch.rand(*shape, generator=self.generator) >= self.share
         return kept.float().div_(1.0 - self.share)
 
@@ -57,11 +54,10 @@ class StackedLayers:
     def initial(
         cls, models: int, sizes: Sequence[int], generator: torch.Generator, normalised: bool = False
     ) -> Self:
-        """Networks to be trained; activations keep their size from layer to layer.
+        """M networks to be trained: weights normal of variance 1 / inputs of their layer, biases 0.
 
-        `models`: number of networks M; `sizes`: number of inputs, nodes of each hidden layer, number of
-        outputs; `generator`: source of the weights, normal of variance 1 / inputs of their layer; biases are
-        0; `normalised`: with batch normalisation.
+        `sizes`: number of inputs, nodes of each hidden layer, number of outputs; `normalised`: with batch
+        normalisation.
         """
         hidden = [(models, size) for size in sizes[1:-1]] if normalised else []
         return cls(
@@ -79,9 +75,8 @@ class StackedLayers:
     def uniform(cls, sizes: Sequence[int], generators: Sequence[torch.Generator]) -> Self:
         """Networks to be trained whose weights and biases are uniform in +-1 / sqrt(inputs of the layer).
 
-        It is torch's own default, which the dissertation's models of dynamics start from. `sizes`: number of
-        inputs, nodes of each hidden layer, number of outputs; `generators`: one per model, so that its start
-        does not depend on the others.
+        This is torch's default, from which the dissertation's models of dynamics start. `sizes`: as
+        `initial`; `generators`: one per model, so that its start does not depend on the others.
         """
         drawn = [
             [
@@ -114,8 +109,7 @@ class StackedLayers:
     ) -> list[Tensor]:
         """Values (M, nodes, B) of each hidden layer at inputs (M, D, B).
 
-        `inputs`: a batch; `training`: whether nodes are dropped, and batch statistics are used and kept;
-        `dropout`: what is dropped in training.
+        `training`: whether nodes are dropped, and batch statistics are used and kept.
         """
         values = []
         dropping = dropout if training and dropout is not None and dropout.share > 0.0 else None
@@ -145,7 +139,7 @@ class StackedLayers:
 
     @torch.no_grad()
     def set_layers_of(self, model: int, layers: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
-        """Give one network the weights and biases that another's `layers_of` told."""
+        """Set weights and biases of one network, as `layers_of` returns them."""
         for weights, biases, found in zip(self.weights, self.biases, layers, strict=True):
             weights[model] = torch.tensor(found[0].T if self.rows else found[0])
             biases[model] = torch.tensor(found[1]).view_as(biases[model])
@@ -160,10 +154,7 @@ class StackedLayers:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Tensor], prefix: str = "") -> Self:
-        """The inverse of `to_arrays`; arrays with other prefixes may be among them.
-
-        Raises KeyError: the arrays hold no such layers.
-        """
+        """The inverse of `to_arrays`; KeyError if there are no arrays of this prefix."""
         found = {}
         for name in (field.name for field in fields(cls)):
             count = sum(key.startswith(f"{prefix}{name}.") for key in arrays)
@@ -204,9 +195,9 @@ class StackedLayers:
 
 
 class RowLayers(StackedLayers):
-    """The same for tables, without batch normalisation: a sample is a row, (M, B, D) -> (M, B, K).
+    """Layers for samples as rows, (M, B, D) -> (M, B, K), without batch normalisation.
 
-    Weights are (M, before, after), biases (M, 1, after). A batch gathered from a table is not turned round.
+    Weights are (M, before, after), biases (M, 1, after). A batch gathered from a table is not transposed.
     """
 
     rows = True

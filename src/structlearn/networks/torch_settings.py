@@ -40,16 +40,16 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-SMALLEST_ROOT = 1e-8  # added to the root mean square of a gradient: without one a weight stays where it is
+SMALLEST_ROOT = 1e-8  # added to the root mean square of a gradient, so that a weight without one stays
 
 
 class RootMeanSquarePropagation:
     """RMSProp: a step of the learning rate, divided by the running root mean square of each gradient.
 
-    The rule is torch's, on all weights as one vector: for many small tensors, torch's own optimiser spends a
-    fifth of a training step in calls. `parameters`: leaves that gradients are taken for; they become views of
-    the vector; `rate`: step of a weight whose gradient keeps its size; it may be changed between steps;
-    `decay`: of the running mean of squared gradients, per step.
+    The rule is torch's, on all weights as one vector: for many small tensors, torch's optimiser spends a
+    fifth of a training step in calls. `parameters`: leaves; they become views of the vector; `rate`: step of
+    a weight whose gradient keeps its size, may change between steps; `decay`: of the mean squared gradient,
+    per step.
     """
 
     def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float):

@@ -1,6 +1,6 @@
 """Path integral policy improvement, and the refinement of feedback models with it (IV.7).
 
-What users import stands in the stub beside this file, and is loaded when it is first used.
+The public names are listed in the stub beside this file, and loaded when first used.
 """
 
 import lazy_loader

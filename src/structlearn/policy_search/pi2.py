@@ -6,30 +6,29 @@ Any episodic policy can be searched: draw parameters, roll each out, hand in the
     costs = ...                                                     # (K, T), a row per rollout
     distribution = update(distribution, policies, costs, parameters, activation).distribution
 
-Every time step weighs the samples by their cost-to-go. The text averages these weights over time, early steps
-counting most, and moves all parameters of a policy by the average. But the weight of a phase kernel acts only
-while its kernel is active: what was paid before says nothing of it, and what is paid long after little, since
-a movement primitive forgets. As in PI2's original form (Theodorou, Buchli and Schaal, 2010) the average is
-then taken for each parameter over the time steps at which it acts, and the cost-to-go reaches no further than
-a horizon: this is what a search gains by seeing the cost of every time step.
+Every time step weighs the samples by their cost-to-go. As published, these weights are averaged over time,
+early steps counting most, and the average moves all parameters of a policy. But the weight of a phase kernel
+acts only while its kernel is active: earlier costs say nothing about it, and much later ones little, since a
+movement primitive forgets. As in PI2's original form (Theodorou, Buchli and Schaal, 2010) the average can be
+taken for each parameter over the time steps at which it acts, and the cost-to-go ends at a horizon: this is
+what a search gains by seeing the cost of every time step.
 
-A rollout without a finite cost-to-go (it diverged, returned NaN, or its process died) is left out: its weight
-is 0 at all time steps, as if its cost were infinite. With the worst cost of the others it would still have a
-weight, and would draw the mean towards itself where the others are all alike. A diverged rollout must return
-NaN or infinity, not a huge number: beside that, normalised by the range, all other costs would be equal.
+A rollout without a finite cost-to-go (it diverged, returned NaN, or its process died) has weight 0 at all
+time steps, as if its cost were infinite. With the worst cost of the others it would draw the mean towards
+itself where the others are all alike. A diverged rollout must return NaN or infinity, not a huge number:
+beside that, normalised by the range, all other costs would be equal.
 
 The weights are a softmax of the costs-to-go of each time step, P_k,t = exp(-S_k,t / lambda_t) / sum_k of it.
 The text leaves lambda open. Here it is fixed, or, as in relative-entropy policy search, the lowest one whose
-weights stay within a Kullback-Leibler divergence from the uniform weights, which says how greedy an update
-may be without knowing the scale of the costs.
+weights stay within a Kullback-Leibler divergence from the uniform weights: how greedy an update may be,
+without knowing the scale of the costs.
 
     Sigma_ml = sum_t w_t sum_k P_k,t (theta_k - theta)(theta_k - theta)^T
 
 Around the old mean theta the estimate of the covariance does not shrink on its own (weights that do not
 depend on the samples return the old one on average) and grows along a direction in which all good samples
-lie, as in CMA-ES. A few rollouts cannot estimate the 325 unknowns of a covariance of 25 weights: `full`, the
-text, takes chance for shape. They can tell 25 variances: `per_weight` lets each follow, `rescaled` only their
-common size.
+lie, as in CMA-ES. A few rollouts cannot estimate the 325 unknowns of a covariance of 25 weights, as `full`
+(published) tries; they can tell 25 variances (`per_weight`), or their common size (`rescaled`).
 """
 
 from dataclasses import dataclass
@@ -44,14 +43,12 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 
 RIDGE = 1e-12
-"""Of the mean variance, added to the variance of a full estimate: it stays positive definite in floating
-point where one direction has become very much narrower than another."""
+"""Share of the mean variance added to a full estimate, which stays positive definite in floating point where
+one direction has become very much narrower than another."""
 
-TOLERANCE = 1e-10
-"""Of the divergence, relative to its bound, which for rounding's sake is not much below 1e-6."""
-MOST_TRIALS = 400
-"""Every eighth halves the bracket, so this is enough whatever the costs; three to six are usual."""
-ROUNDING = 1e-12  # Costs at one time step that differ by less, relative to their size, are equal
+TOLERANCE = 1e-10  # of the divergence, relative to its bound, which is at least 1e-6 because of rounding
+MOST_TRIALS = 400  # every eighth halves the bracket, so this is always enough; three to six are usual
+ROUNDING = 1e-12  # costs at one time step that differ by less, relative to their size, are equal
 
 
 class CovarianceParameters(Parameters):
@@ -80,14 +77,12 @@ def covariance_factor(covariance: np.ndarray) -> np.ndarray:
 def adapted_covariance(
     old: np.ndarray, deviations: np.ndarray, weights: np.ndarray, parameters: CovarianceParameters
 ) -> np.ndarray:
-    """New covariance.
+    """New covariance (D, D), symmetric and positive definite.
 
     `rescaled` and `full` find it in coordinates in which the old covariance is the unit matrix, so that a
     linear change of the policy's parameters changes nothing; they weigh a sample alike in all parameters.
-
-    `old`: (D, D) covariance that the samples were drawn with. `deviations`: (K, D) samples minus the old
-    mean. `weights`: (K, D) of the samples in each parameter, sum over the samples 1. Returns (D, D) symmetric
-    and positive definite. Raises InputError: the old covariance is not positive definite.
+    `old`: (D, D) covariance of the samples. `deviations`: (K, D) samples minus the old mean. `weights`:
+    (K, D), sum over the samples 1. Raises InputError: the old covariance is not positive definite.
     """
     if parameters.mode == "kept":
         return old
@@ -155,10 +150,9 @@ class Update:
 
 
 def sample(distribution: SearchDistribution, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw policies (algorithm IV.3, line 7).
+    """Draw policies (algorithm IV.3, line 7); fewer from an equal generator are the first of more.
 
-    `count`: how many; fewer from an equal generator are the first of more. Raises InputError: the covariance
-    is not positive definite.
+    Raises InputError: the covariance is not positive definite.
     """
     white = rng.standard_normal((count, len(distribution.mean)))
     return distribution.mean + white @ covariance_factor(distribution.covariance).T
@@ -167,8 +161,8 @@ def sample(distribution: SearchDistribution, count: int, rng: np.random.Generato
 def cost_to_go(costs: np.ndarray, horizon: float = 1.0) -> np.ndarray:
     """S_k,t = sum of J_k,j over j from t to the end (algorithm IV.4, line 5, with j for its second t).
 
-    `costs`: (K, T) costs per time step. `horizon`: share of the steps at which the sum ends already, at least
-    one step. Returns (K, T); NaN or infinite at the first step where any is.
+    `costs`: (K, T). `horizon`: share of the steps that a sum reaches, at least one step. Returns (K, T); NaN
+    or infinite at the first step where any is.
     """
     steps = costs.shape[1]
     reach = max(1, round(horizon * steps))
@@ -251,9 +245,9 @@ def _check_shapes(
 
 
 def normalised(costs: np.ndarray) -> np.ndarray:
-    """Finite costs (K, T) of every time step mapped from [lowest, highest over the samples] to [0, 1].
+    """Finite costs (K, T) mapped from [lowest, highest over the samples] to [0, 1] at every time step.
 
-    They are 0 at time steps where all samples cost the same.
+    They are 0 where all samples cost the same.
     """
     lowest, highest = costs.min(axis=0), costs.max(axis=0)
     # halved: the difference of two finite numbers may be infinite
@@ -335,10 +329,7 @@ def _divergence(costs: np.ndarray, x: float) -> tuple[float, float]:
 
 @numba.njit(cache=True)
 def _newton(x: float, divergence: float, slope: float, kl_bound: float, most: float) -> float:
-    """Newton's step for the logit of KL / log K, NaN where there is none.
-
-    KL grows as exp(2 x) first and ends at log K, so that its logit is nearly a straight line.
-    """
+    """Newton's step for the logit of KL / log K, nearly a straight line in x; NaN where there is none."""
     missing = most - divergence
     if divergence <= 0.0 or missing <= 0.0 or slope <= 0.0:
         return np.nan

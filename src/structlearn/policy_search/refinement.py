@@ -7,15 +7,12 @@
     5. train the network anew from the initial one on old and new data, and execute it
 
 The search runs in the 25 weights of the policy, not in the thousands of the network, and the network keeps
-the demonstrations of the old settings in its data, so it does not forget them. One primitive at a time; the
-primitives before it run with what they have learned.
+the demonstrations of the old settings in its data, so it does not forget them. Primitives are refined one by
+one, while those before run with what they have learned.
 
-The text ends it by a threshold of the cost, whose value it does not give. Here the number of iterations is
-given, so that what later ones gain is seen: a threshold would decide when it seems to have converged. An
-iteration may make it worse, so the network of the cheapest one is kept, and the next begins from it.
-
-Every rollout stays on record, the failed ones with their fault: a row in the history, and what was felt and
-done sample by sample.
+The text ends at a threshold of the cost, whose value it does not give. Here the number of iterations is
+given, which shows what later ones gain. An iteration may raise the cost, so the network of the cheapest one
+is kept, and the next begins from it. Every rollout is recorded, failed ones with their fault.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,9 +42,7 @@ class Rollout:
     """One execution of the primitive that is refined."""
 
     cost: np.ndarray  # (T,) rad per tick; NaN throughout where it failed
-    # what was felt and done, as supervised data; None where it failed, or where the environment was not to
-    # say
-    samples: CouplingDataset | None
+    samples: CouplingDataset | None  # as supervised data; None where it failed or samples were not needed
     fault: str = ""  # why it failed, or empty
 
 
@@ -86,28 +81,19 @@ def kernel_activation(steps: int, kernel_count: int = KERNEL_COUNT) -> np.ndarra
 
 
 def history_rows(runs: Sequence[Rollout], iteration: int, kind: str) -> pd.DataFrame:
-    """One row per rollout, failed ones too.
-
-    Returns `iteration`, `kind`, `number`, `cost_rad` (accumulated; NaN where it failed), `norm_rad`
-    (of the cost vector), `fault`.
-    """
-    return pd.DataFrame(
-        {
-            "iteration": iteration,
-            "kind": kind,
-            "number": range(len(runs)),
-            "cost_rad": [float(np.sum(run.cost)) for run in runs],
-            "norm_rad": [float(np.linalg.norm(run.cost)) for run in runs],
-            "fault": [run.fault for run in runs],
-        }
-    )
+    """One row per rollout; `cost_rad` (accumulated) and `norm_rad` are NaN where it failed."""
+    rows = [
+        (iteration, kind, number, float(np.sum(run.cost)), float(np.linalg.norm(run.cost)), run.fault)
+        for number, run in enumerate(runs)
+    ]
+    return pd.DataFrame(rows, columns=["iteration", "kind", "number", "cost_rad", "norm_rad", "fault"])
 
 
 def sample_rows(runs: Sequence[Rollout], iteration: int, kind: str, rate_hz: float) -> pd.DataFrame:
-    """What was felt and done in the rollouts that did not fail, of which there must be one.
+    """Samples of the rollouts that did not fail, of which there must be one.
 
-    Returns one row per sample: `iteration`, `kind`, `number`, the columns of `dataset.to_table`, and
-    `cost_rad` at this sample; in single precision, for they are looked at, not learned from.
+    One row per sample: `iteration`, `kind`, `number`, the columns of `to_table`, and `cost_rad`; in single
+    precision, since they are for figures and recordings.
     """
     keys = {"iteration": iteration, "kind": kind}
     tables = [
@@ -122,7 +108,7 @@ def sample_rows(runs: Sequence[Rollout], iteration: int, kind: str, rate_hz: flo
 
 
 SMALLEST_SINGULAR_VALUE = 1e-4
-"""Relative to the largest; what is smaller is a kernel that the vanishing phase velocity hides."""
+"""Relative to the largest; smaller ones belong to kernels that the vanishing phase velocity hides."""
 
 KNOWN = 5  # Second number of the seeds of `executed`; 0 to 4 are the kinds of rollouts and the searches
 
@@ -136,11 +122,6 @@ class RefinementParameters(Parameters):
     added_runs: int = Field(ge=1)
     training: TrainingParameters
     retraining_dropout: float = Field(ge=0, lt=1)
-
-    @property
-    def retraining(self) -> TrainingParameters:
-        """Of the network when it is trained anew."""
-        return self.training.model_copy(update={"dropout": self.retraining_dropout})
 
 
 @dataclass(frozen=True)
@@ -209,9 +190,8 @@ def improve(
     mean = update.distribution.mean
     improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
     added = learnable(improved, f"executions of the improved policy of iteration {iteration}")
-    network = train_final(
-        type(initial), concatenated([demonstrations, added]), parameters.retraining, initial=initial
-    )
+    retraining = parameters.training.model_copy(update={"dropout": parameters.retraining_dropout})
+    network = train_final(type(initial), concatenated([demonstrations, added]), retraining, initial=initial)
     runs = _execute(environment, [network] * parameters.evaluation_runs, iteration, FEEDBACK)
     groups = ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
     rows = [history_rows(group, iteration, kind) for group, kind in groups]
@@ -238,10 +218,9 @@ def refine(
     seed: int,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Progress:
-    """Refine a feedback model.
+    """Refine a feedback model; `exploration`: initial std of the policy's weights.
 
-    `exploration`: standard deviation of the policy's weights at first. `report`: called with the state after
-    every iteration, the 0th included.
+    `report`: called with the state after every iteration, the 0th included.
     """
     progress = start(environment, initial, parameters, exploration)
     report(progress)
@@ -252,36 +231,33 @@ def refine(
 
 
 def executed(environment: Environment, policy: np.ndarray, runs: int) -> CouplingDataset:
-    """What is felt where an open-loop policy (N,) is executed in a setting where it is right.
+    """Samples of executions of an open-loop policy (N,) in a setting where it is right.
 
-    People's demonstrations feel otherwise than executions: a hand guides the robot. The improved policy of a
-    new setting is executed, so what is right in the known ones is, too: else the network takes the difference
-    between hand and no hand for one between settings. Raises InputError: all executions failed.
+    In people's demonstrations a hand on the robot is felt too. As the improved policy of a new setting is
+    executed, so are the right ones of known settings; else the network would take the difference between hand
+    and no hand for one between settings. Raises InputError: all executions failed.
     """
     seeds = [(0, KNOWN, number) for number in range(runs)]
     return learnable(environment.rollouts([open_loop(policy)] * runs, seeds), "executions in a known setting")
 
 
 def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:
-    """What was felt and done in those executions that did not fail, of which there must be one.
-
-    Numbered down from -1: numbers of demonstrations are not negative.
-    """
+    """Samples of the executions that did not fail, of which there must be one; numbered down from -1."""
     samples = [run.samples for run in succeeded(runs, what) if run.samples is not None]
     numbers = np.repeat(-1 - np.arange(len(samples)), [len(part.target) for part in samples])
     return replace(concatenated(samples), demonstration=numbers)
 
 
 def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.ndarray:
-    """Weights (N,) of the open-loop policy that does what executions did on average (algorithm IV.3, line 4).
+    """Weights (N,) of the open-loop policy nearest to executions on average (algorithm IV.3, line 4).
 
-    Failed ones are left out. Raises InputError: all executions failed.
+    Failed ones are left out. Raises InputError: all failed.
     """
     return open_loop_weights(learnable(runs, "executions with the network"), kernel_count)
 
 
 def open_loop_weights(samples: CouplingDataset, kernel_count: int = KERNEL_COUNT) -> np.ndarray:
-    """Weights theta (N,) of the policy c = G(p, u) . theta nearest to what was done, by least squares."""
+    """Weights theta (N,) of the policy c = G(p, u) . theta nearest to the targets, by least squares."""
     features = samples.modulation(kernel_count)
     return np.linalg.lstsq(features, samples.target, rcond=SMALLEST_SINGULAR_VALUE)[0]
 
@@ -289,7 +265,7 @@ def open_loop_weights(samples: CouplingDataset, kernel_count: int = KERNEL_COUNT
 def _execute(
     environment: Environment, networks: Sequence[CouplingModel], iteration: int, kind: str
 ) -> list[Rollout]:
-    """Executions; networks meet equal conditions in all iterations, so that these are compared in pairs."""
+    """Executions; networks meet equal conditions in all iterations, so that iterations are pairs."""
     place = (FEEDBACK, SAMPLE, IMPROVED).index(kind)
     which = 0 if kind == FEEDBACK else iteration
     return environment.rollouts(networks, [(which, place, number) for number in range(len(networks))])

@@ -1,12 +1,12 @@
 """Sample efficiency of the policy search: PI2-CMA beside plain CMA-ES, with the same budget of rollouts.
 
-Both search the weights of an open-loop policy from the same normal distribution; nothing is trained in
-between. PI2-CMA sees the cost of every time step, CMA-ES the sum. CMA-ES is as its authors' package `cma` has
-it, with the population size that it takes for so many weights. The n-th rollouts of equal seeds meet equal
-conditions, and both methods begin with the same random numbers.
+Both search the weights of an open-loop policy from the same normal distribution, without training in between.
+PI2-CMA sees the cost of every time step, CMA-ES the sum. CMA-ES is that of its authors' package `cma`, with
+its default population size. The n-th rollouts of equal seeds meet equal conditions, and both methods begin
+with the same random numbers.
 
-An update needs all its rollouts: what is left of the budget when it is not enough for one more is not used.
-A rollout that failed counts. PI2-CMA leaves it out; for CMA-ES, which only ranks, it is the worst.
+Only whole updates are made: the rest of the budget is not used. A rollout that failed counts. PI2-CMA leaves
+it out; for CMA-ES, which only ranks, it is the worst.
 """
 
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ class ComparisonParameters(Parameters):
 
 @dataclass
 class PathIntegralSearch:
-    """PI2-CMA (algorithm IV.4); as `EvolutionStrategy` it asks for policies and is told their rollouts."""
+    """PI2-CMA (algorithm IV.4), with the same methods as `EvolutionStrategy`."""
 
     distribution: SearchDistribution  # of the next policies
     parameters: PI2Parameters
@@ -87,11 +87,7 @@ class EvolutionStrategy:
 
     @classmethod
     def around(cls, mean: np.ndarray, std: float, rng: np.random.Generator) -> Self:
-        """Begin with independent weights.
-
-        `mean`: (N,) weights. `rng`: random numbers. Without them the package seeds and uses numpy's global
-        ones.
-        """
+        """Begin with independent weights around a mean (N,); `rng` replaces numpy's global random numbers."""
         import cma
 
         options = {
@@ -146,16 +142,13 @@ def compare(
     parameters: ComparisonParameters,
     first_seed: int = 0,
 ) -> pd.DataFrame:
-    """Run all searches in lock-step and judge their mean policies.
+    """Run all searches in lock-step from a policy `start` (N,), and judge their mean policies.
 
-    `start`: (N,) weights of the policy from which all searches begin. Raises InputError: the budget is not
-    enough for one update, or fewer than two rollouts of one succeeded.
-
-    Returns:
-        One row per method, seed and update: `method`, `seed`, `update` (0 is the start), `rollouts` (used so
-        far), `cost_rad` (accumulated, mean over the mean policy's executions, which meet the same conditions
-        in all rows; NaN if one failed), `best_rad` (lowest accumulated cost of any rollout so far; NaN at the
-        start), `failed` (rollouts so far).
+    One row per `method`, `seed` and `update` (0 is the start): `rollouts` (used so far), `cost_rad`
+    (accumulated, mean over the mean policy's executions, which meet the same conditions in all rows; NaN if
+    one failed), `best_rad` (lowest accumulated cost of any rollout so far; NaN at the start), `failed`
+    (rollouts so far). Raises InputError: the budget is not enough for one update, or fewer than two rollouts
+    of one succeeded.
     """
     trials = []
     for method, seed in product((PI2, CMA_ES), range(first_seed, first_seed + parameters.seeds)):
@@ -175,10 +168,8 @@ def compare(
         _advance(environment, going)
     policies = [start, *(mean for trial in trials for mean in trial.means)]
     before, *after = _mean_costs(environment, policies, parameters.evaluation_runs)
-    tables = []
-    for trial in trials:
-        costs, after = after[: len(trial.means)], after[len(trial.means) :]
-        tables.append(_rows(trial, [before, *costs]))
+    costs = iter(after)
+    tables = [_rows(trial, [before, *(next(costs) for _ in trial.means)]) for trial in trials]
     return pd.concat(tables, ignore_index=True)
 
 

@@ -1,6 +1,6 @@
 """Dynamic movement primitives: canonical system, kernels, position, orientation, sensor traces, sequences.
 
-What users import stands in the stub beside this file, and is loaded when it is first used.
+The public names are in the stub beside this file; their modules load on first use.
 """
 
 import lazy_loader

@@ -21,7 +21,8 @@ from structlearn.primitives.canonical import TAU_PER_DURATION, phase
 KERNEL_COUNT = 25
 OVERLAP = 0.55  # Width of a kernel in units of the distance to the next centre
 SMALLEST_EXPONENT = -700.0
-"""exp(-700) is nothing beside the nearest kernel's 1, and exp is three times slower where it underflows."""
+"""exp(-700) is negligible beside the nearest kernel's 1, and exp is three times slower where it
+underflows."""
 
 
 @lru_cache

@@ -18,7 +18,7 @@ from structlearn.core import quaternion
 from structlearn.core.compilation import numba
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.trajectory import OrientationTrajectory
-from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Coupling, step_matrix
+from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Array, Coupling, step_matrix
 from structlearn.primitives.vector import ForcedPrimitive, mean_initial_state
 
 
@@ -157,15 +157,15 @@ def turned(q: np.ndarray, vector: np.ndarray | Vector) -> Quaternion:
 @numba.njit(cache=True)
 def step_batch(
     k: int,
-    matrix: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    remaining: np.ndarray,
-    forcing: np.ndarray,
-    goal: np.ndarray,
-    coupling: np.ndarray,
-    orientation: np.ndarray,
-    rates: np.ndarray,
+    matrix: Array,
+    q: Array,
+    v: Array,
+    remaining: Array,
+    forcing: Array,
+    goal: Array,
+    coupling: Array,
+    orientation: Array,
+    rates: Array,
 ) -> None:
     """Record sample k, then advance q (B, 4), v = tau w (B, 3) and the evolving goal by one step in place.
 
@@ -194,14 +194,14 @@ def step_batch(
 
 @numba.njit(cache=True)
 def _unroll(
-    matrix: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    remaining: np.ndarray,
-    forcing: np.ndarray,
-    goal: np.ndarray,
-    orientation: np.ndarray,
-    rates: np.ndarray,
+    matrix: Array,
+    q: Array,
+    v: Array,
+    remaining: Array,
+    forcing: Array,
+    goal: Array,
+    orientation: Array,
+    rates: Array,
 ) -> None:
     """All steps without feedback."""
     no_coupling = np.zeros_like(v)

@@ -17,6 +17,8 @@ from scipy.linalg import expm
 from structlearn.core.compilation import numba
 from structlearn.primitives.trajectory import Trajectory
 
+Array = np.ndarray  # in signatures of compiled functions
+
 ALPHA = 25.0
 BETA = ALPHA / 4.0
 ALPHA_G = ALPHA / 2.0
@@ -88,9 +90,8 @@ def unroll(
     batch = np.broadcast(start, goal, forcing[..., 0, :]).shape
     samples, axes = forcing.shape[-2:]
     forcing = np.ascontiguousarray(np.broadcast_to(forcing, (*batch[:-1], samples, axes)), dtype=float)
-    steady, due, state = np.empty(batch), np.empty((2, *batch)), np.empty((3, *batch))
-    steady[...], due[0], due[1] = goal, start, velocity
-    x, xd = due
+    (steady, x, xd), state = np.empty((3, *batch)), np.empty((3, *batch))
+    steady[...], x[...], xd[...] = goal, start, velocity
     first = 0.0 if coupling is None else coupling(0, x, xd)
     state[0], state[1] = x - steady, tau * xd
     state[2] = initial_goal(x, xd, acceleration, tau, forcing[..., 0, :] + first) - steady
@@ -107,10 +108,11 @@ def unroll(
         _unroll(*arguments, flat_path)
     else:
         held = np.empty(batch)
-        flat_held, flat_due = held.reshape(-1, axes), due.reshape(2, -1, axes)
         for k in range(samples):
             held[...] = first if k == 0 else coupling(k, x, xd)
-            _step_and_show(k, *arguments, flat_held, flat_path, flat_due)
+            step_batch(k, *arguments, held.reshape(-1, axes), flat_path)
+            np.add(state[0], steady, out=x)
+            np.divide(state[1], tau, out=xd)
     return Trajectory(dt * np.arange(samples), *path)
 
 
@@ -135,13 +137,13 @@ def _advance(
     b: int,
     k: int,
     d: int,
-    matrix: np.ndarray,
+    matrix: Array,
     tau: float,
-    goal: np.ndarray,
-    state: np.ndarray,
-    forcing: np.ndarray,
+    goal: Array,
+    state: Array,
+    forcing: Array,
     coupling: float,
-    path: np.ndarray,
+    path: Array,
 ) -> None:
     """Record sample k of axis d of movement b in the path (3, B, T, D), then advance its state in place.
 
@@ -165,14 +167,7 @@ def _advance(
 
 @numba.njit(cache=True)
 def step_batch(
-    k: int,
-    matrix: np.ndarray,
-    tau: float,
-    goal: np.ndarray,
-    state: np.ndarray,
-    forcing: np.ndarray,
-    coupling: np.ndarray,
-    path: np.ndarray,
+    k: int, matrix: Array, tau: float, goal: Array, state: Array, forcing: Array, coupling: Array, path: Array
 ) -> None:
     """One step of the whole batch with its coupling (B, D)."""
     batch, _, axes = forcing.shape
@@ -182,30 +177,7 @@ def step_batch(
 
 
 @numba.njit(cache=True)
-def _step_and_show(
-    k: int,
-    matrix: np.ndarray,
-    tau: float,
-    goal: np.ndarray,
-    state: np.ndarray,
-    forcing: np.ndarray,
-    coupling: np.ndarray,
-    path: np.ndarray,
-    due: np.ndarray,
-) -> None:
-    """A step of the whole batch, and position and velocity (2, B, D) at the next sample, for the coupling."""
-    step_batch(k, matrix, tau, goal, state, forcing, coupling, path)
-    batch, _, axes = forcing.shape
-    for b in range(batch):
-        for d in range(axes):
-            due[0, b, d] = state[0, b, d] + goal[b, d]
-            due[1, b, d] = state[1, b, d] / tau
-
-
-@numba.njit(cache=True)
-def _unroll(
-    matrix: np.ndarray, tau: float, goal: np.ndarray, state: np.ndarray, forcing: np.ndarray, path: np.ndarray
-) -> None:
+def _unroll(matrix: Array, tau: float, goal: Array, state: Array, forcing: Array, path: Array) -> None:
     """All steps without feedback, one movement after the other: they are contiguous in memory."""
     batch, samples, axes = forcing.shape
     for b in range(batch):
@@ -215,9 +187,7 @@ def _unroll(
 
 
 @numba.njit(cache=True)
-def _write_forcing_target(
-    times: np.ndarray, x: np.ndarray, xd: np.ndarray, xdd: np.ndarray, tau: float, target: np.ndarray
-) -> None:
+def _write_forcing_target(times: Array, x: Array, xd: Array, xdd: Array, tau: float, target: Array) -> None:
     """Write `forcing_target` of times (T,) and signals (T, D) without numpy's arrays in between."""
     samples, axes = x.shape
     first = np.empty(axes)

@@ -1,9 +1,9 @@
 """Demonstrations as they come: bags and public logs in, signals on one clock out.
 
-`read_demonstrations` is the way in for a pipeline. Below it: `bag_files` (a source -> files of any format),
-`bag` and `pose_table` (a file <-> raw messages), `cdr`, `messages`, `joint_log` and
-`computed_pose` (raw messages <-> streams), `clock` (streams -> one clock). Stages hand sets on as
-tables: `runs`, and `joint_log` where nobody recorded a pose.
+`read_demonstrations` is the way in for a pipeline. Below it: `source` (a source -> files of any format),
+`bag` and `user_tables` (a file <-> raw messages), `cdr`, `messages`, `joint_log` and `computed_pose` (raw
+messages <-> streams), `clock` (streams -> one clock). Stages hand sets on as tables: `runs`, and `joint_log`
+where no pose was recorded.
 """
 
 from structlearn.readers.bag_recording import (
@@ -13,10 +13,9 @@ from structlearn.readers.bag_recording import (
     write_recording,
     write_recordings,
 )
-from structlearn.readers.clock import StampPolicy, synchronise
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import Recording, Stream
-from structlearn.readers.topics import OWN_TOPICS, TopicMap
+from structlearn.readers.clock import synchronise
+from structlearn.readers.demonstration import Demonstration, Recording, Stream
+from structlearn.readers.source import OWN_TOPICS, StampPolicy, TopicMap
 
 __all__ = [
     "OWN_TOPICS",

@@ -1,20 +1,22 @@
-"""Raw messages of an MCAP file, ours or a robot's, read and written by the package `mcap`.
+"""Raw messages of bags: MCAP, ours or a robot's, read and written by `mcap`; older bags read by `rosbags`.
 
-Every checksum and count that a file has must be right: of chunks, data and summary, and how many messages a
-channel has.
+Every checksum and count in an MCAP file must be right: of chunks, data and summary, and the messages of a
+channel. `rosbags` is an extra of this package: messages of ROS 1 become those of ROS 2, the same numbers in
+CDR, headers without their counter. Messages that were compressed one by one are unpacked.
 """
 
 import json
 import tempfile
 import zlib
 from bz2 import BZ2Decompressor
-from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import lz4.frame
 import numpy as np
@@ -26,65 +28,44 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 from structlearn.core.errors import InputError
 from structlearn.core.reading import PER_MESSAGE, Budget, require_file
+from structlearn.readers.source import COMPRESSED
 
-METADATA = "structlearn"
-"""Name of the metadata record of our own files."""
+METADATA = "structlearn"  # name of the metadata record of our own files
 
-LARGEST_CHUNK = 2**28
-"""Bytes of a chunk when it is unpacked; writers begin a new one after a few million."""
+# Bytes of an unpacked chunk; writers begin a new one after a few million, those of ROS 1 after one million.
+LARGEST_CHUNK, LARGEST_OF_ROS1 = 2**28, 2**27
 
-COMPRESSED = ".zstd"
-"""End of the name of a file that is compressed as a whole."""
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # begin of a zstd frame; the first byte of a message is 0
 
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-"""How a zstd frame begins; no message does, its first byte is 0."""
-
-
-Row = tuple[int, Schema | None, bytes]
-"""Log time in ns, definition and content of a message."""
+Row = tuple[int, Schema | None, bytes]  # log time in ns, definition and content of a message
 
 
 @dataclass(frozen=True)
 class RawMessages:
-    """Messages of one topic, in the order of their log times."""
+    """T messages of one topic, in the order of their log times."""
 
-    schemas: Sequence[Schema | None]  # their definitions; None where the file has none
-    kinds: np.ndarray  # (T,) which of the schemas each message has
     log_times: np.ndarray  # (T,) int64 ns
-    data: Sequence[bytes]  # bytes of each message
-
-    def rows(self) -> Iterator[Row]:
-        """Messages one by one."""
-        schemas = (self.schemas[kind] for kind in self.kinds.tolist())
-        return zip(self.log_times.tolist(), schemas, self.data, strict=True)
-
-
-def in_time_order(rows: Iterable[Row]) -> RawMessages:
-    """Messages of one topic, those of equal times in the order in which they come."""
-    log_times, schemas, data = zip(*sorted(rows, key=itemgetter(0)), strict=True)
-    different = {id(one): one for one in schemas}
-    places = {number: place for place, number in enumerate(different)}
-    kinds = np.array([places[id(one)] for one in schemas])
-    return RawMessages(list(different.values()), kinds, np.array(log_times, dtype=np.int64), data)
+    schemas: Sequence[Schema | None]  # definition of each; None where the file has none
+    data: Sequence[bytes]  # content of each
 
 
 def of_one_type(message_type: str, definition: str, stamps: np.ndarray, content: np.ndarray) -> RawMessages:
     """Messages (T, L) uint8 of one type, with the text of its definition and (T,) increasing stamps in ns."""
     schema = Schema(id=0, name=message_type, encoding=SchemaEncoding.ROS2, data=definition.encode())
-    return RawMessages([schema], np.zeros(len(stamps), dtype=int), stamps, [row.tobytes() for row in content])
+    return RawMessages(stamps, [schema] * len(stamps), [row.tobytes() for row in content])
 
 
 @dataclass(frozen=True)
 class Bag:
-    """What a file has."""
+    """Content of a file."""
 
     # every topic with the types of its messages; what is not a ROS 2 message says so in its type
     topics: Mapping[str, Sequence[str]]
-    metadata: Mapping[str, str] | None  # our own metadata record; None where the file is not ours
-    messages: Mapping[str, RawMessages]  # of each topic that was asked for, unless there are none
+    messages: Mapping[str, RawMessages]  # of each topic that was wanted, unless there are none
+    metadata: Mapping[str, str] | None = None  # our own metadata record; None where the file is not ours
 
     def provenance(self, path: Path) -> dict[str, str]:
-        """What our own metadata say of the origin; a file without them was recorded."""
+        """Origin according to our own metadata; a file without them was recorded."""
         if self.metadata is None:
             return {"origin": "recorded", "source": path.name}
         with damage_named(path):
@@ -94,54 +75,103 @@ class Bag:
         return found
 
 
+def _bag(types: Iterable[tuple[str, str]], rows: Mapping[str, Iterable[Row]], metadata: Any = None) -> Bag:
+    """From pairs of topic and type, which may repeat, and the messages of each topic, here put in order."""
+    topics: dict[str, dict[str, None]] = {}
+    for topic, message_type in types:
+        topics.setdefault(topic, {})[message_type] = None
+    messages = {}
+    for topic, its in rows.items():
+        if ordered := sorted(its, key=itemgetter(0)):  # those of equal times stay in their order
+            log_times, schemas, data = zip(*ordered, strict=True)
+            messages[topic] = RawMessages(np.array(log_times, dtype=np.int64), schemas, data)
+    return Bag({topic: list(its) for topic, its in topics.items()}, messages, metadata)
+
+
+def joined(bags: Sequence[Bag]) -> Bag:
+    """The parts of a bag that is split over several files, with the metadata of the first that has any."""
+    if len(bags) == 1:
+        return bags[0]
+    types = ((topic, one) for bag in bags for topic, its in bag.topics.items() for one in its)
+    rows: dict[str, list[Row]] = defaultdict(list)
+    for bag in bags:
+        for topic, its in bag.messages.items():
+            rows[topic] += zip(its.log_times.tolist(), its.schemas, its.data, strict=True)
+    return _bag(types, rows, next((bag.metadata for bag in bags if bag.metadata is not None), None))
+
+
 def write_bag(
     path: str | Path, metadata: Mapping[str, str], messages: Iterable[tuple[str, RawMessages]]
 ) -> None:
-    """Write messages of ROS 2 with their topics as an MCAP file; the same ones give the same bytes.
+    """Write messages of ROS 2 as an MCAP file in place; the same ones give the same bytes.
 
-    Those of a topic have one type. They stand in the order of their log times, at equal times in the order of
-    the topics. The file is written in place; its folder exists.
+    Messages of a topic have one type. They are ordered by log time, at equal times by topic.
     """
     with open(path, "wb") as file:
         writer = Writer(file, enable_data_crcs=True)
         writer.start(profile=Profile.ROS2)
         writer.add_metadata(METADATA, dict(metadata))
         schemas: dict[str, int] = {}
-        rows = []
+        rows: list[tuple[int, int, bytes]] = []
         for topic, its in messages:
-            (schema,) = filter(None, its.schemas)
+            schema = its.schemas[0]
+            assert schema is not None  # we wrote it
             if schema.name not in schemas:
                 schemas[schema.name] = writer.register_schema(schema.name, schema.encoding, schema.data)
             channel = writer.register_channel(topic, MessageEncoding.CDR, schemas[schema.name])
-            rows += [(stamp, channel, data) for stamp, _, data in its.rows()]
+            rows += [
+                (stamp, channel, data) for stamp, data in zip(its.log_times.tolist(), its.data, strict=True)
+            ]
         for stamp, channel, data in sorted(rows, key=itemgetter(0)):
             writer.add_message(channel, log_time=stamp, data=data, publish_time=stamp)
         writer.finish()
 
 
-def read_bag(path: Path, topics: Collection[str]) -> Bag:
-    """Read the messages of some topics of an MCAP file, as `ros2 bag record -s mcap` or `write_bag` left it.
+class _Damage(Exception):  # noqa: N818 - it is what is found
+    """A file contradicts itself."""
 
-    Raises InputError: the file is missing, not an MCAP file, cut off or damaged; the message names it.
-    """
+
+@contextmanager
+def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
+    """Turn anything raised while a file is read into an InputError; only calls that read it go inside."""
     try:
+        yield
+    except InputError:
+        raise
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "rosbags":
+            raise
+        raise InputError(
+            f"{where}: bags of this kind are read by `rosbags`, which is not installed: `make own` installs "
+            "it, or `pip install structlearn[bags]`; or `ros2 bag convert` turns the bag into MCAP"
+        ) from error
+    except Exception as error:
+        if isinstance(error, OSError) and error.strerror:  # those of decompressors have none
+            raise InputError(f"{where}: cannot be read: {error.strerror}") from error
+        kind = "" if isinstance(error, _Damage) else f"{type(error).__name__}: "
+        raise InputError(f"{where}: damaged {what}: {kind}{error}") from error
+
+
+def read_bag(path: Path, topics: Collection[str]) -> Bag:
+    """Some topics of an MCAP file of `ros2 bag record -s mcap` or `write_bag`; InputError if damaged."""
+    with damage_named(path):
         require_file(path, whole=False)
-        budget = Budget(path)
+        budget, size = Budget(path), len(MCAP0_MAGIC)
         with unpacked_file(path, budget) as plain, open(plain, "rb") as file:
-            _check_complete(path, file)
-            with damage_named(path):
-                return _read(file, topics, budget)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+            if file.read(size) != MCAP0_MAGIC:
+                raise InputError(f"{path}: not an MCAP file")
+            file.seek(max(size, file.seek(0, 2) - size))
+            if file.read() != MCAP0_MAGIC:  # a killed recorder leaves no end
+                raise InputError(
+                    f"{path}: the MCAP file is cut off at its end; `mcap recover` saves what is there"
+                )
+            file.seek(0)
+            return _read_mcap(file, topics, budget)
 
 
 @contextmanager
 def unpacked_file(path: Path, budget: Budget) -> Iterator[Path]:
-    """The file, or where it is one zstd frame, as `ros2 bag` leaves it, another one with its content.
-
-    Raises InputError: the frame is damaged or cut off, grows beyond the budget, or the disk has no room for
-    it.
-    """
+    """The file, or a temporary one with its content where it is a single zstd frame, as of `ros2 bag`."""
     if path.suffix != COMPRESSED:
         yield path
         return
@@ -161,53 +191,11 @@ def unpacked_file(path: Path, budget: Budget) -> Iterator[Path]:
         yield plain
 
 
-def joined(bags: Sequence[Bag]) -> Bag:
-    """The parts of one bag that is split over several files; the origin is what the first says that does."""
-    if len(bags) == 1:
-        return bags[0]
-    topics: dict[str, list[str]] = {}
-    rows: dict[str, list[Row]] = {}
-    for bag in bags:
-        for topic, types in bag.topics.items():
-            topics[topic] = list(dict.fromkeys([*topics.get(topic, ()), *types]))
-        for topic, messages in bag.messages.items():
-            rows.setdefault(topic, []).extend(messages.rows())
-    metadata = next((bag.metadata for bag in bags if bag.metadata is not None), None)
-    return Bag(topics, metadata, {topic: in_time_order(its) for topic, its in rows.items()})
-
-
-class _Damage(Exception):  # noqa: N818 - it is what is found
-    """What a file says of itself is not so."""
-
-
-@contextmanager
-def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
-    """Turn whatever is raised on damaged bytes into an InputError; only what reads them goes inside."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        kind = "" if isinstance(error, _Damage) else f"{type(error).__name__}: "
-        raise InputError(f"{where}: damaged {what}: {kind}{error}") from error
-
-
-def _check_complete(path: Path, file: BinaryIO) -> None:
-    """A complete MCAP file starts and ends with the magic bytes; a killed recorder leaves no end."""
-    size = len(MCAP0_MAGIC)
-    if file.read(size) != MCAP0_MAGIC:
-        raise InputError(f"{path}: not an MCAP file")
-    file.seek(max(size, file.seek(0, 2) - size))
-    if file.read() != MCAP0_MAGIC:
-        raise InputError(f"{path}: the MCAP file is cut off at its end; `mcap recover` saves what is there")
-    file.seek(0)
-
-
-def _read(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
+def _read_mcap(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
     """Content of a file; topics may be defined, and again, anywhere in it."""
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    metadata: dict[str, Metadata] = {}
+    metadata: dict[str, Mapping[str, str]] = {}
     messages: dict[str, list[tuple[int, int, bytes]]] = {topic: [] for topic in topics}
     counted: Counter[int] = Counter()
     statistics: Statistics | None = None
@@ -228,7 +216,7 @@ def _read(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
             if channels.setdefault(record.id, record) != record:
                 raise _Damage(f"channel {record.id} is defined twice")
         elif isinstance(record, Metadata):
-            metadata.setdefault(record.name, record)
+            metadata.setdefault(record.name, record.metadata)
         elif isinstance(record, Statistics):
             statistics = record
     if statistics and statistics.chunk_count != chunks:
@@ -236,17 +224,12 @@ def _read(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
     for number, said in statistics.channel_message_counts.items() if statistics else ():
         if counted[number] != said:
             raise _Damage(f"channel {number} has {counted[number]} messages, not {said}")
-    definitions = {number: schemas.get(channel.schema_id) for number, channel in channels.items()}
-    found = {
-        topic: in_time_order((log_time, definitions[number], data) for log_time, number, data in its)
-        for topic, its in messages.items()
-        if its
+    of = {number: schemas.get(channel.schema_id) for number, channel in channels.items()}
+    types = ((channel.topic, _type_name(channel, of[number])) for number, channel in channels.items())
+    rows = {
+        topic: ((time, of[number], data) for time, number, data in its) for topic, its in messages.items()
     }
-    present: dict[str, dict[str, None]] = {}  # in their order
-    for number, channel in channels.items():
-        present.setdefault(channel.topic, {})[_type_name(channel, definitions[number])] = None
-    types = {topic: list(its) for topic, its in present.items()}
-    return Bag(types, metadata[METADATA].metadata if METADATA in metadata else None, found)
+    return _bag(types, rows, metadata.get(METADATA))
 
 
 def _type_name(channel: Channel, schema: Schema | None) -> str:
@@ -258,33 +241,28 @@ def _type_name(channel: Channel, schema: Schema | None) -> str:
 
 
 def _records(file: BinaryIO, budget: Budget) -> Iterator[McapRecord]:
-    """All records; behind each chunk those that it holds."""
+    """All records; after each chunk those in it."""
     footer = None
     for record in StreamReader(file, emit_chunks=True, validate_crcs=True).records:
         yield record
         if isinstance(record, Chunk):
-            budget.take(record.uncompressed_size)
-            yield from breakup_chunk(_unpacked(record), validate_crc=True)
+            size = record.uncompressed_size
+            budget.take(size)
+            content = unpacked_chunk(record.compression, record.data, size)
+            if len(content) != size:
+                raise _Damage(f"a chunk of {size} bytes does not unpack to as many")
+            yield from breakup_chunk(replace(record, compression="", data=content), validate_crc=True)
         elif isinstance(record, Footer):
             footer = record
     assert footer is not None  # the reader goes on until there is one
     file.seek(footer.summary_start)
-    checked = file.read()[: -len(MCAP0_MAGIC) - 4]  # but for its own field
+    checked = file.read()[: -len(MCAP0_MAGIC) - 4]  # without the field of the checksum
     if footer.summary_crc and footer.summary_crc != zlib.crc32(checked):
         raise _Damage("the checksum of the summary is wrong")
 
 
-def _unpacked(chunk: Chunk) -> Chunk:
-    """A chunk without compression."""
-    size = chunk.uncompressed_size
-    content = unpacked_chunk(chunk.compression, chunk.data, size)
-    if len(content) != size:
-        raise _Damage(f"a chunk of {size} bytes does not unpack to as many")
-    return replace(chunk, compression="", data=content)
-
-
 def unpacked_chunk(compression: str, data: bytes, size: int = LARGEST_CHUNK) -> bytes:
-    """Content of a chunk; where it is larger than `size`, a byte more than that."""
+    """Content of a chunk, at most one byte more than `size`."""
     if size > LARGEST_CHUNK:
         raise _Damage(f"a chunk of {size} bytes is larger than {LARGEST_CHUNK}, which this reader allows")
     if compression == "zstd":
@@ -307,3 +285,70 @@ def unpacked_message(data: bytes, budget: Budget) -> bytes:
     content = zstandard.ZstdDecompressor().decompress(data, max_output_size=LARGEST_CHUNK)
     budget.take(len(content) if size < 0 else 0)
     return content
+
+
+def read_db3(path: Path, topics: Collection[str]) -> Bag:
+    """Some topics of a .db3 file; the library defines types of those older than ROS 2 Iron."""
+    with damage_named(path, "bag"), unpacked_file(path, budget := Budget(path)) as plain:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+
+        latest = get_typestore(Stores.LATEST)
+        with AnyReader([plain], default_typestore=latest) as reader:
+            stores = (reader.typestore, latest)
+            return _read_older(reader, topics, stores, lambda raw, _: unpacked_message(raw, budget), budget)
+
+
+def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
+    """Some topics of a .bag file of ROS 1."""
+    with damage_named(path, "bag"):
+        from rosbags.rosbag1 import Reader
+        from rosbags.rosbag1.reader import decompressors
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        with Reader(path) as reader:
+            types: dict[str, Any] = {}
+            for connection in reader.connections:
+                types |= get_types_from_msg(connection.msgdef.data, connection.msgtype)
+            header = "std_msgs/msg/Header"
+            if header in types:  # with the counter, messages could not be turned into those of ROS 2
+                types[header] = get_typestore(Stores.LATEST).fielddefs[header]
+            store = get_typestore(Stores.EMPTY)
+            store.register(types)
+            budget, names = Budget(path), {unpack: name for name, unpack in decompressors.items()}
+
+            def unpacked(compression: str, data: bytes) -> bytes:  # again where chunks overlap in time
+                content = unpacked_chunk(compression, data, LARGEST_OF_ROS1)
+                if len(content) > LARGEST_OF_ROS1:
+                    raise InputError(f"{path}: a chunk of more than {LARGEST_OF_ROS1} bytes")
+                budget.take(len(content))
+                return content
+
+            for place, chunk in reader.chunks.items():
+                within = partial(unpacked, names[chunk.decompressor])
+                reader.chunks[place] = chunk._replace(decompressor=within)
+            return _read_older(reader, topics, (store,), store.ros1_to_cdr, budget)
+
+
+def _read_older(
+    reader: Any,
+    topics: Collection[str],
+    stores: Collection[Any],
+    to_cdr: Callable[[bytes, str], Any],
+    budget: Budget,
+) -> Bag:
+    """Content of an open reader; `stores` know the types, `to_cdr` turns content and type into CDR."""
+    wanted = [connection for connection in reader.connections if connection.topic in topics]
+    schemas = {}
+    for name in dict.fromkeys(connection.msgtype for connection in wanted):
+        store = next((store for store in stores if name in store.fielddefs), None)
+        if store is None:
+            raise LookupError(f"the type {name} is not defined")
+        text, _ = store.generate_msgdef(name, ros_version=2)
+        schemas[name] = Schema(id=0, name=name, encoding=SchemaEncoding.ROS2, data=text.encode())
+    rows: dict[str, list[Row]] = defaultdict(list)
+    for connection, log_time, raw in reader.messages(connections=wanted) if wanted else ():
+        budget.take(PER_MESSAGE)
+        content = bytes(to_cdr(raw, connection.msgtype))
+        rows[connection.topic].append((log_time, schemas[connection.msgtype], content))
+    return _bag(((one.topic, one.msgtype) for one in reader.connections), rows)

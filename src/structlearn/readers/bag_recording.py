@@ -1,43 +1,79 @@
-"""Recordings and their files, one by one and in sets: messages of topics become streams, streams messages."""
+"""Recordings and joint logs and their files: messages of topics become streams, streams become messages."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from structlearn.core.errors import InputError
-from structlearn.readers.bag import Bag, RawMessages, damage_named, write_bag
-from structlearn.readers.bag_files import (
+from structlearn.core.reading import require_file
+from structlearn.readers.bag import (
+    Bag,
+    RawMessages,
+    damage_named,
+    joined,
+    read_bag,
+    read_db3,
+    read_ros1_bag,
+    write_bag,
+)
+from structlearn.readers.clock import MAX_GAP_S, check_recording, synchronise
+from structlearn.readers.computed_pose import joint_pose, transform_pose
+from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, NamedShape, Recording, Stream
+from structlearn.readers.joint_log import JointLog, JointSeries, chosen, joint_series
+from structlearn.readers.messages import (
+    check_readable,
+    joint_messages,
+    shapes_message,
+    to_messages,
+    to_shapes,
+    to_stream,
+)
+from structlearn.readers.source import (
+    AS_WRITTEN,
+    MAX_FINGERS,
+    OWN_TOPICS,
+    JointPose,
     RecordingFile,
+    Role,
+    StampPolicy,
+    TopicMap,
     as_recording_file,
     check_names,
-    open_bag,
     recording_files,
 )
-from structlearn.readers.clock import AS_WRITTEN, MAX_GAP_S, StampPolicy, synchronise
-from structlearn.readers.computed_pose import joint_pose, transform_pose
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.joint_log import JointSeries, chosen, joint_series
-from structlearn.readers.messages import check_readable, shapes_message, to_messages, to_shapes, to_stream
-from structlearn.readers.pose_table import read_shapes, shape_file
-from structlearn.readers.recording import JOINT_KINDS, NamedShape, Recording, Stream, check_recording
-from structlearn.readers.topics import MAX_FINGERS, OWN_TOPICS, JointPose, Role, TopicMap, TransformPose
+from structlearn.readers.user_tables import read_pose_table, read_shapes, shape_file
+
+JOINT_STATES = "/joint_states"  # where drivers publish joint states unless told otherwise
 
 _TOPICS: dict[str, str] = {role: topic for topic, role in OWN_TOPICS.roles()}
 _TOPICS.update(zip(JOINT_KINDS, OWN_TOPICS.joint_states, strict=True))
 
 
+def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
+    """Topics with their types, and messages (CDR) of those that are wanted, of a file of any format."""
+    for path in file.paths:
+        if path.exists():
+            require_file(path, whole=False)
+    if file.format == "table":
+        return read_pose_table(file.paths[0])
+    read = {"mcap": read_bag, "db3": read_db3, "bag": read_ros1_bag}[file.format]
+    return joined([read(path, topics) for path in file.paths])
+
+
 def write_recording(recording: Recording, path: str | Path) -> None:
     """Write a recording as an MCAP file of ROS 2 messages on `OWN_TOPICS`.
 
-    Log and publish time are the stamp. Shapes stand in one message at the first of all stamps. The same
-    recording gives the same bytes. Tactile counts are written as float32 (whole numbers up to 2^24 are
-    exact), everything else as float64. The name is that of the file. It is written in place: whoever calls
-    publishes it or the folder that it is in (`structlearn.core.artefacts.publish`). Raises InputError: the
-    recording fails `check_recording`, a stamp is negative or after 2^31 s, a tactile count is beyond float32,
-    or there are more than `MAX_FINGERS` tactile streams.
+    Log and publish time are the stamp. Shapes are one message at the first of all stamps. The same recording
+    gives the same bytes. Tactile counts are written as float32 (whole numbers up to 2^24 are exact),
+    everything else as float64. The name is that of the file. It is written in place: the caller publishes it
+    or the folder that it is in (`structlearn.core.artefacts.publish`).
+
+    Raises:
+        InputError: the recording fails `check_recording`, a stamp is negative or after 2^31 s, a tactile
+            count is beyond float32, or there are more than `MAX_FINGERS` tactile streams.
     """
     check_recording(recording)
     if sum(stream.kind == "tactile" for stream in recording.streams) > MAX_FINGERS:
@@ -65,7 +101,7 @@ def to_metadata(recording: Recording) -> dict[str, str]:
 def read_recording(
     file: str | Path | RecordingFile, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
 ) -> Recording:
-    """Read a recording from a file of any format (`bag_files`), message types as `messages` says.
+    """Read a recording from a file of any format (`source`), message types as `messages` says.
 
     Returns:
         The recording, named after the file's stem, streams in the order of the topic map. A file without our
@@ -85,9 +121,14 @@ def read_recording(
     with damage_named(file.path):
         known = None if bag.metadata is None else json.loads(bag.metadata["true_segments"])
         segments = None if known is None else np.array(known, dtype=float).reshape(-1, 2)
-    read = _Reading(file, bag, topics, stamps)
+    read = _Reading(file.path, bag, topics, stamps)
     streams = read.streams()
-    provenance = bag.provenance(file.path) | read.remarks()
+    remarks = {
+        "stamps": "; ".join(f"{topic}: {note}" for topic, note in read.mended.items() if note),
+        "clock": "log" if stamps.clock == "log" else "",
+        "joints": "; ".join(read.left_out),
+    }
+    provenance = bag.provenance(file.path) | {key: remark for key, remark in remarks.items() if remark}
     table = shape_file(file.path, file.name)
     shapes = read.shapes() + (read_shapes(table) if table else ())
     return Recording(file.name, tuple(streams), segments, provenance, shapes)
@@ -103,14 +144,14 @@ def read_demonstrations(
     """Read demonstrations, each on a uniform clock (`clock.synchronise`), in natural order of their names.
 
     Args:
-        source: see `bag_files.recording_files`.
+        source: see `source.recording_files`.
         topics: which topic carries which signal.
         rate_hz: ticks per second of all demonstrations; None: each has the median rate of its pose stream.
         max_gap_s: longest hole in s that is bridged by interpolation.
         stamps: how stamps are taken.
 
     Raises:
-        InputError: the source fails `bag_files.recording_files`, or a recording `read_recording` or
+        InputError: the source fails `source.recording_files`, or a recording `read_recording` or
             `synchronise`; the message names it.
     """
     found = []
@@ -143,8 +184,7 @@ def read_recordings(
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
     """Write recordings as folder/NAME.mcap; numbers as names are padded with zeros to equal length.
 
-    The folder is made if missing. Publish it as a whole. Raises InputError: names repeat or are no file
-    names, or a recording fails `write_recording`.
+    The folder is made if missing; publish it as a whole.
     """
     names = [recording.name for recording in recordings]
     digits = max((len(name) for name in names if name.isdecimal()), default=0)
@@ -155,32 +195,95 @@ def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> Non
         write_recording(recording, Path(folder) / f"{stem}.mcap")
 
 
-class _Reading:
-    """What is read of one bag, and what is to be said of it."""
+def write_joint_log(log: JointLog, path: str | Path) -> None:
+    """Write a log as an MCAP file, which gives the log its name; the caller publishes it."""
+    values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
+    messages = joint_messages(f"{log.name}: {JOINT_STATES}", log.joints, log.stamps, values)
+    provenance = json.dumps(dict(log.provenance), sort_keys=True)
+    write_bag(path, {"provenance": provenance}, [(JOINT_STATES, messages)])
 
-    def __init__(self, file: RecordingFile, bag: Bag, topics: TopicMap, policy: StampPolicy) -> None:
-        self._path = file.path
-        self._bag, self._topics, self._policy = bag, topics, policy
-        self._of_topic: dict[str, list[JointSeries]] = {}
-        self._mended: dict[str, str | None] = {}
-        self._left_out: list[str] = []
+
+def read_joint_logs(
+    source: str | Path,
+    topic: str = JOINT_STATES,
+    joints: Sequence[str] | None = None,
+    stamps: StampPolicy = AS_WRITTEN,
+) -> list[JointLog]:
+    """Read the logs of a source as of `source.recording_files`, in natural order of their names."""
+    return [read_joint_log(file, topic, joints, stamps) for file in recording_files(source)]
+
+
+def read_joint_log(
+    path: str | Path | RecordingFile,
+    topic: str = JOINT_STATES,
+    joints: Sequence[str] | None = None,
+    stamps: StampPolicy = AS_WRITTEN,
+) -> JointLog:
+    """Read a log, named after its file, from one of any format, ours or a robot's.
+
+    Columns are those of the joints that are named, or of all joints of the publisher that has the most, in
+    the order of its first message. An InputError says what a dynamics model cannot do without.
+    """
+    file = path if isinstance(path, RecordingFile) else as_recording_file(Path(path))
+    where, bag = f"{file.path}: topic '{topic}'", open_bag(file, [topic])
+    series, note = joint_series(where, topic, readable(file.path, bag, topic, "joint_states"), stamps)
+    if not series[0].names:
+        raise InputError(f"{where} does not name the joints")
+    series, others = chosen(where, series, joints)
+    if len(series) > 1:
+        parts = " and ".join(", ".join(one.names) for one in series)
+        raise InputError(f"{where} has joints that come at different times: {parts}")
+    (one,) = series
+    if missing := [kind for kind in JOINT_KINDS if kind not in one.values]:
+        raise InputError(
+            f"{where} has no {missing[0].replace('_', ' ')}; a dynamics model is learned from "
+            "position, velocity and effort"
+        )
+    provenance = bag.provenance(file.path)
+    if note is not None:
+        provenance["stamps"] = f"{topic}: {note}"
+    if others:
+        provenance["joints"] = f"{topic}: without {', '.join(others)}"
+    signals = (one.values[kind] for kind in JOINT_KINDS)
+    return JointLog(file.name, one.names, one.stamps, *signals, provenance=provenance)
+
+
+def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"]) -> RawMessages:
+    """Messages of a topic; an InputError unless it is there, can be read in its role, and has messages."""
+    if topic not in bag.topics:
+        present = sorted(bag.topics.items())
+        listing = ", ".join(f"{name} ({' and '.join(its)})" for name, its in present) or "no topics"
+        raise InputError(f"{path}: has no topic '{topic}' for {role}; it has {listing}")
+    check_readable(f"{path}: topic '{topic}'", role, bag.topics[topic])
+    if topic not in bag.messages:
+        raise InputError(f"{path}: topic '{topic}' has no messages")
+    return bag.messages[topic]
+
+
+class _Reading:
+    """Streams of a bag, with remarks: stamps that were `mended` by topic, joints that were `left_out`."""
+
+    def __init__(self, path: Path, bag: Bag, topics: TopicMap, policy: StampPolicy) -> None:
+        self._path, self._bag, self._topics, self._policy = path, bag, topics, policy
+        self._series: dict[str, list[JointSeries]] = {}
+        self.mended: dict[str, str | None] = {}
+        self.left_out: list[str] = []
 
     def streams(self) -> list[Stream]:
         """All streams in the order of the topic map."""
-        pose = self._topics.pose
-        streams = [] if isinstance(pose, str) else [self._computed_pose(pose)]
+        streams = self._computed_pose()
         joints: list[JointSeries] = []
         place = 0
         for topic, role in self._topics.roles():
-            if role == "obstacles" or (messages := self._messages(topic, role)) is None:
+            if role == "obstacles" or self._is_absent(topic, role):
                 continue
             if role == "joint_states":
                 place = place if joints else len(streams)
                 joints += self._joints(topic)
             else:
-                stream, self._mended[topic] = to_stream(
-                    self._where(topic), topic, role, messages, self._policy
-                )
+                messages = readable(self._path, self._bag, topic, role)
+                where = f"{self._path}: topic '{topic}'"
+                stream, self.mended[topic] = to_stream(where, topic, role, messages, self._policy)
                 streams.append(stream)
         if joints:
             streams[place:place] = self._joint_streams(joints)
@@ -188,48 +291,48 @@ class _Reading:
 
     def shapes(self) -> tuple[NamedShape, ...]:
         """Solids on the topic that is named for them."""
-        topics = [topic for topic, role in self._topics.roles() if role == "obstacles"]
-        found = [(topic, self._messages(topic, "obstacles")) for topic in topics]
-        return sum((to_shapes(self._where(topic), its) for topic, its in found if its is not None), ())
+        for topic, role in self._topics.roles():
+            if role == "obstacles" and not self._is_absent(topic, role):
+                return to_shapes(
+                    f"{self._path}: topic '{topic}'", readable(self._path, self._bag, topic, role)
+                )
+        return ()
 
-    def remarks(self) -> dict[str, str]:
-        """What provenance is to say of how the bag was read."""
-        remarks = {
-            "stamps": "; ".join(f"{topic}: {note}" for topic, note in self._mended.items() if note),
-            "clock": "log" if self._policy.clock == "log" else "",
-            "joints": "; ".join(self._left_out),
-        }
-        return {key: remark for key, remark in remarks.items() if remark}
+    def _is_absent(self, topic: str, role: Role) -> bool:
+        """Whether a topic is not there and need not be."""
+        return not self._topics.must_exist and role != "pose" and topic not in self._bag.topics
 
-    def _computed_pose(self, pose: TransformPose | JointPose) -> Stream:
+    def _computed_pose(self) -> list[Stream]:
+        pose = self._topics.pose
+        if isinstance(pose, str):
+            return []
         if isinstance(pose, JointPose):
-            return joint_pose(self._where(pose.topic), self._series(pose.topic), pose)
+            where = f"{self._path}: topic '{pose.topic}'"
+            return [joint_pose(where, self._joint_series(pose.topic), pose)]
         for topic in pose.topics:
             if topic == pose.topic or topic in self._bag.messages:
-                self._readable(topic, "transforms")
-        stream, note = transform_pose(str(self._path), self._bag.messages, pose, self._policy)
-        self._mended[pose.topic] = note
-        return stream
+                readable(self._path, self._bag, topic, "transforms")
+        stream, self.mended[pose.topic] = transform_pose(
+            str(self._path), self._bag.messages, pose, self._policy
+        )
+        return [stream]
 
-    def _series(self, topic: str) -> list[JointSeries]:
-        """All joint states of a topic, which has to be there; it may give the pose too."""
-        if topic not in self._of_topic:
-            messages = self._readable(topic, "joint_states")
-            found = joint_series(self._where(topic), topic, messages, self._policy)
-            self._of_topic[topic], self._mended[topic] = found
-        return self._of_topic[topic]
+    def _joint_series(self, topic: str) -> list[JointSeries]:
+        """All joint states of a topic, which may give the pose too."""
+        if topic not in self._series:
+            messages = readable(self._path, self._bag, topic, "joint_states")
+            found = joint_series(f"{self._path}: topic '{topic}'", topic, messages, self._policy)
+            self._series[topic], self.mended[topic] = found
+        return self._series[topic]
 
     def _joints(self, topic: str) -> list[JointSeries]:
-        """Joint states of a topic; of several publishers those of the largest, unless joints are named.
-
-        Files of ours have what was wanted when they were written.
-        """
-        series = self._series(topic)
+        """Joint states of a topic; of a user's publishers those of the largest, unless joints are named."""
+        series = self._joint_series(topic)
         if not self._topics.must_exist or self._topics.joints is not None or not series[0].names:
             return series
-        series, others = chosen(self._where(topic), series, None)
+        series, others = chosen(f"{self._path}: topic '{topic}'", series, None)
         if others:
-            self._left_out.append(f"{topic}: without {', '.join(others)}")
+            self.left_out.append(f"{topic}: without {', '.join(others)}")
         return series
 
     def _joint_streams(self, series: Sequence[JointSeries]) -> list[Stream]:
@@ -251,29 +354,9 @@ class _Reading:
         for kind, names in joints.items():
             if names and set(names) != most:
                 lacking = ", ".join(sorted(most - set(names)))
-                self._left_out.append(f"{kind} are not of {lacking} and left out")
+                self.left_out.append(f"{kind} are not of {lacking} and left out")
         kept = [stream for stream in streams if set(joints[stream.kind]) == most]
         if not kept:
             listing = ", ".join(sorted(most))
             raise InputError(f"{self._path}: no signal is of all joints {listing}: name some under `joints`")
         return kept
-
-    def _messages(self, topic: str, role: Role) -> RawMessages | None:
-        """Messages of a topic; None where it is not there and need not be."""
-        optional = not self._topics.must_exist and role != "pose"
-        return None if optional and topic not in self._bag.topics else self._readable(topic, role)
-
-    def _readable(self, topic: str, role: Role | Literal["transforms"]) -> RawMessages:
-        """Messages of a topic, which is there, and can be read in the role."""
-        types = self._bag.topics.get(topic)
-        if types is None:
-            present = sorted(self._bag.topics.items())
-            listing = ", ".join(f"{name} ({' and '.join(its)})" for name, its in present) or "no topics"
-            raise InputError(f"{self._path}: has no topic '{topic}' for {role}; it has {listing}")
-        check_readable(self._where(topic), role, types)
-        if topic not in self._bag.messages:
-            raise InputError(f"{self._where(topic)} has no messages")
-        return self._bag.messages[topic]
-
-    def _where(self, topic: str) -> str:
-        return f"{self._path}: topic '{topic}'"

@@ -10,14 +10,11 @@ from typing import Any
 
 from structlearn.core.errors import MissingInputError
 from structlearn.readers import clmc, slide
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Recording
 
 
 def read_touch(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
-    """The first `entry.part` slides over each material, all logs of unscrewing, an execution of scraping.
-
-    Raises MissingInputError: there is none of these. Raises InputError: a file cannot be read.
-    """
+    """The first `entry.part` slides over each material, all logs of unscrewing, an execution of scraping."""
     readers: dict[str, Callable[[], list[Recording]]] = {
         "scraping": lambda: clmc.read_scraping_execution(folder / "clmc"),
         "slides": lambda: slide.read_slides(folder / "slide", entry.part, left_out),

@@ -1,42 +1,35 @@
 """Messages of one topic, decoded from CDR, the encoding of ROS 2.
 
-Messages of one topic mostly have one layout: a field stands at the same place in each of them, and numpy
-reads or writes it in all of them at once, a hundred times faster than message by message. The layout is
-followed along the first message with the topic's own definition, and the others must agree with it in every
-byte that shapes it. Publishers that share a topic, and messages whose sequences grow, have layouts of their
-own. Where a definition has something rare, or layouts have no end, messages are decoded one by one.
+Messages of one topic mostly have one layout: a field is at the same place in each of them, and numpy reads or
+writes it in all of them at once, a hundred times faster than message by message. The layout is followed along
+the first message with the topic's own definition, and the others must agree with it in every byte that shapes
+it. Publishers that share a topic, and messages whose sequences grow, have layouts of their own. Where a
+definition has something rare, or there are too many layouts, messages are decoded one by one.
 """
 
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.records import Schema
 from mcap.well_known import MessageEncoding
 
-from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages, damage_named
-from structlearn.readers.clock import StampPolicy
-from structlearn.readers.recording import at_row
 
-MOST_LAYOUTS = 50
-"""Layouts of one length that are looked for: frames of a robot have some, texts that change have no end."""
-
-
-LITTLE_ENDIAN = 1
-"""Second byte of a message in plain little-endian CDR, which x86 and ARM robots send."""
+MOST_LAYOUTS = 50  # of messages of one length: several frames of a robot need some, changing texts any number
+LITTLE_ENDIAN = 1  # second byte of a message in plain little-endian CDR, which x86 and ARM robots send
 
 SCALARS = {
-    f"{sign}int{bits}": np.dtype(f"{sign}int{bits}").newbyteorder("<")
-    for sign in ("", "u")
-    for bits in (8, 16, 32, 64)
+    name: np.dtype(name).newbyteorder("<")
+    for name in (
+        *(f"{sign}int{8 * size}" for sign in ("", "u") for size in (1, 2, 4, 8)),
+        "float32",
+        "float64",
+    )
 }
-SCALARS |= {name: np.dtype(name).newbyteorder("<") for name in ("bool", "float32", "float64")}
-SCALARS |= {"byte": SCALARS["uint8"], "char": SCALARS["int8"]}
+SCALARS |= {"bool": np.dtype(bool), "byte": SCALARS["uint8"], "char": SCALARS["int8"]}
 
 _FIELD = re.compile(
     r"(?P<type>[\w/]+)(<=\d+)?(?P<many>\[(<=)?(?P<size>(?!0)\d*)\])?\s+(?P<name>[a-z]\w*)(\s.*)?"
@@ -44,31 +37,34 @@ _FIELD = re.compile(
 _CONSTANT = re.compile(r"\S+\s+[A-Z]\w*\s*=")
 
 
-@dataclass(frozen=True)
-class Decoded:
-    """Messages of one layout."""
+class Decoded(NamedTuple):
+    """Messages of one layout: which of the topic's they are, and all of them as one.
 
-    rows: np.ndarray  # (M,) which of the topic's messages they are
-    message: Any  # with columns (M,) or (M, n) as its numbers; of a single one they may be numbers and lists
+    Its numbers are columns (M,) or (M, n); of a single message they may be numbers and lists.
+    """
+
+    rows: np.ndarray
+    message: Any
 
 
 def decoded(where: str, messages: RawMessages) -> list[Decoded]:
-    """All messages of a topic, those with the first row first; an InputError where one is damaged."""
-    lengths = np.fromiter(map(len, messages.data), dtype=np.int64, count=len(messages.data))
-    layouts, owners = np.unique(np.stack([messages.kinds, lengths]), axis=1, return_inverse=True)
+    """All messages of a topic in groups, ordered by their first row; an InputError where one is damaged."""
+    schemas = {id(schema): schema for schema in messages.schemas}
+    keys = [np.fromiter(map(id, messages.schemas), np.int64), np.fromiter(map(len, messages.data), np.int64)]
+    layouts, owners = np.unique(np.stack(keys), axis=1, return_inverse=True)
     groups: list[Decoded] = []
     with damage_named(where, "message"):
         for number, (kind, length) in enumerate(layouts.T.tolist()):
             rows = np.flatnonzero(owners.ravel() == number)
             raw = np.frombuffer(b"".join(messages.data[row] for row in rows.tolist()), dtype=np.uint8)
-            schema = messages.schemas[kind]
+            schema = schemas[kind]
             assert schema is not None  # `messages.check_readable` lets none pass
             groups += _of_one_length(schema, rows, raw.reshape(len(rows), length))
     return sorted(groups, key=lambda group: int(group.rows[0]))
 
 
 def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterator[Decoded]:
-    """Messages of one type, (M, L) bytes: those of a layout together while there are few layouts."""
+    """Messages (M, L) of one type: those of one layout together while there are few layouts."""
     text = schema.data.decode()
     for _ in range(MOST_LAYOUTS):
         found = columns(schema.name, text, raw)
@@ -83,62 +79,9 @@ def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterato
     from mcap_ros2.decoder import DecoderFactory  # seldom needed
 
     decode = DecoderFactory().decoder_for(MessageEncoding.CDR, schema)
-    assert decode is not None  # it is one of ROS 2, or there were no definition for `cdr`
+    assert decode is not None  # the schema is one of ROS 2, see `messages.check_readable`
     for row, message in zip(rows, raw, strict=True):
         yield Decoded(np.array([row]), decode(message.tobytes()))
-
-
-@contextmanager
-def fields_named(where: str) -> Iterator[None]:
-    """Turn what is raised where a field is looked for in a message without it into an InputError."""
-    try:
-        yield
-    except AttributeError as error:
-        raise InputError(f"{where}: a message lacks a field of its type: {error}") from error
-
-
-def header_stamps(groups: Sequence[Decoded]) -> np.ndarray:
-    """(T,) ns of the headers of all messages of a topic, in their order."""
-    stamps = np.empty(sum(len(group.rows) for group in groups), dtype=np.int64)
-    for group in groups:
-        stamps[group.rows] = nanoseconds(group.message.header.stamp)
-    return stamps
-
-
-def nanoseconds(clock: Any) -> np.ndarray:
-    """int64 ns of a ROS time, which may be a column of them."""
-    seconds, rest = np.array(clock.sec, dtype=np.int64), np.array(clock.nanosec, dtype=np.int64)
-    return seconds * 10**9 + rest
-
-
-def sample_stamps(log_times: np.ndarray, header: np.ndarray | None, policy: StampPolicy) -> np.ndarray:
-    """(T,) int64 ns: header stamps where somebody set any and they are wanted, else log times."""
-    if policy.clock == "log" or header is None or not header.any():
-        return log_times
-    return header
-
-
-def table(
-    where: str, stamps: np.ndarray, parts: Sequence[tuple[np.ndarray, Sequence | np.ndarray]]
-) -> np.ndarray:
-    """(T, D) float64 of what was read from groups of messages: their rows, and D columns or numbers.
-
-    Raises InputError: a message has another number of values than the first; its row is named.
-    """
-    width = len(parts[0][1])
-    odd = [(int(rows[0]), len(values)) for rows, values in parts if len(values) != width]
-    if odd:
-        row, length = min(odd)
-        raise InputError(f"{where}: {at_row(row, stamps)} has {length} values, the first has {width}")
-    values = np.empty((sum(len(rows) for rows, _ in parts), width))
-    for rows, columns in parts:
-        values[rows] = np.array(columns, dtype=float).reshape(width, len(rows)).T
-    return values
-
-
-def sequence(field: Any) -> Sequence | np.ndarray:
-    """A message's sequence of numbers, with columns (M, n) turned to n columns."""
-    return field.T if isinstance(field, np.ndarray) else field
 
 
 def short_name(message_type: str) -> str:
@@ -152,19 +95,17 @@ def columns(
     """Views of all fields of messages (T, L) uint8, in C order, by the layout of the first one.
 
     The definition is the text of the type with those of all nested types, as in the encoding `ros2msg`.
-
-    Returns:
-        Fields under their names, nested as in the definition: numbers as (T,), sequences of numbers as (T, n)
-        views of the bytes, so that to write them is to write the messages; a string, or list of strings, is
-        that of the first message. And which messages (T,) have that layout: the others differ in a length or
-        a string, and their fields mean nothing. None where the first message is big-endian, or its definition
-        has something else than numbers, strings, sequences and nested types.
+    Fields are nested as in the definition: numbers as (T,), sequences of numbers as (T, n) views of the
+    bytes, so that writing them writes the messages; a string, or list of strings, is that of the first
+    message. Also returns which messages (T,) have that layout: the others differ in a length or a string, and
+    their fields mean nothing. None where the first message is big-endian, or its definition has anything but
+    numbers, strings, sequences and nested types.
     """
     if messages.shape[1] < 4 or messages[0, 1] != LITTLE_ENDIAN:
         return None
     layout = _Layout(messages)
     try:
-        fields = layout.message(dict(_definitions(message_type, definition)), short_name(message_type))
+        fields = layout.message(_definitions(message_type, definition), short_name(message_type))
     except (LookupError, ValueError):  # a type that is not defined; a line, text or end that is not expected
         return None
     return fields, (messages[:, layout.shaping] == messages[0, layout.shaping]).all(axis=1)
@@ -181,11 +122,9 @@ class _Layout:
 
     def message(self, definitions: dict[str, list[re.Match]], message_type: str) -> SimpleNamespace:
         """The fields of a message that begins here."""
-        fields = definitions[message_type]
         package = message_type.partition("/")[0]
-        return SimpleNamespace(
-            **{field["name"]: self._field(definitions, package, field) for field in fields}
-        )
+        fields = definitions[message_type]
+        return SimpleNamespace(**{one["name"]: self._field(definitions, package, one) for one in fields})
 
     def _field(self, definitions: dict[str, list[re.Match]], package: str, field: re.Match) -> Any:
         kind, count = field["type"], 1
@@ -224,17 +163,17 @@ class _Layout:
         return self._messages[:, self._at - count : self._at]
 
 
-def _definitions(message_type: str, definition: str) -> Iterator[tuple[str, list[re.Match]]]:
-    """Fields of each type."""
-    fields: list[re.Match] = []
-    for line in [*(line.partition("#")[0].strip() for line in definition.splitlines()), "MSG:"]:
+def _definitions(message_type: str, definition: str) -> dict[str, list[re.Match]]:
+    """Fields of each type by its name; a ValueError at a line that is no field."""
+    found: dict[str, list[re.Match]] = {short_name(message_type): []}
+    for line in (line.partition("#")[0].strip() for line in definition.splitlines()):
         if line.startswith("MSG:"):
-            if not fields:
-                raise ValueError("a message without fields has a byte that no line tells of")
-            yield short_name(message_type), fields
-            message_type, fields = line.removeprefix("MSG:").strip(), []
+            found[line.removeprefix("MSG:").strip()] = []
         elif line and line.strip("=") and not _CONSTANT.match(line):
             field = _FIELD.fullmatch(line)
             if field is None:
                 raise ValueError(f"not a field: {line}")
-            fields.append(field)
+            found[next(reversed(found))].append(field)
+    if not all(found.values()):
+        raise ValueError("a message without fields has a byte that is not in its definition")
+    return found

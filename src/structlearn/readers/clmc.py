@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.recording import Recording, Stream
-from structlearn.readers.text_log import (
+from structlearn.readers.demonstration import Recording, Stream
+from structlearn.readers.foreign_tables import (
     PublicSet,
     natural_order,
     read_each,
@@ -28,9 +28,7 @@ SOURCE = PublicSet(
     "MIT, Copyright (c) 2021 Giovanni Sutanto",
 )
 
-ROBOT_RATE_HZ = 300.0
-"""Control rate of the unscrewing and scraping logs."""
-
+ROBOT_RATE_HZ = 300.0  # control rate of the unscrewing and scraping logs
 ELECTRODES = 19  # of one BioTac finger
 
 
@@ -38,7 +36,7 @@ def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Re
     """One part of the repository's data, in natural order; numbers as names are padded to equal length.
 
     `entry.part`: `scraping` or `scraping/TRIAL`, `quat_dmp_unscrewing`, or a folder of reaches in
-    `cart_coord_dmp`, which may be a pattern. Raises as the readers of these.
+    `cart_coord_dmp`, which may be a pattern.
     """
     kind, _, name = str(entry.part).partition("/")
     if kind == "scraping":
@@ -59,11 +57,7 @@ def read_reaches(
 
     The orientation was not recorded: poses have the identity and twists no rotation, and the provenance says
     so (`"orientation": "not recorded"`), which makes both None in a demonstration. `dataset` is their folder
-    in `cart_coord_dmp`, or in a folder there; of several that a pattern means, the first by the alphabet.
-    `left_out`: see `text_log.read_each`.
-
-    Raises MissingInputError: there are no numbered files. Raises InputError: a file is not a table of 10
-    columns.
+    in `cart_coord_dmp`, or in a folder there; of several that match a pattern, the first by the alphabet.
     """
     reaches = Path(folder) / "cart_coord_dmp" / dataset
     reaches = next(iter(sorted(reaches.parent.rglob(dataset))), reaches)
@@ -78,11 +72,7 @@ def read_reaches(
 def read_unscrewing(folder: str | Path, left_out: dict[str, str] | None = None) -> list[Recording]:
     """Robot logs of unscrewing by one full turn, 300 Hz: pose, twist, wrench, left finger's electrodes.
 
-    Times are printed with five digits, up to 0.03 ms off the 300 Hz at which the robot ran; the exact times
-    are restored.
-
-    Raises MissingInputError: there is no file. Raises InputError: a file is not a table of 93 columns whose
-    times are those of 300 Hz.
+    Times are printed with five digits, up to 0.03 ms off 300 Hz, and restored; other times are an error.
     """
     logs = Path(folder) / "quat_dmp_unscrewing"
     files = sorted(logs.rglob("*.txt"), key=lambda path: natural_order(path.stem))
@@ -96,9 +86,6 @@ def read_scraping_execution(folder: str | Path, trial: str | None = None) -> lis
 
     Recordings "prim1", "prim2", ... have pose, twist, joint positions and two fingers' electrodes (left,
     right); each starts at time 0. `trial` is a folder in `scraping`; None: the first that holds primitives.
-
-    Raises MissingInputError: there is no such execution. Raises InputError: a file of a primitive is missing,
-    is not a table of its columns, or has another number of rows than its fellows.
     """
     scraping = Path(folder) / "scraping"
     found = [path for path in scraping.glob(f"{trial or '*'}/prim*") if path.is_dir()]

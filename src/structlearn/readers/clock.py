@@ -1,53 +1,138 @@
-"""Stamps of messages put in order, and streams with clocks of their own put on one uniform clock."""
+"""Recordings checked, their stamps put in order, and their streams put on one uniform clock."""
 
 from bisect import bisect_left
-from collections.abc import Sequence
-from typing import Literal
+from collections import Counter
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.core.params import Parameters
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import (
-    Kind,
-    Recording,
-    Stream,
-    at_row,
-    check_recording,
-    check_speed,
-    disorder,
-)
+from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, Kind, Recording, Stream
+from structlearn.readers.source import StampPolicy
 
+# Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
+# recorders drop out for 0.15 s now and then, a hole of more than that hides a movement.
 MAX_GAP_S = 0.2
-"""Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
-recorders drop out for 0.15 s now and then, a hole of more than that hides a movement."""
 
-FASTEST_HZ = 10_000.0
-"""No robot reports its pose more often; a faster clock is one whose stamps say nothing."""
+FASTEST_HZ = 10_000.0  # no robot reports its pose more often; the stamps of a faster clock say nothing
 
+# Columns of each kind of stream; others have any number, constant within the stream.
+WIDTHS: Mapping[str, int] = {"pose": 7, "twist": 6, "wrench": 6, "tool_to_board": 4}
 
-class StampPolicy(Parameters):
-    """How the stamps of a user's messages are taken."""
+# How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
+# rotation given in another form does not.
+NORM_TOLERANCE = 1e-3
 
-    # `header`: when a sample was taken; the log time where no message of a topic says so. `log`: when the
-    # recorder got it
-    clock: Literal["header", "log"]
-    # where a stamp repeats or runs back, `error`: refuse the recording; `drop`: leave out as few samples as
-    # possible; `sort`: put them in order. Of several with one stamp the first stays
-    disorder: Literal["error", "drop", "sort"]
+# No arm and no hand that demonstrates a movement is so fast; a faster step is a jump of the sensor.
+FASTEST = {"position": (10.0, "m/s"), "orientation": (100.0, "rad/s")}
 
 
-AS_WRITTEN = StampPolicy(clock="header", disorder="error")
-"""How our own files are read: whoever wrote them had the stamps in order."""
+def check_recording(recording: Recording) -> None:
+    """Check streams one by one and together.
+
+    Raises:
+        InputError: there is no pose stream, or several streams of a kind other than tactile and signals of
+            different joints; kinds of joint signals have different joints; a stream has fewer than two
+            samples, the wrong number of columns, a stamp that repeats or runs back, a value that is not
+            finite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two shapes have one
+            name. The message names recording, topic and row (counted from 0).
+    """
+    counts = Counter(stream.kind for stream in recording.streams)
+    if counts["pose"] == 0:
+        raise InputError(f"{recording.name}: has no pose stream")
+    for kind, count in counts.items():
+        streams = [stream for stream in recording.streams if stream.kind == kind]
+        names = recording.joints_of(kind)
+        different = all(stream.joints for stream in streams) and len(set(names)) == len(names)
+        if count > 1 and kind != "tactile" and not different:
+            topics = ", ".join(stream.topic for stream in streams)
+            raise InputError(f"{recording.name}: {kind} comes from several topics: {topics}")
+    for stream in recording.streams:
+        width = stream.values.shape[-1]
+        if stream.joints and len(stream.joints) != width:
+            named = f"names {len(stream.joints)} joints, has {width} columns"
+            raise InputError(f"{recording.name}: {stream.topic}: {named}")
+    for kind in JOINT_KINDS:
+        names = recording.joints_of(kind)
+        if names and set(names) != set(recording.joint_names):
+            raise InputError(
+                f"{recording.name}: {kind} are of the joints {', '.join(names)}, other signals of "
+                f"{', '.join(recording.joint_names)}"
+            )
+    shapes = Counter(shape.name for shape in recording.shapes)
+    if repeated := [name for name, count in shapes.items() if count > 1]:
+        raise InputError(f"{recording.name}: several shapes have the name {', '.join(repeated)}")
+    for stream in recording.streams:
+        if fault := _fault(stream):
+            raise InputError(f"{recording.name}: {stream.topic}: {fault}")
+
+
+def at_row(row: int, stamps: np.ndarray) -> str:
+    """A place in a stream for messages: row from 0, and its stamp in s, without rounding."""
+    stamp = int(stamps[row])
+    sign, stamp = ("-", -stamp) if stamp < 0 else ("", stamp)
+    return f"row {row} (stamp {sign}{stamp // 10**9}.{stamp % 10**9:09d} s)"
+
+
+def disorder(stamps: np.ndarray) -> str | None:
+    """The first of (T,) stamps that does not come after the one before it, in words; None: all do."""
+    steps = np.diff(stamps)
+    if (steps > 0).all():
+        return None
+    row = int(np.argmax(steps <= 0)) + 1
+    fault = "repeats the stamp before it" if steps[row - 1] == 0 else "runs back in time"
+    return f"{at_row(row, stamps)} {fault}"
+
+
+def check_speed(name: str, stream: Stream) -> None:
+    """Raise an InputError that names the row where a pose jumps, faster than `FASTEST`, from one to the next.
+
+    Bursts of messages are no jumps: a step counts as no shorter than the mean one. A turn in one step may lie
+    between two touches of a surface; a reading is off where the next one turns back.
+    """
+    steps_s = 1e-9 * np.diff(stream.stamps)
+    steps_s = np.maximum(steps_s, np.mean(steps_s))
+    with np.errstate(over="ignore"):
+        distances = np.linalg.norm(np.diff(stream.values[:, :3], axis=0), axis=1)
+    cosines = np.abs(np.sum(stream.values[1:, 3:] * stream.values[:-1, 3:], axis=1))
+    turns = 2.0 * np.arccos(np.minimum(cosines, 1.0))
+    turns[:-1] = np.minimum(turns[:-1], turns[1:])
+    for changes, (signal, (fastest, unit)) in zip((distances, turns), FASTEST.items(), strict=True):
+        speeds = changes / steps_s
+        if (speeds > fastest).any():
+            row = int(np.argmax(speeds > fastest)) + 1
+            raise InputError(
+                f"{name}: {stream.topic}: {at_row(row, stream.stamps)}: {signal} jumps at "
+                f"{speeds[row - 1]:.3g} {unit}, more than {fastest:g} {unit}"
+            )
+
+
+def _fault(stream: Stream) -> str | None:
+    """The first fault of a stream in words, or None."""
+    count, values = len(stream.stamps), stream.values
+    if values.ndim != 2 or values.shape[1] == 0 or count != len(values):
+        return f"needs a table with one row per stamp, has shape {values.shape} and {count} stamps"
+    if values.shape[1] != (width := WIDTHS.get(stream.kind, values.shape[1])):
+        return f"{stream.kind} needs {width} columns, has {values.shape[1]}"
+    if count < 2:
+        return f"needs at least two samples, has {count}"
+    if fault := disorder(stream.stamps):
+        return fault
+    if not (finite := np.isfinite(values)).all():
+        row, column = np.argwhere(~finite)[0]
+        return f"{at_row(row, stream.stamps)}, column {column}: value is {values[row, column]}"
+    if stream.kind in ("pose", "tool_to_board"):
+        norm = np.linalg.norm(values[:, -4:], axis=1)
+        off = np.abs(norm - 1) > NORM_TOLERANCE
+        if off.any():
+            row = int(np.argmax(off))
+            return f"{at_row(row, stream.stamps)}: quaternion has norm {norm[row]:.6g}, not 1"
+    return None
 
 
 def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:
-    """Rows (M,) of samples whose stamps (T,) in ns increase, and what was done in words; None: nothing was.
-
-    Raises InputError: the stamps do not increase and the policy is `error`; the message names the row.
-    """
+    """Rows (M,) whose stamps, of (T,) ns, increase, and in words what the policy changed, or None."""
     fault = disorder(stamps)
     if fault is None:
         return np.arange(len(stamps)), None
@@ -65,7 +150,7 @@ def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.nd
 def longest_increase(stamps: np.ndarray) -> np.ndarray:
     """Places (M,) of the longest strictly increasing subsequence of (T,) numbers, by patience sorting.
 
-    Dropping all that is not later than the latest so far would lose everything behind one far stamp.
+    Dropping all that is not later than the latest so far would lose everything after one far stamp.
     """
     ends: list[int] = []  # smallest last stamp of an increase of each length ...
     places: list[int] = []  # ... and where it is
@@ -75,12 +160,10 @@ def longest_increase(stamps: np.ndarray) -> np.ndarray:
         if length:
             before[place] = places[length - 1]
         ends[length : length + 1], places[length : length + 1] = [stamp], [place]
-    rows = np.empty(len(ends), dtype=int)
-    place = places[-1]
-    for row in reversed(range(len(rows))):
-        rows[row] = place
-        place = before[place]
-    return rows
+    rows = [places[-1]]
+    while before[rows[-1]] >= 0:
+        rows.append(before[rows[-1]])
+    return np.array(rows[::-1])
 
 
 def synchronise(
@@ -99,13 +182,15 @@ def synchronise(
     neighbouring samples `gap` apart the error is at most gap^2 / 8 * max|x''|: at 150 Hz and 10 m/s^2 that is
     0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied: a signal sampled down keeps its noise.
 
-    `rate_hz`: ticks per second; None: one over the median step of the pose stream. `max_gap_s`: longest step
-    between neighbouring samples of a stream within the clock's time. `refuse_jumps`: False for whoever looks
-    at speeds himself, and leaves out what the sensor lost.
+    Args:
+        recording: streams with a clock each.
+        rate_hz: ticks per second; None: one over the median step of the pose stream.
+        max_gap_s: longest step between neighbouring samples of a stream within the clock's time.
+        refuse_jumps: False if the caller checks speeds itself, and leaves out what the sensor lost.
 
     Returns:
         All signals at (T,) ticks. Orientations have unit norm and no jumps between Q and -Q. Several tactile
-        streams, and joint signals of several sources, stand side by side in the order of the streams. True
+        streams, and joint signals of several sources, are put side by side in the order of the streams. True
         segments are counted from the new start and clipped to the clock. Where provenance says that the
         orientation was not recorded (`"orientation": "not recorded"`), it and angular velocity are None.
 
@@ -127,8 +212,9 @@ def synchronise(
             signals["position"] = linear(ticks, stamps, stream.values[:, :3])
             signals["orientation"] = slerp(ticks, stamps, stream.values[:, 3:])
         elif stream.kind == "twist":
-            twist = linear(ticks, stamps, stream.values)
-            signals["velocity"], signals["angular_velocity"] = twist[:, :3], twist[:, 3:]
+            signals["velocity"], signals["angular_velocity"] = np.split(
+                linear(ticks, stamps, stream.values), 2, axis=1
+            )
         elif stream.kind == "tool_to_board":
             signals["tool_to_board"] = slerp(ticks, stamps, stream.values)
         else:
@@ -159,13 +245,9 @@ def synchronise(
 def on_one_clock(
     name: str, streams: Sequence[Stream], rate_hz: float, max_gap_s: float = MAX_GAP_S
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Sample streams without orientations, of which none need be a pose, as `synchronise` does.
+    """Sample streams without orientations as `synchronise` does; none need be a pose, no value is checked.
 
-    Returns:
-        Times (T,) of the ticks in s since the start, and each stream's values (T, D).
-
-    Raises:
-        InputError: as `synchronise`, but that values are not looked at.
+    Returns times (T,) of the ticks in s since the start, and each stream's values (T, D).
     """
     start, duration = _shared_time(name, streams, max_gap_s)
     ticks = _ticks(name, duration, streams[0], rate_hz)
@@ -178,10 +260,7 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
 
     The gaps that are bridged here are twice the stream's own, so a smooth signal suffers up to four times the
     error of `synchronise`; noise of the sensor counts in full. Needs three samples; of a pose only the
-    position is taken.
-
-    Returns:
-        Root mean squared error and largest error, in the unit of the signal, over all columns.
+    position is taken. Returns the root mean squared and the largest error over all columns.
     """
     stamps = (stream.stamps - stream.stamps[0]).astype(float)
     values = stream.values[:, :3] if stream.kind == "pose" else stream.values
@@ -241,9 +320,9 @@ def _ticks(name: str, duration: int, pose: Stream, rate_hz: float | None) -> np.
 
 
 def _shared_time(name: str, streams: Sequence[Stream], max_gap_s: float) -> tuple[int, int]:
-    """First ns that all streams cover, and for how many ns; raise if a step that is crossed is too long.
+    """First ns that all streams cover, and for how many ns; an InputError where a gap in it is too long.
 
-    Gaps are looked at before there are ticks: one far stamp would ask for terabytes of them.
+    Checked before there are ticks: one far stamp would ask for terabytes of them.
     """
     late = max(streams, key=lambda stream: int(stream.stamps[0]))
     early = min(streams, key=lambda stream: int(stream.stamps[-1]))

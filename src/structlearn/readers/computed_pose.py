@@ -4,12 +4,13 @@ Each transform on /tf is a stream of its own: the pose of a child frame in its p
 those on the static topic and those that never change, have no clock. The others are put together on that of
 the slowest (`clock.shared_stamps`): positions are interpolated linearly, orientations by slerp.
 
-Of a URDF, Pinocchio computes the pose of a link in the frame of the root. Joints are matched by their names;
-those that are not between the root and the tip do not matter.
+With a URDF, Pinocchio computes the pose of a link in the frame of the root. Joints are matched by their
+names; those that are not between the root and the tip do not matter.
 """
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -21,14 +22,14 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
 from structlearn.core.reading import require_file
 from structlearn.readers.bag import RawMessages
-from structlearn.readers.cdr import decoded, fields_named, nanoseconds, sample_stamps
-from structlearn.readers.clock import StampPolicy, in_order, linear, shared_stamps, slerp
+from structlearn.readers.cdr import decoded
+from structlearn.readers.clock import NORM_TOLERANCE, in_order, linear, shared_stamps, slerp
+from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_log import MOST_JOINTS, JointSeries
-from structlearn.readers.recording import NORM_TOLERANCE, Stream
-from structlearn.readers.topics import JointPose, TransformPose
+from structlearn.readers.messages import fields_named, nanoseconds, numbers
+from structlearn.readers.source import JointPose, StampPolicy, TransformPose
 
-Edge = tuple[str, str]
-"""Parent and child frame."""
+Edge = tuple[str, str]  # parent and child frame
 
 
 @dataclass(frozen=True)
@@ -47,39 +48,32 @@ class TransformSeries:
 
 
 def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> dict[Edge, TransformSeries]:
-    """Every transform on a topic in the order in which they came; frames without the slash of ROS 1.
-
-    Raises InputError: a message cannot be decoded or lacks a field of its type, or a quaternion is not of
-    unit norm; frames are named.
-    """
-    pieces: dict[Edge, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
+    """Every transform on a topic in the order in which they came; frames without the slash of ROS 1."""
+    pieces = defaultdict(list)
     with fields_named(where):
         for group in decoded(where, messages):
             for one in group.message.transforms:
                 edge = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
+                values = np.array(numbers(one.transform, "translation", "rotation"), dtype=float)
                 stamps = np.atleast_1d(nanoseconds(one.header.stamp))
-                pieces.setdefault(edge, []).append((group.rows, stamps, _values(one.transform)))
+                pieces[edge].append((group.rows, stamps, values.reshape(7, len(group.rows)).T))
     series = {}
-    for (parent, child), its in pieces.items():
+    for edge, its in pieces.items():
         rows, stamps, values = (np.concatenate(parts) for parts in zip(*its, strict=True))
         order = np.argsort(rows, kind="stable")
-        values = values[order]
+        rows, stamps, values = rows[order], stamps[order], values[order][:, [0, 1, 2, 6, 3, 4, 5]]
         norms = np.linalg.norm(values[:, 3:], axis=1)
         if (np.abs(norms - 1.0) > NORM_TOLERANCE).any():
             norm = norms[np.argmax(np.abs(norms - 1.0))]
-            raise InputError(
-                f"{where}: transform from '{parent}' to '{child}': quaternion has norm {norm:.6g}, not 1"
-            )
-        stamps = sample_stamps(messages.log_times[rows[order]], stamps[order], policy)
-        series[parent, child] = TransformSeries(parent, child, stamps, values)
+            raise InputError(f"{where}: {_named(edge)}: quaternion has norm {norm:.6g}, not 1")
+        if policy.clock == "log" or not stamps.any():
+            stamps = messages.log_times[rows]
+        series[edge] = TransformSeries(*edge, stamps, values)
     return series
 
 
 def chain(where: str, edges: Sequence[Edge], parent: str, child: str) -> list[Edge]:
-    """The transforms on the way from one frame to another, in its order; either may be above the other.
-
-    Raises InputError: a frame is in none of them, none leads on, or a frame on the way has two parents.
-    """
+    """The transforms on the way from one frame to another, in its order; either may be above the other."""
     parent, child = parent.lstrip("/"), child.lstrip("/")
     frames = sorted({frame for edge in edges for frame in edge})
     for frame in (parent, child):
@@ -109,91 +103,66 @@ def transform_pose(
 ) -> tuple[Stream, str | None]:
     """Stream of the pose of one frame in another, and what was done about stamps of its transforms.
 
-    `messages` are those of each of `pose.topics` that the file has. Raises InputError: as `transform_series`
-    and `chain`; stamps of a transform do not increase; nothing on the way moves; or what moves is not all
-    there at one time.
+    `messages` are those of each of `pose.topics` that the file has.
     """
-    series: dict[Edge, TransformSeries] = {}
-    moving: set[Edge] = set()
-    for topic in reversed(pose.topics):  # what is on both is not at rest
-        if topic in messages:
-            its = transform_series(f"{where}: topic '{topic}'", messages[topic], policy)
-            series |= its
-            if topic == pose.topic:
-                moving = {edge for edge, one in its.items() if one.moves}
+    found = [
+        transform_series(f"{where}: topic '{topic}'", messages[topic], policy) if topic in messages else {}
+        for topic in pose.topics
+    ]
+    moving = {edge for edge, one in found[0].items() if one.moves}
+    series = found[1] | found[0]  # what is on both is not at rest
     where = f"{where}: topic '{pose.topic}'"
     way = chain(where, list(series), pose.parent, pose.child)
-    if not moving.intersection(way):
+    moving &= set(way)
+    if not moving:
         raise InputError(f"{where}: '{pose.child}' does not move in '{pose.parent}'")
     notes = []
     for edge in way:
         if edge in moving:
-            whole = series[edge]
-            name = f"transform from '{edge[0]}' to '{edge[1]}'"
-            rows, note = in_order(f"{where}: {name}", whole.stamps, policy)
+            one = series[edge]
+            rows, note = in_order(f"{where}: {_named(edge)}", one.stamps, policy)
             if note is not None:
-                notes.append(f"{note} of {name}")
-                series[edge] = TransformSeries(*edge, whole.stamps[rows], whole.values[rows])
+                notes.append(f"{note} of {_named(edge)}")
+                series[edge] = replace(one, stamps=one.stamps[rows], values=one.values[rows])
     ticks = shared_stamps([series[edge].stamps for edge in way if edge in moving])
     if len(ticks) < 2:
         names = ", ".join(f"'{above}' to '{below}'" for above, below in way if (above, below) in moving)
         raise InputError(f"{where}: the transforms {names} are not there at one time")
     frame = pose.parent.lstrip("/")
-    values = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(ticks), 1))
+    position = np.zeros((len(ticks), 3))
+    orientation = np.tile([1.0, 0.0, 0.0, 0.0], (len(ticks), 1))
     for edge in way:
         one = series[edge]
-        step = _sampled(one, ticks) if edge in moving else np.tile(one.values[-1], (len(ticks), 1))
-        forwards = edge[0] == frame
-        frame = edge[1] if forwards else edge[0]
-        values = _composed(values, step if forwards else _inverse(step))
-    values[:, 3:] = quaternion.sign_continuous(quaternion.normalised(values[:, 3:]))
-    return Stream(pose.topic, "pose", ticks, values), ", ".join(notes) or None
+        step, turn = np.split(np.tile(one.values[-1], (len(ticks), 1)), [3], axis=1)
+        if edge in moving:
+            at, stamps = (ticks - ticks[0]).astype(float), (one.stamps - ticks[0]).astype(float)
+            step, turn = linear(at, stamps, one.values[:, :3]), slerp(at, stamps, one.values[:, 3:])
+        if edge[0] != frame:  # upwards: the parent's pose in the child's frame
+            turn = quaternion.conjugate(turn)
+            step = -quaternion.rotate(turn, step)
+        frame = edge[1] if edge[0] == frame else edge[0]
+        position = position + quaternion.rotate(orientation, step)
+        orientation = quaternion.product(orientation, turn)
+    orientation = quaternion.sign_continuous(quaternion.normalised(orientation))
+    return Stream(pose.topic, "pose", ticks, np.hstack([position, orientation])), ", ".join(notes) or None
 
 
-def _values(transform: Any) -> np.ndarray:
-    """(M, 7) of a message's transform, whose numbers may be columns."""
-    p, q = transform.translation, transform.rotation
-    return np.stack([np.atleast_1d(value) for value in (p.x, p.y, p.z, q.w, q.x, q.y, q.z)], axis=1)
-
-
-def _sampled(series: TransformSeries, ticks: np.ndarray) -> np.ndarray:
-    """(M, 7) of a transform at (M,) ns."""
-    start = ticks[0]
-    at, stamps = (ticks - start).astype(float), (series.stamps - start).astype(float)
-    return np.hstack([linear(at, stamps, series.values[:, :3]), slerp(at, stamps, series.values[:, 3:])])
-
-
-def _composed(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(M, 7) poses of what has the second pose in a frame that has the first."""
-    position = first[:, :3] + quaternion.rotate(first[:, 3:], second[:, :3])
-    return np.hstack([position, quaternion.product(first[:, 3:], second[:, 3:])])
-
-
-def _inverse(values: np.ndarray) -> np.ndarray:
-    """(M, 7) the parent's pose in the child's frame."""
-    turned = quaternion.conjugate(values[:, 3:])
-    return np.hstack([-quaternion.rotate(turned, values[:, :3]), turned])
+def _named(edge: Edge) -> str:
+    return f"transform from '{edge[0]}' to '{edge[1]}'"
 
 
 def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> Stream:
-    """Stream of the pose of a link, on the clock of the slowest of its joints (`clock.shared_stamps`).
-
-    Raises InputError: the URDF is missing or no URDF, has no such link, or a joint on the way to it is not
-    revolute, continuous or prismatic; nothing moves it; the log lacks a joint on the way or its position; or
-    its joints are not all there at one time.
-    """
-    chain = _Chain(pose)
-    its = [one for one in (part.of_joints(chain.names) for part in series) if one is not None]
+    """Stream of the pose of a link, on the clock of the slowest of its joints (`clock.shared_stamps`)."""
+    model, frame, joints = _kinematics(home_path(pose.urdf), pose.tip)
+    its = [one for one in (part.of_joints(list(joints)) for part in series) if one is not None]
     present = [name for one in its for name in one.names]
-    missing = [name for name in chain.names if name not in present]
-    if missing:
+    if missing := [name for name in joints if name not in present]:
         logged = ", ".join(name for one in series for name in one.names)
         raise InputError(
             f"{where}: lacks the joints {', '.join(missing)}, which move '{pose.tip}' in {pose.urdf}; it has "
             f"{logged or 'no names'}"
         )
-    unmeasured = [name for one in its if "joint_positions" not in one.values for name in one.names]
-    if unmeasured:
+    if unmeasured := [name for one in its if "joint_positions" not in one.values for name in one.names]:
         raise InputError(f"{where}: has no positions of the joints {', '.join(unmeasured)}")
     ticks = shared_stamps([one.stamps for one in its])
     if len(ticks) < 2:
@@ -203,59 +172,56 @@ def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> St
         at, stamps = (ticks - ticks[0]).astype(float), (one.stamps - ticks[0]).astype(float)
         sampled = linear(at, stamps, one.values["joint_positions"])
         columns |= dict(zip(one.names, sampled.T, strict=True))
-    positions = np.stack([columns[name] for name in chain.names], axis=1)
-    return Stream(pose.topic, "pose", ticks, chain.poses(positions))
+    positions = np.stack([columns[name] for name in joints], axis=1)
+    return Stream(pose.topic, "pose", ticks, _poses(model, frame, list(joints.values()), positions))
 
 
-class _Chain:
-    """The joints between a robot's root and a link; `names` (n,) from the root on."""
+def _kinematics(path: Path, tip: str) -> tuple[Any, int, dict[str, Any]]:
+    """Pinocchio's model, the number of a link's frame, and the joints from the root to it by name."""
+    import pinocchio  # half a second, which only computed poses wait for
 
-    def __init__(self, pose: JointPose) -> None:
-        import pinocchio  # half a second, which only those who need it wait for
+    robot_element(path)
+    try:
+        model = pinocchio.buildModelFromUrdf(str(path))
+    except ValueError as error:
+        raise InputError(f"{path}: not a valid URDF model; its parser has printed why") from error
+    body = pinocchio.FrameType.BODY
+    if not model.existFrame(tip, body):
+        links = ", ".join(frame.name for frame in model.frames if frame.type == body)
+        raise InputError(f"{path}: has no link '{tip}'; it has {links}")
+    frame = model.getFrameId(tip, body)
+    places = [joint for joint in model.supports[model.frames[frame].parentJoint] if joint > 0]
+    if not places:
+        raise InputError(f"{path}: no joint moves link '{tip}'")
+    joints = {model.names[place]: model.joints[place] for place in places}
+    for name, joint in joints.items():
+        if joint.nv != 1:
+            raise InputError(f"{path}: joint '{name}' is not revolute, continuous or prismatic")
+    return model, frame, joints
 
-        path = home_path(pose.urdf)
-        self._model = _model(path)
-        body = pinocchio.FrameType.BODY
-        if not self._model.existFrame(pose.tip, body):
-            links = ", ".join(frame.name for frame in self._model.frames if frame.type == body)
-            raise InputError(f"{path}: has no link '{pose.tip}'; it has {links}")
-        self._frame = self._model.getFrameId(pose.tip, body)
-        carrying = self._model.frames[self._frame].parentJoint
-        places = [joint for joint in self._model.supports[carrying] if joint > 0]
-        if not places:
-            raise InputError(f"{path}: no joint moves link '{pose.tip}'")
-        self.names = [self._model.names[place] for place in places]
-        self._joints = [self._model.joints[place] for place in places]
-        for name, joint in zip(self.names, self._joints, strict=True):
-            if joint.nv != 1:
-                raise InputError(f"{path}: joint '{name}' is not revolute, continuous or prismatic")
 
-    def poses(self, positions: np.ndarray) -> np.ndarray:
-        """(T, 7) m and unit quaternions w, x, y, z of the link at joint positions (T, n) rad or m."""
-        import pinocchio
+def _poses(model: Any, frame: int, joints: Sequence[Any], positions: np.ndarray) -> np.ndarray:
+    """(T, 7) m and unit quaternions w, x, y, z of a frame at joint positions (T, n) rad or m."""
+    import pinocchio
 
-        data = self._model.createData()
-        configuration = pinocchio.neutral(self._model)
-        poses = np.empty((len(positions), 7))
-        for row, angles in enumerate(positions):
-            for joint, angle in zip(self._joints, angles.tolist(), strict=True):
-                if joint.nq == 1:
-                    configuration[joint.idx_q] = angle
-                else:  # a joint that turns without end has its cosine and sine there
-                    configuration[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
-            pinocchio.forwardKinematics(self._model, data, configuration)
-            placement = pinocchio.updateFramePlacement(self._model, data, self._frame)
-            poses[row, :3] = placement.translation
-            poses[row, 3:] = quaternion.from_xyzw(pinocchio.Quaternion(placement.rotation).coeffs())
-        poses[:, 3:] = quaternion.sign_continuous(poses[:, 3:])
-        return poses
+    data, configuration = model.createData(), pinocchio.neutral(model)
+    poses = np.empty((len(positions), 7))
+    for row, angles in enumerate(positions):
+        for joint, angle in zip(joints, angles.tolist(), strict=True):
+            if joint.nq == 1:
+                configuration[joint.idx_q] = angle
+            else:  # a joint that turns without end has its cosine and sine there
+                configuration[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
+        pinocchio.forwardKinematics(model, data, configuration)
+        placement = pinocchio.updateFramePlacement(model, data, frame)
+        poses[row, :3] = placement.translation
+        poses[row, 3:] = quaternion.from_xyzw(pinocchio.Quaternion(placement.rotation).coeffs())
+    poses[:, 3:] = quaternion.sign_continuous(poses[:, 3:])
+    return poses
 
 
 def robot_element(path: Path) -> ElementTree.Element:
-    """The root of a URDF.
-
-    Raises InputError: the file is missing, a pipe, no URDF, or a xacro file that is not expanded yet.
-    """
+    """The root of a URDF; an InputError if it is missing, none, or a xacro file that is not expanded."""
     try:
         require_file(path)
         root = ElementTree.parse(path).getroot()
@@ -263,7 +229,7 @@ def robot_element(path: Path) -> ElementTree.Element:
         raise
     except OSError as error:
         raise InputError(f"{path}: no such URDF file: {error.strerror}") from error
-    except (ElementTree.ParseError, ValueError, LookupError) as error:  # of encodings: the latter
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two of encodings
         raise InputError(f"{path}: not an XML file: {error}") from error
     if root.tag != "robot":
         raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")
@@ -273,14 +239,3 @@ def robot_element(path: Path) -> ElementTree.Element:
         if isinstance(element.tag, str) and "xacro" in element.tag:
             raise InputError(f"{path}: has <{element.tag}>: expand it first: xacro FILE > robot.urdf")
     return root
-
-
-def _model(path: Path) -> Any:
-    """Pinocchio's model; it prints what is wrong with a file rather than saying it."""
-    import pinocchio
-
-    robot_element(path)
-    try:
-        return pinocchio.buildModelFromUrdf(str(path))
-    except ValueError as error:
-        raise InputError(f"{path}: not a valid URDF model; its parser has printed why") from error

@@ -9,16 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.core.errors import InputError
+from structlearn.readers.foreign_tables import PublicSet, read_arrays, stamps_of
 from structlearn.readers.joint_log import PartedLog, signals_of
-from structlearn.readers.text_log import PublicSet, read_arrays, stamps_of
 
-SOURCE = PublicSet(
-    "https://github.com/milutter/deep_lagrangian_networks",
-    "not stated",
-    "MIT",
-)
-
-ARRAYS = {
+SOURCE = PublicSet("https://github.com/milutter/deep_lagrangian_networks", "not stated", "MIT")
+ARRAYS = {  # signals and the names of their arrays
     "positions": "qp",
     "velocities": "qv",
     "torques": "tau",
@@ -27,17 +22,12 @@ ARRAYS = {
     "coriolis": "c",
     "gravity": "g",
 }
-"""Signals and what their arrays are called."""
 
 
 def read_motion(
     folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
 ) -> list[PartedLog]:
-    """A log per character, 25 Hz, in the order of the alphabet.
-
-    Raises MissingInputError: there is no archive. Raises InputError: it is damaged, or an array is missing or
-    of another shape.
-    """
+    """A log per character, 25 Hz, in the order of the alphabet."""
     folder = Path(folder)
     path, *_ = SOURCE.files(folder, "characters.npz", "characters.npz")
     arrays = read_arrays(path)

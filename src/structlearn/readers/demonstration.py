@@ -1,12 +1,117 @@
-"""A demonstration as everything downstream sees it: all signals on one uniform clock."""
+"""Recordings with a clock for each stream, demonstrations with all signals on one clock, and tables of both.
 
-from collections.abc import Mapping
+One stage per source reads what was recorded, checks it and puts it on the clock (`clock.synchronise`); all
+others read its runs: a set of demonstrations or executions. Where a protocol needs streams on clocks of their
+own, the stage writes those.
+
+All are sets of time series in one Parquet file: a long table keyed by run, units in its schema. What differs
+from run to run and is no series (provenance, shapes, names of joints) is JSON in the schema's metadata, in
+the order of the runs. In the columns that a run did not record it is null. The same set gives the same bytes,
+and a damaged file is an error (`core.artefacts`).
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args
 
 import numpy as np
+import pyarrow
 
+from structlearn.core.artefacts import read_arrow, write_arrow
 from structlearn.core.errors import InputError
-from structlearn.readers.recording import NamedShape
+
+Kind = Literal[
+    "pose",
+    "twist",
+    "joint_positions",
+    "joint_velocities",
+    "joint_torques",
+    "wrench",
+    "tactile",
+    "tool_to_board",
+]
+
+JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
+"""Kinds of stream that the fields position, velocity and effort of a joint state give."""
+
+Form = Literal["cube", "sphere", "cylinder"]
+FORMS: tuple[Form, ...] = get_args(Form)
+"""What a shape is; a cuboid is a cube of unequal sides, as in ROS."""
+
+SIGNAL_UNITS = {
+    "position": "m",
+    "orientation": "",
+    "velocity": "m/s",
+    "angular_velocity": "rad/s",
+    "joint_positions": "rad",
+    "joint_velocities": "rad/s",
+    "joint_torques": "N m",
+    "wrench": "N, N m",
+    "tactile": "counts",
+    "tool_to_board": "",
+}
+"""Sampled signals of a demonstration; quaternions w, x, y, z have no unit, a wrench is force, then torque."""
+
+
+PARTS: Mapping[str, Sequence[str]] = {
+    **dict.fromkeys(("position", "velocity", "angular_velocity"), "xyz"),
+    **dict.fromkeys(("orientation", "tool_to_board"), "wxyz"),
+    "wrench": ("fx", "fy", "fz", "tx", "ty", "tz"),
+}
+"""Names of a signal's columns; those of joints and electrodes are numbered from 0."""
+
+RUN, UNIT, RUNS = "run", b"unit", b"runs"
+
+
+@dataclass(frozen=True)
+class NamedShape:
+    """A solid at rest beside the movement: an obstacle, or what is reached for."""
+
+    name: str
+    form: Form  # a cylinder has the z axis of its frame as axis
+    position: np.ndarray  # (3,) m, its centre in the base frame
+    orientation: np.ndarray  # (4,) unit quaternion w, x, y, z, shape to base frame
+    size: np.ndarray  # (3,) m, full extent along the axes of its frame
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Samples of one source with its own, possibly irregular, clock."""
+
+    topic: str  # where it was published, for messages
+    # what the columns mean. pose: x, y, z in m, then quaternion w, x, y, z (scalar first). twist: linear m/s,
+    # then angular rad/s in the base frame. joint_*: rad, rad/s, N m. wrench: force N, then torque N m.
+    # tactile: sensor counts. tool_to_board: quaternion w, x, y, z of the tool relative to the board
+    kind: Kind
+    stamps: np.ndarray  # (T,) int64 ns, as recorded
+    values: np.ndarray  # (T, D) float64
+    joints: tuple[str, ...] = ()  # (D,) names of the joints of a joint signal, where known
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Streams of one demonstration before they are put on one clock."""
+
+    name: str  # unique within its set
+    # at most one of each kind, except tactile (a stream per finger) and joint signals, where a robot and its
+    # hand have a clock each
+    streams: tuple[Stream, ...]
+    # (P, 2) start and end of each primitive in s since the first stamp of the pose; known only if simulated
+    true_segments: np.ndarray | None = None
+    # what is known of the origin, string to string; `origin` is `simulated` or `recorded`
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    shapes: tuple[NamedShape, ...] = ()  # solids around the movement, where recorded
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the first kind of joint signal that names them; or none."""
+        return next((names for kind in JOINT_KINDS if (names := self.joints_of(kind))), ())
+
+    def joints_of(self, kind: Kind) -> tuple[str, ...]:
+        """Names of the joints of all streams of one kind, side by side."""
+        return tuple(name for stream in self.streams if stream.kind == kind for name in stream.joints)
 
 
 @dataclass(frozen=True)
@@ -31,9 +136,8 @@ class Demonstration:
     tactile: np.ndarray | None = None  # (T, E) sensor counts, where recorded
     # (T, 4) orientation of the tool relative to the board, sign-continuous, where recorded
     tool_to_board: np.ndarray | None = None
-    joint_names: tuple[str, ...] = ()  # (J,) of the joints in the order of the columns, where known
-    # (P, 2) start and end of each primitive in s, known only when simulated
-    true_segments: np.ndarray | None = None
+    joint_names: tuple[str, ...] = ()  # (J,) in the order of the columns, where known
+    true_segments: np.ndarray | None = None  # (P, 2) start and end of each primitive in s, if simulated
     # what is known of the origin (simulated or recorded, seed, source, licence)
     provenance: Mapping[str, str] = field(default_factory=dict)
     shapes: tuple[NamedShape, ...] = ()  # solids at rest around the movement, where recorded
@@ -53,10 +157,7 @@ class Demonstration:
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
     def signal(self, name: str) -> np.ndarray:
-        """One of `SIGNAL_UNITS`.
-
-        Raises InputError: it was not recorded.
-        """
+        """One of `SIGNAL_UNITS`; an InputError if it was not recorded."""
         values = getattr(self, name)
         if values is None:
             raise InputError(f"{self.name}: has no {name}")
@@ -68,16 +169,132 @@ class Demonstration:
         return self.provenance.get("origin") == "simulated"
 
 
-SIGNAL_UNITS = {
-    "position": "m",
-    "orientation": "",
-    "velocity": "m/s",
-    "angular_velocity": "rad/s",
-    "joint_positions": "rad",
-    "joint_velocities": "rad/s",
-    "joint_torques": "N m",
-    "wrench": "N, N m",
-    "tactile": "counts",
-    "tool_to_board": "",
-}
-"""Sampled signals of a demonstration; quaternions w, x, y, z have no unit, a wrench is force, then torque."""
+@dataclass(frozen=True)
+class Series:
+    """The time series of one run."""
+
+    name: str  # unique within its set
+    columns: Mapping[str, np.ndarray]  # (T,) each, finite
+    about: Mapping[str, Any] = field(default_factory=dict)  # what else is known of the run, as JSON has it
+
+    def stacked(self, names: Sequence[str]) -> np.ndarray:
+        """(T, D) of some columns, in C order."""
+        return np.stack([self.columns[name] for name in names], axis=1)
+
+
+def columns_of(signal: str, values: np.ndarray, parts: Iterable[Any]) -> dict[str, np.ndarray]:
+    """Columns SIGNAL.PART of a signal (T, D) with names of its parts."""
+    return {f"{signal}.{part}": column for part, column in zip(parts, values.T, strict=True)}
+
+
+def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str | Path) -> None:
+    """Publish a set of runs, maybe none; units by column, or by its name up to the first point."""
+    names = list(dict.fromkeys(name for run in runs for name in run.columns))
+    lengths = [len(next(iter(run.columns.values()))) for run in runs]
+    index = pyarrow.array(np.repeat(np.arange(len(runs), dtype=np.int32), lengths))
+    run_names = pyarrow.array([run.name for run in runs], pyarrow.string())
+    keys = pyarrow.DictionaryArray.from_arrays(index, run_names)
+    arrays, fields = [keys], [pyarrow.field(RUN, keys.type)]
+    for name in names:
+        kind = next(pyarrow.array(run.columns[name][:0]).type for run in runs if name in run.columns)
+        parts = [
+            pyarrow.array(run.columns[name]) if name in run.columns else pyarrow.nulls(length, kind)
+            for run, length in zip(runs, lengths, strict=True)
+        ]
+        arrays.append(pyarrow.concat_arrays(parts))
+        unit = units[name if name in units else name.partition(".")[0]]
+        fields.append(pyarrow.field(name, kind, metadata={UNIT: unit.encode()}))
+    about = json.dumps({run.name: dict(run.about) for run in runs})
+    schema = pyarrow.schema(fields, metadata={RUNS: about.encode()})
+    table = pyarrow.Table.from_arrays(arrays, schema=schema)
+    write_arrow(table, target, use_dictionary=[RUN], use_byte_stream_split=names)  # noise: 0.7 of the size
+
+
+def read_series(path: str | Path) -> list[Series]:
+    """Read a set of runs in their order; an InputError if it is missing, damaged or holds something else."""
+    table = read_arrow(path)
+    about = (table.schema.metadata or {}).get(RUNS)
+    if about is None:
+        raise InputError(f"{path}: holds no runs")
+    known = json.loads(about)
+    keys = table[RUN].combine_chunks()
+    index = keys.indices.to_numpy()
+    names = keys.dictionary.to_pylist()
+    starts = np.searchsorted(index, np.arange(len(names) + 1)).tolist()
+    if names != list(known) or (np.diff(index) < 0).any():
+        raise InputError(f"{path}: damaged: its rows are not those of its runs")
+    columns = {name: table[name].combine_chunks() for name in table.column_names if name != RUN}
+    runs = []
+    for name, start, end in zip(names, starts[:-1], starts[1:], strict=True):
+        mine = {key: column.slice(start, end - start) for key, column in columns.items()}
+        arrays = {key: part.to_numpy() for key, part in mine.items() if not part.null_count}
+        runs.append(Series(name, arrays, known[name]))
+    return runs
+
+
+def write_runs(runs: Sequence[Demonstration], target: str | Path) -> None:
+    """Publish a set of runs as a Parquet table, a column per component, e.g. `position.x` in m."""
+    series = []
+    for run in runs:
+        columns = {"time": run.time}
+        for signal in SIGNAL_UNITS:
+            values = getattr(run, signal)
+            if values is not None:
+                columns |= columns_of(signal, values, PARTS.get(signal, range(values.shape[1])))
+        shapes = [
+            {key: np.asarray(value).tolist() for key, value in vars(shape).items()} for shape in run.shapes
+        ]
+        about = {
+            "provenance": dict(run.provenance),
+            "joint_names": list(run.joint_names),
+            "true_segments": None if run.true_segments is None else run.true_segments.tolist(),
+            "shapes": shapes,
+        }
+        series.append(Series(run.name, columns, about))
+    write_series(series, {"time": "s", **SIGNAL_UNITS}, target)
+
+
+def read_runs(path: str | Path) -> list[Demonstration]:
+    """Read a set of runs, in the order in which they were written."""
+    runs = []
+    for run in read_series(path):
+        signals: dict[str, Any] = {}
+        for signal in SIGNAL_UNITS:
+            if names := [name for name in run.columns if name.partition(".")[0] == signal]:
+                signals[signal] = run.stacked(names)
+        if (segments := run.about["true_segments"]) is not None:
+            signals["true_segments"] = np.array(segments, dtype=float).reshape(-1, 2)
+        signals["shapes"] = tuple(
+            NamedShape(
+                one["name"], one["form"], *(np.array(one[key]) for key in ("position", "orientation", "size"))
+            )
+            for one in run.about["shapes"]
+        )
+        signals |= {"provenance": run.about["provenance"], "joint_names": tuple(run.about["joint_names"])}
+        runs.append(Demonstration(run.name, run.columns["time"], **signals))
+    return runs
+
+
+def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
+    """Publish the streams of recordings, a series each, stamps in ns; shapes and joints' names are lost."""
+    series = []
+    for one in recordings:
+        for place, stream in enumerate(one.streams):
+            columns = columns_of("value", stream.values, range(stream.values.shape[1]))
+            about = {"recording": one.name, "topic": stream.topic, "kind": stream.kind}
+            known = about | {"provenance": dict(one.provenance)}
+            series.append(Series(f"{one.name} {place}", {"stamp": stream.stamps} | columns, known))
+    write_series(series, {"stamp": "ns", "value": "as `recording.Stream` has it"}, target)
+
+
+def read_streams(path: str | Path) -> list[Recording]:
+    """Read what `write_streams` wrote."""
+    streams: dict[str, list[Stream]] = {}
+    provenance = {}
+    for one in read_series(path):
+        about = one.about
+        values = one.stacked([name for name in one.columns if name != "stamp"])
+        stream = Stream(about["topic"], about["kind"], one.columns["stamp"], values)
+        streams.setdefault(about["recording"], []).append(stream)
+        provenance[about["recording"]] = about["provenance"]
+    return [Recording(name, tuple(its), provenance=provenance[name]) for name, its in streams.items()]

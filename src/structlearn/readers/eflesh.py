@@ -10,37 +10,25 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.text_log import PublicSet, check_rising, read_each, read_stamped_table
-from structlearn.readers.touch_log import TouchLog
+from structlearn.readers.foreign_tables import PublicSet, check_rising, read_each, read_stamped_table
+from structlearn.readers.user_tables import TouchLog
 
-SOURCE = PublicSet(
-    "https://github.com/notvenky/eFlesh",
-    "ab5ca56a87df7cbf59264138998bf74efc216b13",
-    "MIT",
-)
+SOURCE = PublicSet("https://github.com/notvenky/eFlesh", "ab5ca56a87df7cbf59264138998bf74efc216b13", "MIT")
 
+# Channels in the order of the columns: three axes of five magnetometers, and of two skins side by side.
 CHANNELS = tuple(f"{magnetometer}{axis}" for magnetometer in range(1, 6) for axis in "xyz")
-"""Five magnetometers, three axes each, in the order of the columns."""
-
 TWO_SKINS = tuple(f"{magnetometer}{axis}" for magnetometer in range(1, 11) for axis in "xyz")
-"""Of two skins side by side."""
 
+# Kinds of runs: over a grid of places, and on a scale up and down at one place, or along the skin.
 PRESSES, STROKES, SHEAR = "presses", "strokes", "shear"
 FOLDERS = {PRESSES: "spatial_resolution", STROKES: "normal_force", SHEAR: "shear_force"}
-"""Kinds of runs: over a grid of places, and on a scale up and down at one place, or along the skin."""
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2: the scale weighs in grams."""
-
-MISSING = -1.0
-"""What the log holds where the scale gave no reading."""
+STANDARD_GRAVITY = 9.80665  # m/s^2: the scale weighs in grams
+MISSING = -1.0  # in the log where the scale gave no reading
 
 
 def read_touch(folder: Path, entry: object, left_out: dict[str, str]) -> list[TouchLog]:
-    """All runs, over places and on a scale, each kind in the order of their names, which are times.
-
-    Raises MissingInputError: there is no run over places. Raises InputError: see `read_run`.
-    """
+    """All runs, over places and on a scale, each kind in the order of their names, which are times."""
     found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
     if not found[PRESSES]:
         raise MissingInputError(f"{folder}: holds no run ({FOLDERS[PRESSES]}/RUN/states.csv)")
@@ -55,11 +43,10 @@ def read_runs(folder: str | Path, kind: str, left_out: dict[str, str] | None = N
 
 
 def read_run(path: Path, root: Path, kind: str) -> TouchLog:
-    """One run of a kind from a folder below the data set's; on a scale, states end with its reading.
+    """One run of a kind from a folder below that of the data set; on a scale, states end with its reading.
 
-    Counts are less the resting reading; the place is the commanded one, z pointing away from the skin. Raises
-    InputError: a file is missing or no table of its columns, times do not rise, a reading has no state near
-    it, or the scale reads a negative weight that does not stand for a missing one.
+    The resting reading is subtracted from the counts; the place is the commanded one, z pointing away from
+    the skin.
     """
     files = [path / "states.csv", path / "sensor_post_baselines.csv"]
     channels = TWO_SKINS if kind == SHEAR else CHANNELS
@@ -93,7 +80,7 @@ def read_run(path: Path, root: Path, kind: str) -> TouchLog:
 
 
 def nearest_rows(stamps: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Rows of rising stamps (T,) that are nearest to those asked for (N,), the earlier one of a tie."""
+    """Rows of rising stamps (T,) that are nearest to others (N,), the earlier one of a tie."""
     after = np.searchsorted(stamps, asked).clip(1, max(len(stamps) - 1, 1))
     after = np.minimum(after, len(stamps) - 1)
     before = np.maximum(after - 1, 0)

@@ -1,7 +1,7 @@
 """Logs of a robot's joints: motion and torques, or motor currents, on one clock, with the joints' names.
 
 A dynamics model is learned from joints alone, so a log needs no end-effector pose, unlike a `Recording`.
-Stages hand logs on as tables. A robot's own is a bag with one topic of ROS 2 `sensor_msgs/JointState`.
+Stages hand logs on as tables; a robot's own log is a bag (`bag_recording.read_joint_log`).
 
 Joint states of one topic are told apart by the names of the joints (`joint_series`). On `/joint_states` a
 robot, its gripper and its hand often publish side by side, each at its own pace, and a message may have some
@@ -9,7 +9,6 @@ of the joints only. Joints that always come together are one series with one clo
 together, directly or through others, belong to one publisher.
 """
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -18,23 +17,20 @@ from typing import TypeVar
 import numpy as np
 
 from structlearn.core.errors import InputError
-from structlearn.readers.bag import RawMessages, write_bag
-from structlearn.readers.bag_files import RecordingFile, as_recording_file, open_bag, recording_files
-from structlearn.readers.cdr import (
-    Decoded,
-    decoded,
-    fields_named,
-    header_stamps,
-    sample_stamps,
-    sequence,
+from structlearn.readers.bag import RawMessages
+from structlearn.readers.cdr import Decoded, decoded
+from structlearn.readers.clock import at_row, in_order
+from structlearn.readers.demonstration import (
+    JOINT_KINDS,
+    Kind,
+    Series,
+    Stream,
+    columns_of,
+    read_series,
+    write_series,
 )
-from structlearn.readers.clock import AS_WRITTEN, StampPolicy, in_order
-from structlearn.readers.messages import FIELDS, check_readable, joint_messages
-from structlearn.readers.recording import JOINT_KINDS, Kind, Stream, at_row
-from structlearn.readers.runs import Series, read_series, write_series
-
-JOINT_STATES = "/joint_states"
-"""Where drivers publish joint states unless told otherwise."""
+from structlearn.readers.messages import FIELDS, fields_named, sample_stamps, sequence, table
+from structlearn.readers.source import StampPolicy
 
 UNITS = {
     "stamps": "ns",
@@ -48,12 +44,9 @@ UNITS = {
     "inertial": "N m",
     "coriolis": "N m",
     "gravity": "N m",
-}
-"""Of the signals, where joints turn."""
+}  # of the signals of revolute joints
 
-
-MOST_JOINTS = 1000
-"""Of a topic or a robot; humanoids with both hands have a hundred."""
+MOST_JOINTS = 1000  # of a topic or a robot; humanoids with both hands have a hundred
 
 
 @dataclass(frozen=True)
@@ -107,8 +100,8 @@ class DriveLog(MotionLog):
     """A log of an arm without torque sensors; a drive gives a gain times its current."""
 
     currents: np.ndarray  # (T, n) A, measured
-    desired_currents: np.ndarray  # (T, n) A, what the controller asks the drives for
-    target_torques: np.ndarray  # (T, n) N m, what the controller thinks the joints need; no measurement
+    desired_currents: np.ndarray  # (T, n) A, set by the controller
+    target_torques: np.ndarray  # (T, n) N m, that the controller computes; no measurement
 
 
 @dataclass(frozen=True)
@@ -135,8 +128,7 @@ def write_log_table(logs: Sequence[MotionLog], target: str | Path) -> None:
     for log in logs:
         columns = {"stamps": log.stamps}
         for signal in signals_of(type(log)):
-            names = (f"{signal}.{joint}" for joint in log.joints)
-            columns |= dict(zip(names, getattr(log, signal).T, strict=True))
+            columns |= columns_of(signal, getattr(log, signal), log.joints)
         about = {"joints": list(log.joints), "provenance": dict(log.provenance)}
         runs.append(Series(log.name, columns, about))
     write_series(runs, UNITS, target)
@@ -146,10 +138,7 @@ def read_log_table(
     path: str | Path,
     kind: type[Log] = JointLog,  # type: ignore[assignment]  # mypy binds no default to a type variable
 ) -> list[Log]:
-    """Read a set of logs in the order in which they were written.
-
-    Raises InputError: the table is missing, damaged or not of this kind of logs.
-    """
+    """Read a set of logs in the order in which they were written; InputError if of another kind."""
     logs = []
     for run in read_series(path):
         try:
@@ -160,71 +149,6 @@ def read_log_table(
         except KeyError as missing:
             raise InputError(f"{path}: no {kind.__name__}: {run.name} has no {missing}") from missing
     return logs
-
-
-def write_joint_log(log: JointLog, path: str | Path) -> None:
-    """Write a log as an MCAP file, which gives the log its name; the caller publishes it.
-
-    Raises InputError: a stamp is negative or after 2^31 s.
-    """
-    values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
-    messages = joint_messages(f"{log.name}: {JOINT_STATES}", log.joints, log.stamps, values)
-    provenance = json.dumps(dict(log.provenance), sort_keys=True)
-    write_bag(path, {"provenance": provenance}, [(JOINT_STATES, messages)])
-
-
-def read_joint_logs(
-    source: str | Path,
-    topic: str = JOINT_STATES,
-    joints: Sequence[str] | None = None,
-    stamps: StampPolicy = AS_WRITTEN,
-) -> list[JointLog]:
-    """Read the logs of a source as of `bag_files.recording_files`, in natural order of their names."""
-    return [read_joint_log(file, topic, joints, stamps) for file in recording_files(source)]
-
-
-def read_joint_log(
-    path: str | Path | RecordingFile,
-    topic: str = JOINT_STATES,
-    joints: Sequence[str] | None = None,
-    stamps: StampPolicy = AS_WRITTEN,
-) -> JointLog:
-    """Read a log, named after its file, from one of any format (`bag_files`), ours or a robot's.
-
-    Columns are those of the joints that are named, or of all joints of the publisher that has the most, in
-    the order of its first message. Raises InputError: the file is missing, cut off or of another kind; it
-    lacks the topic, or the topic is of another type; joints have no names, one is missing, or they come at
-    different times; positions, velocities or efforts are not filled, or not finite.
-    """
-    file = path if isinstance(path, RecordingFile) else as_recording_file(Path(path))
-    where = f"{file.path}: topic '{topic}'"
-    bag = open_bag(file, [topic])
-    if topic not in bag.messages:
-        raise InputError(
-            f"{file.path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}"
-        )
-    check_readable(where, "joint_states", bag.topics[topic])
-    series, note = joint_series(where, topic, bag.messages[topic], stamps)
-    if not series[0].names:
-        raise InputError(f"{where} does not name the joints")
-    series, others = chosen(where, series, joints)
-    if len(series) > 1:
-        parts = " and ".join(", ".join(one.names) for one in series)
-        raise InputError(f"{where} has joints that come at different times: {parts}")
-    (one,) = series
-    for kind in JOINT_KINDS:
-        if kind not in one.values:
-            raise InputError(
-                f"{where} has no {kind.replace('_', ' ')}; a dynamics model is learned from "
-                "position, velocity and effort"
-            )
-    provenance = bag.provenance(file.path)
-    if note is not None:
-        provenance["stamps"] = f"{topic}: {note}"
-    if others:
-        provenance["joints"] = f"{topic}: without {', '.join(others)}"
-    positions, velocities, torques = (one.values[kind] for kind in JOINT_KINDS)
-    return JointLog(file.name, one.names, one.stamps, positions, velocities, torques, provenance=provenance)
 
 
 @dataclass(frozen=True)
@@ -242,52 +166,47 @@ class JointSeries:
         return [Stream(self.topic, kind, self.stamps, its, self.names) for kind, its in self.values.items()]
 
     def of_joints(self, names: Sequence[str]) -> "JointSeries | None":
-        """Columns of those of some joints that it has, in their order; None where it has none."""
-        mine = [name for name in names if name in self.names]
-        if not mine:
-            return None
+        """The columns of some joints, in their order; None if it has none of them."""
+        mine = tuple(name for name in names if name in self.names)
         columns = [self.names.index(name) for name in mine]
         values = {kind: its.take(columns, axis=1) for kind, its in self.values.items()}
-        return replace(self, names=tuple(mine), values=values)
+        return replace(self, names=mine, values=values) if mine else None
 
 
 def joint_series(
     where: str, topic: str, messages: RawMessages, policy: StampPolicy
 ) -> tuple[list[JointSeries], str | None]:
-    """Joint states of one topic, and what was done about their stamps, if anything.
+    """Joint states of one topic, in the order in which they came first, and what was done about their stamps.
 
     A field that is NaN throughout counts as not filled, since drivers put NaN for what they do not measure.
-
-    Returns:
-        The series, those that came first first, joints in the order in which a message first had them.
-
-    Raises:
-        InputError: a message cannot be decoded or lacks a field; messages of the same joints differ in their
-            number of values, or have another number than of names; a joint is named twice in a message, or
-            some messages name joints and some do not; nothing is filled; stamps of a series do not increase.
+    Joints are in the order in which a message first had them.
     """
     groups = decoded(where, messages)
+    tables: dict[Kind, tuple[np.ndarray, np.ndarray]] = {}
     with fields_named(where):
-        stamps = sample_stamps(messages.log_times, header_stamps(groups), policy)
+        stamps = sample_stamps(messages, groups, policy)
         orders = [tuple(group.message.name) for group in groups]
-        _check_names(where, stamps, groups, orders)
-        joints = tuple(dict.fromkeys(name for names in orders for name in names))
-        if len(joints) > MOST_JOINTS:
-            raise InputError(f"{where} names {len(joints)} joints, more than {MOST_JOINTS}")
-        tables = {kind: _table(where, stamps, groups, orders, joints, kind) for kind in JOINT_KINDS}
+        joints = _joints(where, stamps, groups, orders)
+        for kind in JOINT_KINDS:
+            its = [sequence(getattr(group.message, FIELDS[kind])) for group in groups]
+            filled = np.zeros(len(stamps), dtype=bool)
+            for group, columns in zip(groups, its, strict=True):
+                filled[group.rows] = len(columns) > 0
+            tables[kind] = table(where, stamps, groups, its, orders, joints, kind), filled
     several = len(set(map(frozenset, orders))) > 1
     found, notes = [], []
     for publisher, names, rows in _clocks(groups, orders, joints):
-        whom = f"{where}: joints {', '.join(names)}" if several else where
-        kept, note = in_order(whom, stamps[rows], policy)
+        kept, note = in_order(
+            f"{where}: joints {', '.join(names)}" if several else where, stamps[rows], policy
+        )
         if note is not None:
             notes.append(f"{note} of {', '.join(names)}" if several else note)
-        columns = [joints.index(name) for name in names]
+        places = [joints.index(name) for name in names]
         values = {}
-        for kind, (table, filled) in tables.items():
-            its = table[rows].take(columns, axis=1) if names else table
-            if filled[rows].all() and not np.isnan(its).all():
-                values[kind] = its if note is None else its[kept]
+        for kind, (signal, filled) in tables.items():
+            mine = signal[rows].take(places, axis=1) if names else signal
+            if filled[rows].all() and not np.isnan(mine).all():
+                values[kind] = mine if note is None else mine[kept]
         if values:
             found.append(JointSeries(topic, names, publisher, stamps[rows][kept], values))
     if not found:
@@ -300,8 +219,7 @@ def chosen(
 ) -> tuple[list[JointSeries], list[str]]:
     """The series of the joints that are wanted, in their order, and the joints that are left out.
 
-    Without names these are the joints of the publisher that has the most, of several the first. Raises
-    InputError: a joint that is wanted is in none of them.
+    Without names these are the joints of the publisher that has the most, of several the first.
     """
     present = [name for one in series for name in one.names]
     if joints is None:
@@ -311,8 +229,7 @@ def chosen(
         largest = max(sizes, key=lambda publisher: sizes[publisher])
         kept = [one for one in series if one.publisher == largest]
     else:
-        missing = [name for name in joints if name not in present]
-        if missing:
+        if missing := [name for name in joints if name not in present]:
             raise InputError(
                 f"{where} has no joint {', '.join(missing)}; it has {', '.join(present) or 'none'}"
             )
@@ -322,9 +239,10 @@ def chosen(
     return kept, [name for name in present if name not in names]
 
 
-def _check_names(
+def _joints(
     where: str, stamps: np.ndarray, groups: Sequence[Decoded], orders: Sequence[tuple[str, ...]]
-) -> None:
+) -> tuple[str, ...]:
+    """All joints in the order in which a message first named them; `orders`: of each group of messages."""
     for group, names in zip(groups, orders, strict=True):
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -332,35 +250,10 @@ def _check_names(
     if any(orders) and () in orders:
         row = int(groups[orders.index(())].rows[0])
         raise InputError(f"{where}: {at_row(row, stamps)} names no joints, other messages do")
-
-
-def _table(
-    where: str,
-    stamps: np.ndarray,
-    groups: Sequence[Decoded],
-    orders: Sequence[tuple[str, ...]],
-    joints: Sequence[str],
-    kind: Kind,
-) -> tuple[np.ndarray, np.ndarray]:
-    """(T, J) of one field of all joints, NaN where a message lacks it, and (T,) whether it is filled."""
-    fields = [sequence(getattr(group.message, FIELDS[kind])) for group in groups]
-    place_of = {name: place for place, name in enumerate(joints)}
-    table = np.full((len(stamps), len(joints) or len(fields[0])), np.nan)
-    filled = np.zeros(len(stamps), dtype=bool)
-    widths: dict[frozenset[str], int] = {}
-    for group, names, columns in zip(groups, orders, fields, strict=True):
-        width = widths.setdefault(frozenset(names), len(columns))
-        if len(columns) != width:
-            row = at_row(int(group.rows[0]), stamps)
-            raise InputError(f"{where}: {row} has {len(columns)} values, the first has {width}")
-        if names and width not in (0, len(names)):
-            raise InputError(f"{where} names {len(names)} joints and has {width} {kind} per message")
-        if width:
-            places = np.array([place_of[name] for name in names] or range(width))
-            its = np.array(columns, dtype=float).reshape(width, len(group.rows)).T
-            table[group.rows[:, None], places] = its
-            filled[group.rows] = True
-    return table, filled
+    joints = tuple(dict.fromkeys(name for names in orders for name in names))
+    if len(joints) > MOST_JOINTS:
+        raise InputError(f"{where} names {len(joints)} joints, more than {MOST_JOINTS}")
+    return joints
 
 
 def _clocks(

@@ -17,59 +17,56 @@ import pandas as pd
 
 from structlearn.core.artefacts import holding
 from structlearn.core.errors import InputError, MissingInputError
+from structlearn.readers.clock import check_recording
 from structlearn.readers.computed_pose import joint_pose
+from structlearn.readers.demonstration import Kind, Recording, Stream
+from structlearn.readers.foreign_tables import read_parquet, read_text
 from structlearn.readers.joint_log import JointSeries
-from structlearn.readers.parquet_table import read_parquet
-from structlearn.readers.recording import Kind, Recording, Stream, check_recording
-from structlearn.readers.text_log import read_text
-from structlearn.readers.topics import JointPose
+from structlearn.readers.source import JointPose
 
 VERSION = "v3."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 GROUPED_BY = "episode_index"
-
+# Streams that features become, by the role of their topic, without the pose.
 KINDS: Mapping[str, Kind] = {"joint_states": "joint_positions", "wrench": "wrench", "tactile": "tactile"}
-"""Streams that features become, by the role of their topic; the pose apart."""
 
 
 def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
-    """Every episode with the signals of the entry's topics, named by its number.
-
-    Raises:
-        MissingInputError: the folder holds no dataset.
-        InputError: it is of another version, a file is damaged, or a feature is missing or has other columns.
-    """
+    """Every episode with the signals of the entry's topics, named by its number."""
+    topics, found = entry.topics, []
     with holding(folder, "LeRobotDataset that can be read"):
-        return _episodes(folder, entry)
-
-
-def _episodes(folder: Path, entry: Any) -> list[Recording]:
-    info = read_info(folder)
-    features = info["features"]
-    topics = entry.topics
-    for name in topics.topics:
-        if name not in features:
-            raise InputError(f"{folder}: has no feature {name}; it has {', '.join(features)}")
-    signals = [(KINDS[role], name) for name, role in topics.roles() if role in KINDS]
-    frames = read_frames(folder, topics.topics)
-    digits = len(str(info["total_episodes"] - 1))
-    found = []
-    for number, its in frames.groupby(GROUPED_BY, sort=True):
-        name = f"episode {number:0{digits}d}"
-        stamps = np.round(1e9 * its["frame_index"].to_numpy() / float(info["fps"])).astype(np.int64)
-        columns = {feature: np.stack(its[feature].to_numpy()).astype(float) for feature in topics.topics}
-        provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
-        pose = _pose(f"{folder}: {name}", topics.pose, columns, features, stamps)
-        if pose.shape[1] == 3:
-            pose = np.hstack([pose, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
-            provenance["orientation"] = "not recorded"
-        streams = [Stream("pose", "pose", stamps, pose)]
-        for kind, feature in signals:
-            joints = _joints(features[feature]) if kind == "joint_positions" else ()
-            streams.append(Stream(feature, kind, stamps, columns[feature], joints))
-        one = Recording(name, tuple(streams), provenance=provenance)
-        check_recording(one)
-        found.append(one)
+        info = read_info(folder)
+        features = info["features"]
+        for name in topics.topics:
+            if name not in features:
+                raise InputError(f"{folder}: has no feature {name}; it has {', '.join(features)}")
+        signals = [(KINDS[role], name) for name, role in topics.roles() if role in KINDS]
+        digits = len(str(info["total_episodes"] - 1))
+        for number, its in read_frames(folder, topics.topics).groupby(GROUPED_BY, sort=True):
+            name = f"episode {number:0{digits}d}"
+            stamps = np.round(1e9 * its["frame_index"].to_numpy() / float(info["fps"])).astype(np.int64)
+            columns = {feature: np.stack(its[feature].to_numpy()).astype(float) for feature in topics.topics}
+            provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
+            where = f"{folder}: {name}"
+            if isinstance(topics.pose, JointPose):
+                angles: dict[Kind, np.ndarray] = {"joint_positions": columns[topics.pose.topic]}
+                joints = _joints(features[topics.pose.topic])
+                series = JointSeries(topics.pose.topic, joints, 0, stamps, angles)
+                pose = joint_pose(where, [series], topics.pose).values  # noqa: PD011 - of a stream
+            elif (axes := tuple(features[topics.pose]["names"] or ())) in (POSE, POSE[:3]):
+                pose = columns[topics.pose]
+            else:
+                listing = f"{topics.pose} has the columns {', '.join(axes)}"
+                raise InputError(f"{where}: {listing}, not {', '.join(POSE)}")
+            if pose.shape[1] == 3:  # no orientation was recorded
+                pose = np.hstack([pose, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
+                provenance["orientation"] = "not recorded"
+            streams = [Stream("pose", "pose", stamps, pose)]
+            for kind, feature in signals:
+                joints = _joints(features[feature]) if kind == "joint_positions" else ()
+                streams.append(Stream(feature, kind, stamps, columns[feature], joints))
+            found.append(Recording(name, tuple(streams), provenance=provenance))
+            check_recording(found[-1])
     return found
 
 
@@ -102,21 +99,6 @@ def read_frames(folder: Path, features: list[str]) -> pd.DataFrame:
             raise InputError(f"{file}: {' or '.join(numbered)} has something that is no whole number")
         parts.append(its)
     return pd.concat(parts, ignore_index=True).sort_values(numbered)
-
-
-def _pose(
-    where: str, pose: Any, columns: Mapping[str, np.ndarray], features: Mapping[str, Any], stamps: np.ndarray
-) -> np.ndarray:
-    """(T, 7), or (T, 3) where no orientation was recorded."""
-    if isinstance(pose, JointPose):
-        series = JointSeries(
-            pose.topic, _joints(features[pose.topic]), 0, stamps, {"joint_positions": columns[pose.topic]}
-        )
-        return joint_pose(where, [series], pose).values  # noqa: PD011 - of a stream
-    names = tuple(features[pose]["names"] or ())
-    if names not in (POSE, POSE[:3]):
-        raise InputError(f"{where}: {pose} has the columns {', '.join(names)}, not {', '.join(POSE)}")
-    return columns[pose]
 
 
 def _joints(feature: Mapping[str, Any]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 Stamps. A topic whose messages have a header is stamped by the header: when the sample was taken. Where no
 header stamp of the topic is set (all are zero), for types without a header, and where the user says so, the
-log time stands in: when the recorder got it. The choice is made per topic, so that a simulator's clock may
+log time is used: when the recorder got it. The choice is made per topic, so that a simulator's clock may
 start at zero. Joint states are told apart by joint, see `joint_log`.
 
 Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Its first message counts.
@@ -12,8 +12,8 @@ user, unless the pose is named by its frames (see `computed_pose`).
 """
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from io import BytesIO
 from operator import attrgetter
@@ -28,30 +28,18 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
 from structlearn.readers.bag import RawMessages, of_one_type
-from structlearn.readers.cdr import (
-    columns,
-    decoded,
-    fields_named,
-    header_stamps,
-    sample_stamps,
-    short_name,
-    table,
-)
-from structlearn.readers.clock import StampPolicy, in_order
-from structlearn.readers.recording import JOINT_KINDS, Form, Kind, NamedShape, Stream
-from structlearn.readers.topics import Role
+from structlearn.readers.cdr import Decoded, columns, decoded, short_name
+from structlearn.readers.clock import at_row, in_order
+from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream
+from structlearn.readers.source import Role, StampPolicy
 
-FRAME = "base"
-"""Frame of what we write: the robot's base."""
+FRAME = "base"  # of what we write: the robot's base
+LAST_STAMP = 2**31 * 10**9 - 1  # ns: seconds of a header are int32
 
-LAST_STAMP = 2**31 * 10**9 - 1
-"""ns: seconds of a header are int32."""
-
+# Field of a joint state that each kind of stream comes from.
 FIELDS: Mapping[Kind, str] = dict(zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True))
-"""Field of a joint state that each kind of stream comes from."""
 
-
-MESSAGE_TYPES: Mapping[Kind, str] = {
+MESSAGE_TYPES: Mapping[Kind, str] = {  # in which each kind of stream is written
     **dict.fromkeys(JOINT_KINDS, "sensor_msgs/msg/JointState"),
     "pose": "geometry_msgs/msg/PoseStamped",
     "twist": "geometry_msgs/msg/TwistStamped",
@@ -59,223 +47,11 @@ MESSAGE_TYPES: Mapping[Kind, str] = {
     "tactile": "std_msgs/msg/Float32MultiArray",
     "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
 }
-"""Type in which each kind of stream is written."""
-
-SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"
-"""Type in which named shapes are written, one message for all: rviz, Foxglove and rerun draw it."""
-
-
-def check_readable(where: str, role: Role | Literal["transforms"], types: Sequence[str]) -> None:
-    """Raise an InputError unless all messages of a topic have one type that can be read in its role."""
-    if len(types) > 1:
-        raise InputError(f"{where} has messages of several types: {', '.join(types)}")
-    if short_name(types[0]) not in READERS[role]:
-        raise InputError(
-            f"{where} has messages of type {types[0]}; {role} can be read from {', '.join(READERS[role])}"
-        )
-
-
-def to_stream(
-    where: str, topic: str, role: Kind, messages: RawMessages, policy: StampPolicy
-) -> tuple[Stream, str | None]:
-    """Stream of one topic, neither of joint states nor of shapes, and what was done about its stamps.
-
-    Raises InputError: a message cannot be decoded, lacks a field of its type or has another length than the
-    first one, or stamps do not increase; the error names the row.
-    """
-    groups = decoded(where, messages)
-    short = _type_of(messages)
-    with fields_named(where):
-        header = None if short in WITHOUT_HEADER else header_stamps(groups)
-        parts = [(group.rows, _columns(group.message, READERS[role][short])) for group in groups]
-    stamps = sample_stamps(messages.log_times, header, policy)
-    values = table(where, stamps, parts)
-    if values.shape[1] == 0:
-        raise InputError(f"{where}: messages have no values")
-    if role == "pose":
-        values = np.hstack([values[:, :3], quaternion.from_xyzw(values[:, 3:])])
-    elif role == "tool_to_board":
-        values = quaternion.from_xyzw(values)
-    rows, note = in_order(where, stamps, policy)
-    if note is not None:
-        stamps, values = stamps[rows], values[rows]
-    return Stream(topic, role, stamps, values), note
-
-
-def to_messages(where: str, stream: Stream) -> RawMessages:
-    """Messages of a stream, one per row.
-
-    Counts of tactile sensors are float32: whole numbers up to 2^24 are exact. All other values keep their 64
-    bits. The stamp goes into the header where the type has one. Raises InputError: a stamp is negative or
-    beyond what a header holds, a tactile count beyond float32.
-    """
-    values = stream.values
-    if stream.kind in JOINT_KINDS:
-        names = stream.joints or [f"joint_{joint + 1}" for joint in range(values.shape[1])]
-        return joint_messages(where, names, stream.stamps, {stream.kind: values})
-    if stream.kind == "pose":
-        values = np.hstack([values[:, :3], quaternion.to_xyzw(values[:, 3:])])
-    elif stream.kind == "tool_to_board":
-        values = quaternion.to_xyzw(values)
-    lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
-    message_type = MESSAGE_TYPES[stream.kind]
-    content, fields = _blank(where, message_type, stream.stamps, (), lengths)
-    places = _columns(fields, READERS[stream.kind][short_name(message_type)])
-    with np.errstate(over="ignore"):
-        for place, column in zip(places, values.T, strict=True):
-            place[:] = column
-    if np.isinf(places).any():
-        raise InputError(f"{where}: a count is too large for float32")
-    return of_one_type(message_type, definition(message_type), stream.stamps, content)
-
-
-def joint_messages(
-    where: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
-) -> RawMessages:
-    """Joint states, one per row: (T,) int64 ns, and (T, J) of each kind that is filled.
-
-    Raises InputError: a stamp is negative or beyond what a header holds.
-    """
-    message_type = MESSAGE_TYPES["joint_positions"]
-    lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
-    content, fields = _blank(where, message_type, stamps, names, lengths)
-    for kind, its in values.items():
-        getattr(fields, FIELDS[kind])[:] = its
-    return of_one_type(message_type, definition(message_type), stamps, content)
-
-
-def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
-    """Shapes of the first message of a topic of markers, in their order.
-
-    A marker is named by its namespace, with its number behind it where several have the same. Markers of
-    other types (arrows, text, meshes) are passed over. Raises InputError: a message cannot be decoded or
-    lacks a field of its type, or a shape is not finite, has no extent, or no orientation.
-    """
-    (first,) = decoded(where, replace(messages, kinds=messages.kinds[:1], data=messages.data[:1]))
-    with fields_named(where):
-        found = [_of_marker(one) for one in getattr(first.message, "markers", [first.message])]
-    spaces = [space for space, _, kind, _ in found if kind in FORMS]
-    shapes = []
-    for space, number, kind, values in found:
-        if kind not in FORMS:
-            continue
-        name = space if spaces.count(space) == 1 else f"{space} {number}"
-        position, orientation, size = np.split(values, (3, 7))
-        if not (np.isfinite(values).all() and (size > 0).all()):
-            raise InputError(f"{where}: shape '{name}' needs a finite pose and a positive size")
-        length = np.linalg.norm(orientation)
-        if not length > 0:
-            raise InputError(f"{where}: shape '{name}' has the orientation 0, 0, 0, 0")
-        turned = quaternion.from_xyzw(orientation / length)
-        shapes.append(NamedShape(name, FORMS[kind], position, turned, size))
-    return tuple(shapes)
-
-
-def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
-    """One message of markers with all shapes; their names, which differ, become the namespaces."""
-    seconds, rest = divmod(int(stamp), 10**9)
-    header = {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": FRAME}
-    kinds = {form: kind for kind, form in FORMS.items()}
-    markers = [
-        {
-            "header": header,
-            "ns": shape.name,
-            "type": kinds[shape.form],
-            "pose": {
-                "position": dict(zip("xyz", map(float, shape.position), strict=True)),
-                "orientation": dict(zip("wxyz", map(float, shape.orientation), strict=True)),
-            },
-            "scale": dict(zip("xyz", map(float, shape.size), strict=True)),
-            "color": dict.fromkeys("rgb", 0.5) | {"a": 1.0},  # transparent is invisible
-        }
-        for shape in shapes
-    ]
-    data = np.frombuffer(_encoded(SHAPES_TYPE, {"markers": markers}), dtype=np.uint8)
-    return of_one_type(SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
-
-
-@cache
-def definition(message_type: str) -> str:
-    """Text of a message definition with those of all nested types, as MCAP's `ros2msg` encoding has it."""
-    texts, names = read_values(Path(__file__).with_suffix(".yaml")), [short_name(message_type)]
-    for name in names:  # grows by the types that are met
-        nested = re.findall(r"^(\w+/\w+)", texts[name], re.MULTILINE)
-        names += [one for one in dict.fromkeys(nested) if one not in names]
-    own, *others = names
-    separator = "=" * 80
-    return texts[own] + "".join(f"{separator}\nMSG: {one}\n{texts[one]}" for one in others)
-
-
-def _type_of(messages: RawMessages) -> str:
-    schema = messages.schemas[0]
-    assert schema is not None  # `check_readable` lets none pass
-    return short_name(schema.name)
-
-
-def _blank(
-    where: str, message_type: str, stamps: np.ndarray, names: Sequence[str], lengths: Mapping[str, int]
-) -> tuple[np.ndarray, SimpleNamespace]:
-    """Messages with stamps, joints' names and sequences of zeros, and columns to fill in the numbers."""
-    if stamps.min() < 0 or stamps.max() > LAST_STAMP:
-        fault = "before 0" if stamps.min() < 0 else "beyond 2^31 s"
-        raise InputError(f"{where}: stamps {fault} cannot be written")
-    template = _template(message_type, tuple(names), tuple(lengths.items()))
-    messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
-    found = columns(message_type, definition(message_type), messages)
-    assert found is not None  # the template has what we define
-    fields, _ = found
-    if hasattr(fields, "header"):
-        stamp = fields.header.stamp
-        stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
-    return messages, fields
-
-
-@cache
-def _template(message_type: str, names: Sequence[str], lengths: Sequence[tuple[str, int]]) -> bytes:
-    """A message with these names and sequences of zeros."""
-    message = {"header": {"frame_id": FRAME}, "name": names}  # what a type does not have is passed over
-    return _encoded(message_type, message | {field: [0.0] * length for field, length in lengths})
-
-
-def _encoded(message_type: str, message: Mapping[str, Any]) -> bytes:
-    """A message as the library encodes it; fields that are not given are zero or empty."""
-    from mcap_ros2.writer import Writer  # whoever only reads starts sooner without
-
-    file = BytesIO()
-    writer = Writer(file)
-    writer.write_message("/", writer.register_msgdef(message_type, definition(message_type)), message, 0)
-    writer.finish()
-    file.seek(0)
-    ((_, _, record),) = make_reader(file).iter_messages()
-    return record.data
-
-
-def _columns(message: Any, paths: Sequence[str]) -> list:
-    """Numbers of some fields of a message, or where these are columns over many messages, arrays."""
-    found: list = []
-    for path in paths:
-        part = attrgetter(path)(message)
-        if path == "data":
-            found += list(part.T if isinstance(part, np.ndarray) else part)
-        else:
-            found += [part.x, part.y, part.z, *([part.w] if hasattr(part, "w") else [])]
-    return found
-
-
-def _of_marker(one: Any) -> tuple[str, int, int, np.ndarray]:
-    """Namespace, number, type, and (10,) pose and size; its numbers may be columns of one row."""
-    numbers = [one.id, one.type, *_columns(one, ("pose.position", "pose.orientation", "scale"))]
-    number, kind, *values = (float(np.ravel(value)[0]) for value in numbers)
-    return one.ns, int(number), int(kind), np.array(values)
-
-
-FORMS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}
-"""What a marker's type says; the others are no solids."""
+SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"  # one message for all: rviz, Foxglove and rerun draw it
+SOLIDS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}  # by the type of the marker
 
 _ARRAYS = [f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")]
-
 WITHOUT_HEADER = {"geometry_msgs/Pose", *_ARRAYS}
-"""Understood types that have no header."""
 
 READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]]] = {
     "pose": {
@@ -299,4 +75,248 @@ READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]
     "obstacles": {"visualization_msgs/MarkerArray": (), "visualization_msgs/Marker": ()},
 }
 """Message types that can be read in each role, and the fields that are its columns; quaternions come in ROS's
-order x, y, z, w. Joint states, transforms and markers have ways of their own."""
+order x, y, z, w. Joint states, transforms and markers have functions of their own."""
+
+
+def check_readable(where: str, role: Role | Literal["transforms"], types: Sequence[str]) -> None:
+    """Raise an InputError unless all messages of a topic have one type that can be read in its role."""
+    if len(types) > 1:
+        raise InputError(f"{where} has messages of several types: {', '.join(types)}")
+    if short_name(types[0]) not in READERS[role]:
+        raise InputError(
+            f"{where} has messages of type {types[0]}; {role} can be read from {', '.join(READERS[role])}"
+        )
+
+
+def to_stream(
+    where: str, topic: str, role: Kind, messages: RawMessages, policy: StampPolicy
+) -> tuple[Stream, str | None]:
+    """Stream of one topic, neither of joint states nor of shapes, and what was done about its stamps."""
+    groups = decoded(where, messages)
+    schema = messages.schemas[0]
+    assert schema is not None  # `check_readable` lets none pass
+    short = short_name(schema.name)
+    with fields_named(where):
+        stamps = sample_stamps(messages, () if short in WITHOUT_HEADER else groups, policy)
+        fields = [numbers(group.message, *READERS[role][short]) for group in groups]
+    values = table(where, stamps, groups, fields)
+    if values.shape[1] == 0:
+        raise InputError(f"{where}: messages have no values")
+    if role == "pose":
+        values = np.hstack([values[:, :3], quaternion.from_xyzw(values[:, 3:])])
+    elif role == "tool_to_board":
+        values = quaternion.from_xyzw(values)
+    rows, note = in_order(where, stamps, policy)
+    if note is not None:
+        stamps, values = stamps[rows], values[rows]
+    return Stream(topic, role, stamps, values), note
+
+
+@contextmanager
+def fields_named(where: str) -> Iterator[None]:
+    """Turn what is raised where a message lacks a field into an InputError."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"{where}: a message lacks a field of its type: {error}") from error
+
+
+def nanoseconds(clock: Any) -> np.ndarray:
+    """int64 ns of a ROS time, which may be a column of them."""
+    seconds, rest = np.array(clock.sec, dtype=np.int64), np.array(clock.nanosec, dtype=np.int64)
+    return seconds * 10**9 + rest
+
+
+def sample_stamps(messages: RawMessages, groups: Sequence[Decoded], policy: StampPolicy) -> np.ndarray:
+    """(T,) int64 ns: header stamps of all groups if any is set and they are wanted, else log times."""
+    stamps = np.zeros(len(messages.log_times), dtype=np.int64)
+    for group in groups:
+        stamps[group.rows] = nanoseconds(group.message.header.stamp)
+    return stamps if stamps.any() and policy.clock == "header" else messages.log_times
+
+
+def numbers(message: Any, *paths: str) -> list:
+    """Numbers of some fields of a message, vectors or `data`; of many messages the column (M,) of each."""
+    found: list = []
+    for path in paths:
+        part = attrgetter(path)(message)
+        if path == "data":
+            found += sequence(part)
+        else:
+            found += [part.x, part.y, part.z, *([part.w] if hasattr(part, "w") else [])]
+    return found
+
+
+def sequence(field: Any) -> list:
+    """Numbers of a sequence; of many messages (M, n) its n columns."""
+    return list(np.moveaxis(field, 1, 0) if isinstance(field, np.ndarray) else field)
+
+
+def table(
+    where: str,
+    stamps: np.ndarray,
+    groups: Sequence[Decoded],
+    fields: Sequence[list],
+    orders: Sequence[tuple[str, ...]] = (),
+    joints: Sequence[str] = (),
+    kind: str = "",
+) -> np.ndarray:
+    """(T, D) float64 of the `numbers` of all groups; of several joints NaN where a message lacks one.
+
+    `orders`: joints that each group names, if any; `joints`: those of the columns; `kind`: of signal.
+    """
+    values = np.full((len(stamps), len(joints) or len(fields[0])), np.nan)
+    place_of = {name: place for place, name in enumerate(joints)}
+    widths: dict[frozenset[str], int] = {}
+    for group, its, names in zip(groups, fields, orders or [()] * len(groups), strict=True):
+        width = widths.setdefault(frozenset(names), len(its))
+        if len(its) != width:
+            row = at_row(int(group.rows[0]), stamps)
+            raise InputError(f"{where}: {row} has {len(its)} values, the first has {width}")
+        if names and width not in (0, len(names)):
+            raise InputError(f"{where} names {len(names)} joints and has {width} {kind} per message")
+        if width:
+            places = np.array([place_of[name] for name in names] or range(width))
+            values[group.rows[:, None], places] = np.array(its, dtype=float).reshape(width, len(group.rows)).T
+    return values
+
+
+def to_messages(where: str, stream: Stream) -> RawMessages:
+    """Messages of a stream, one per row, with its stamps in headers where the type has one.
+
+    Counts of tactile sensors are float32: whole numbers up to 2^24 are exact. All other values keep 64 bits.
+    """
+    values = stream.values
+    if stream.kind in JOINT_KINDS:
+        names = stream.joints or [f"joint_{joint + 1}" for joint in range(values.shape[1])]
+        return joint_messages(where, names, stream.stamps, {stream.kind: values})
+    if stream.kind == "pose":
+        values = np.hstack([values[:, :3], quaternion.to_xyzw(values[:, 3:])])
+    elif stream.kind == "tool_to_board":
+        values = quaternion.to_xyzw(values)
+    lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
+    message_type = MESSAGE_TYPES[stream.kind]
+    content, fields = _blank(where, message_type, stream.stamps, (), lengths)
+    places = numbers(fields, *READERS[stream.kind][short_name(message_type)])
+    with np.errstate(over="ignore"):
+        for place, column in zip(places, values.T, strict=True):
+            place[:] = column
+    if np.isinf(places).any():
+        raise InputError(f"{where}: a count is too large for float32")
+    return of_one_type(message_type, definition(message_type), stream.stamps, content)
+
+
+def joint_messages(
+    where: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
+) -> RawMessages:
+    """Joint states, one per row: (T,) int64 ns, and (T, J) of each kind that is filled."""
+    message_type = MESSAGE_TYPES["joint_positions"]
+    lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
+    content, fields = _blank(where, message_type, stamps, names, lengths)
+    for kind, its in values.items():
+        getattr(fields, FIELDS[kind])[:] = its
+    return of_one_type(message_type, definition(message_type), stamps, content)
+
+
+def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
+    """Shapes of the first message of a topic of markers, in their order.
+
+    A marker is named by its namespace, followed by its number where several have the same. Markers of other
+    types (arrows, text, meshes) are ignored.
+    """
+    first = RawMessages(messages.log_times[:1], messages.schemas[:1], messages.data[:1])
+    ((_, message),) = decoded(where, first)
+    with fields_named(where):
+        found = []
+        for one in getattr(message, "markers", [message]):
+            fields = (one.id, one.type, *numbers(one, "pose.position", "pose.orientation", "scale"))
+            number, kind, *values = (
+                float(np.ravel(value)[0]) for value in fields
+            )  # maybe columns of one row
+            if kind in SOLIDS:
+                found.append((one.ns, int(number), SOLIDS[int(kind)], np.array(values)))
+    spaces = [space for space, *_ in found]
+    shapes = []
+    for space, number, form, row in found:
+        name = space if spaces.count(space) == 1 else f"{space} {number}"
+        position, orientation, size = np.split(row, (3, 7))
+        if not (np.isfinite(row).all() and (size > 0).all()):
+            raise InputError(f"{where}: shape '{name}' needs a finite pose and a positive size")
+        length = np.linalg.norm(orientation)
+        if not length > 0:
+            raise InputError(f"{where}: shape '{name}' has the orientation 0, 0, 0, 0")
+        shapes.append(NamedShape(name, form, position, quaternion.from_xyzw(orientation / length), size))
+    return tuple(shapes)
+
+
+def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
+    """One message of markers with all shapes; their names, which differ, become the namespaces."""
+    seconds, rest = divmod(int(stamp), 10**9)
+    header = {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": FRAME}
+    types = {form: number for number, form in SOLIDS.items()}
+    markers = [
+        {
+            "header": header,
+            "ns": shape.name,
+            "type": types[shape.form],
+            "pose": {
+                "position": dict(zip("xyz", map(float, shape.position), strict=True)),
+                "orientation": dict(zip("wxyz", map(float, shape.orientation), strict=True)),
+            },
+            "scale": dict(zip("xyz", map(float, shape.size), strict=True)),
+            "color": dict.fromkeys("rgb", 0.5) | {"a": 1.0},  # transparent is invisible
+        }
+        for shape in shapes
+    ]
+    data = np.frombuffer(_encoded(SHAPES_TYPE, {"markers": markers}), dtype=np.uint8)
+    return of_one_type(SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
+
+
+@cache
+def definition(message_type: str) -> str:
+    """Text of a message definition with those of all nested types, as in MCAP's encoding `ros2msg`."""
+    texts, names = read_values(Path(__file__).with_suffix(".yaml")), [short_name(message_type)]
+    for name in names:  # grows by the types that are met
+        nested = re.findall(r"^(\w+/\w+)", texts[name], re.MULTILINE)
+        names += [one for one in dict.fromkeys(nested) if one not in names]
+    return f"{'=' * 80}\n".join([texts[names[0]], *(f"MSG: {one}\n{texts[one]}" for one in names[1:])])
+
+
+def _blank(
+    where: str, message_type: str, stamps: np.ndarray, names: Sequence[str], lengths: Mapping[str, int]
+) -> tuple[np.ndarray, SimpleNamespace]:
+    """Messages with stamps, joints' names and sequences of zeros, and columns to fill in the numbers."""
+    if stamps.min() < 0 or stamps.max() > LAST_STAMP:
+        fault = "before 0" if stamps.min() < 0 else "beyond 2^31 s"
+        raise InputError(f"{where}: stamps {fault} cannot be written")
+    template = _template(message_type, tuple(names), tuple(lengths.items()))
+    messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
+    found = columns(message_type, definition(message_type), messages)
+    assert found is not None  # our definitions are plain
+    fields, _ = found
+    if hasattr(fields, "header"):
+        stamp = fields.header.stamp
+        stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
+    return messages, fields
+
+
+@cache
+def _template(message_type: str, names: Sequence[str], lengths: Sequence[tuple[str, int]]) -> bytes:
+    """A message with these names and sequences of zeros."""
+    message = {"header": {"frame_id": FRAME}, "name": names}  # fields that a type lacks are ignored
+    return _encoded(message_type, message | {field: [0.0] * length for field, length in lengths})
+
+
+def _encoded(message_type: str, message: Mapping[str, Any]) -> bytes:
+    """A message as the library encodes it; fields that are not given are zero or empty."""
+    from mcap_ros2.writer import Writer  # loaded only to write
+
+    file = BytesIO()
+    writer = Writer(file)
+    writer.write_message("/", writer.register_msgdef(message_type, definition(message_type)), message, 0)
+    writer.finish()
+    file.seek(0)
+    ((_, _, record),) = make_reader(file).iter_messages()
+    return record.data

@@ -10,32 +10,29 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.core.errors import InputError
+from structlearn.readers.foreign_tables import PublicSet, read_each, read_stamped_table, read_table
 from structlearn.readers.joint_log import JointLog
-from structlearn.readers.text_log import PublicSet, read_each, read_stamped_table, read_table
 
 SOURCE = PublicSet(
     "https://github.com/marcocognetti/FrankaEmikaPandaDynModel",
     "24d85ce4e648e2e894c832bfeee9b16711eb1a1a",
     "GPL-3.0",
 )
-
-JOINTS = tuple(f"panda_joint{number}" for number in range(1, 8))
-"""Names in the arm's URDF."""
-
-SIGNALS = {"positions": "positions", "velocities": "velocity", "torques": "torques"}
-"""Signals and the last word of their files' names."""
+JOINTS = tuple(f"panda_joint{number}" for number in range(1, 8))  # as in the arm's URDF
+SIGNALS = {
+    "positions": "positions",
+    "velocities": "velocity",
+    "torques": "torques",
+}  # and their files' last word
 
 
 def read_motion(
     folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
 ) -> list[JointLog]:
-    """All motions of a folder of NAME_{positions,velocity,torques,time}.txt, or of folders of them.
+    """All motions NAME_{positions,velocity,torques,time}.txt of a folder, or of folders of them.
 
     The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six
-    significant digits. Names of folders stand before those of their motions. `left_out`: see `read_each`.
-
-    Raises MissingInputError: there is no file of positions. Raises InputError: a file is missing, no table of
-    numbers or not of the length that the times ask for.
+    significant digits. Names of folders precede those of their motions.
     """
     folder = Path(folder)
     found = SOURCE.files(folder, "*_positions.txt", "motion (exciting_traj_positions.txt, ...)")

@@ -13,8 +13,8 @@ import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.recording import Form, NamedShape, Recording, Stream
-from structlearn.readers.text_log import (
+from structlearn.readers.demonstration import Form, NamedShape, Recording, Stream
+from structlearn.readers.foreign_tables import (
     PublicSet,
     check_rising,
     finite_numbers,
@@ -33,27 +33,20 @@ SOURCE = PublicSet(
 TRIALS = "trials.csv"
 TRIAL_COLUMNS = ("participant", "trial", "type", "start_moved_time", "target_reached_time")
 SHAPE_COLUMNS = ("object", "x", "y", "z", "width", "height", "depth")
-HAND_COLUMNS = 7
-"""Time, position, rotation about Unity's axes."""
+HAND_COLUMNS = 7  # time, position, rotation about Unity's axes
 
-TARGET, BOX, BOUNDARY = "target", "box", "boundary"
-"""What names of shapes begin with; there is one target."""
-
+TARGET, BOX, BOUNDARY = "target", "box", "boundary"  # how names of shapes begin; there is one target
 SOURCE_TARGET, SOURCE_BOX = "Target", "FailOnTouchObstacle"
+# Walls of the shelf that a hand beside the boxes may meet; its floor and its top are below and above.
 BOUNDARIES = {f"{side}Boundary": f"{BOUNDARY} {side.lower()}" for side in ("Left", "Right", "Back")}
-"""Walls of the shelf that a hand beside the boxes may meet; its floor and its top are above and below."""
 
 
 def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str] | None = None) -> list[Recording]:
     """Trials of all people in natural order: the hand's pose, boxes, walls and target as named shapes.
 
-    A trial is recorded as a whole, named like "sub_01_T012"; when the hand had moved and when the target was
-    reached (s since the first stamp) stands in the provenance, with person, trial and type. The folder may be
-    any part of the data set: trials whose folder is missing are passed over. `entry` is not used; `left_out`:
-    see `text_log.read_each`.
-
-    Raises MissingInputError: there is no table of trials, or none of its trials. Raises InputError: a file is
-    missing, or a row is not what it should be; the message names file and line.
+    Trials are named like "sub_01_T012"; provenance says when the hand had moved and when the target was
+    reached (s since the first stamp), with person, trial and type. Trials whose folder is missing are
+    ignored.
     """
     if not (folder / TRIALS).is_file():
         raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")
@@ -76,12 +69,10 @@ def unity_to_base(points: np.ndarray) -> np.ndarray:
 
 
 def unity_rotation(degrees: np.ndarray) -> np.ndarray:
-    """Orientations of Unity's Euler angles in the base frame.
+    """Unity's Euler angles (..., 3) degrees about x, y, z -> (..., 4) unit quaternions in the base frame.
 
     Unity turns about z, then x, then y. Exchanging two axes is a reflection: it takes a rotation's axis with
     it and turns its sense round.
-
-    (..., 3) degrees about Unity's x, y and z -> (..., 4) unit quaternions w, x, y, z.
     """
     half = 0.5 * np.radians(degrees)
     about = np.zeros((3, *half.shape[:-1], 4))
@@ -95,53 +86,38 @@ def unity_rotation(degrees: np.ndarray) -> np.ndarray:
 def _trial(folder: Path, trial: Path, row: dict[str, str], times: list[float]) -> Recording:
     """Times in s when the hand had moved, and when the target was reached, on the clock of the stamps."""
     names = ("HandTracker_movement", "grid_objects_layout", "scene_layout")
-    hand, boxes, scene = (_within(trial, f"{name}_{trial.name}.csv") for name in names)
+    files = [f"{name}_{trial.name}.csv" for name in names]  # in `movement/`, `scene/`, or the trial's folder
+    hand, boxes, scene = (next(iter(sorted(trial.rglob(name))), trial / name) for name in files)
     stamps, values = read_stamped_table(hand, HAND_COLUMNS, separator=",", header_lines=1)
     check_rising(hand, stamps)
     pose = np.hstack([unity_to_base(values[:, :3]), unity_rotation(values[:, 3:])])
     provenance = SOURCE.provenance(folder, [hand, boxes, scene])
-    provenance |= {
-        "person": row["participant"],
-        "trial": row["trial"],
-        "type": row["type"],
-        **{
-            key: f"{at - stamps[0] * 1e-9:.4f}"
-            for key, at in zip(("moved_s", "reached_s"), times, strict=True)
-        },
-    }
-    shapes = (*_layout(boxes), *_walls(scene))
+    provenance |= {"person": row["participant"], "trial": row["trial"], "type": row["type"]}
+    for key, at in zip(("moved_s", "reached_s"), times, strict=True):
+        provenance[key] = f"{at - stamps[0] * 1e-9:.4f}"
+    shapes = (*_shapes(boxes, in_grid=True), *_shapes(scene, in_grid=False))
     streams = (Stream("/pose", "pose", stamps, pose),)
     return Recording(f"{row['participant']}_{trial.name}", streams, provenance=provenance, shapes=shapes)
 
 
-def _within(trial: Path, name: str) -> Path:
-    """A file of a trial: `movement/NAME`, `scene/NAME`, or NAME, which need not exist."""
-    return next(iter(sorted(trial.rglob(name))), trial / name)
-
-
-def _layout(path: Path) -> list[NamedShape]:
-    """The target, a cylinder, and the boxes."""
+def _shapes(path: Path, in_grid: bool) -> list[NamedShape]:
+    """The target and the boxes of the grid, or the walls of the scene."""
     shapes = []
     for where, row in read_rows(path, SHAPE_COLUMNS):
-        if row["object"] == SOURCE_TARGET:
-            shapes.append(_shape(where, row, TARGET, "cylinder"))
-        elif row["object"].startswith(SOURCE_BOX):
-            shapes.append(_shape(where, row, f"{BOX} {row['object'].removeprefix(SOURCE_BOX)}", "cube"))
-        else:
+        form: Form = "cube"
+        name = BOUNDARIES.get(row["object"], "")
+        if in_grid and row["object"] == SOURCE_TARGET:
+            name, form = TARGET, "cylinder"
+        elif in_grid and row["object"].startswith(SOURCE_BOX):
+            name = f"{BOX} {row['object'].removeprefix(SOURCE_BOX)}"
+        elif in_grid:
             raise InputError(f"{where}: unknown object {row['object']!r}")
-    if [shape.name for shape in shapes].count(TARGET) != 1:
+        if name:
+            numbers = finite_numbers(where, [row[column] for column in SHAPE_COLUMNS[1:]])
+            position, size = unity_to_base(np.reshape(numbers, (2, 3)))
+            if not (size > 0).all():
+                raise InputError(f"{where}: a size must be positive, is {size.tolist()}")
+            shapes.append(NamedShape(name, form, position, np.array([1.0, 0.0, 0.0, 0.0]), size))
+    if in_grid and [shape.name for shape in shapes].count(TARGET) != 1:
         raise InputError(f"{path}: needs one object '{SOURCE_TARGET}'")
     return shapes
-
-
-def _walls(path: Path) -> list[NamedShape]:
-    rows = [one for one in read_rows(path, SHAPE_COLUMNS) if one[1]["object"] in BOUNDARIES]
-    return [_shape(where, row, BOUNDARIES[row["object"]], "cube") for where, row in rows]
-
-
-def _shape(where: str, row: dict[str, str], name: str, form: Form) -> NamedShape:
-    numbers = finite_numbers(where, [row[column] for column in SHAPE_COLUMNS[1:]])
-    position, size = unity_to_base(np.reshape(numbers, (2, 3)))
-    if not (size > 0).all():
-        raise InputError(f"{where}: a size must be positive, is {size.tolist()}")
-    return NamedShape(name, form, position, np.array([1.0, 0.0, 0.0, 0.0]), size)

@@ -12,24 +12,18 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import MissingInputError
 from structlearn.readers.clock import synchronise
+from structlearn.readers.demonstration import Recording, Stream
+from structlearn.readers.foreign_tables import PublicSet, natural_order, read_each, read_stamped_table
 from structlearn.readers.joint_log import JointLog
-from structlearn.readers.recording import Recording, Stream
-from structlearn.readers.text_log import PublicSet, natural_order, read_each, read_stamped_table
 
 SOURCE = PublicSet(
     "https://github.com/dexrob/BioTac_slide_20_50",
     "c19638b040791b7b32f2fcf12eee315ca901f80a",
     "none stated: for tests and evaluation, not for redistribution",
 )
-
-JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
-"""Names in the URDF of the arm."""
-
-COLUMNS = {"cp": 8, "jp": 8, "jv": 8, "jt": 8, "cw": 7, "bio": 45}
-"""Numbers per line of each stream of a trial, the time included."""
-
-FIRST_ELECTRODE = 25
-"""Columns of `bio` before the electrodes, without the time: pressures, temperatures and 22 vibrations."""
+JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # as in the arm's URDF
+COLUMNS = {"cp": 8, "jp": 8, "jv": 8, "jt": 8, "cw": 7, "bio": 45}  # of each stream of a trial, with the time
+FIRST_ELECTRODE = 25  # after time: pressures, temperatures and 22 vibrations come first
 
 
 def read_touch(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
@@ -43,10 +37,6 @@ def read_slides(
     """The first trials of each material: pose, joint signals, wrench and 19 electrodes, by Unix time.
 
     The folder holds MATERIAL_TRIAL_STREAM.csv files, or folders of them; recordings are named like "mat9_1".
-    `left_out`: see `read_each`.
-
-    Raises MissingInputError: there is no trial. Raises InputError: a stream is missing or not a table of its
-    columns.
     """
     found = {path.stem.removesuffix("_cp"): path.parent for path in Path(folder).rglob("*_*_cp.csv")}
     by_material: dict[str, list[str]] = {}

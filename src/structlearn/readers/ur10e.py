@@ -11,42 +11,28 @@ from typing import Any
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.bag_files import check_names
+from structlearn.readers.foreign_tables import PublicSet, check_rising, read_each, read_stamped_table
 from structlearn.readers.joint_log import DriveLog, signals_of
-from structlearn.readers.text_log import PublicSet, check_rising, read_each, read_stamped_table
+from structlearn.readers.source import check_names
 
 SOURCE = PublicSet(
     "https://github.com/shamilmamedov/dynamic_calibration",
     "11af40e7deb758ec080a175fed8fcdd6c99aca29",
     "none stated: for tests and evaluation, not for redistribution",
 )
-
-JOINTS = (
-    "shoulder_pan_joint",
-    "shoulder_lift_joint",
-    "elbow_joint",
-    "wrist_1_joint",
-    "wrist_2_joint",
-    "wrist_3_joint",
+JOINTS = tuple(  # as in the arm's URDF
+    f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 )
-"""Names in the arm's URDF."""
-
-SIGNALS = signals_of(DriveLog)
-"""In the order of the columns, one of each per joint."""
-
-OLDER_COLUMNS = 19
-"""Of the logs of 2019, which hold positions, velocities and currents alone: no gain follows from them."""
+SIGNALS = signals_of(DriveLog)  # in the order of the columns, one of each per joint
+OLDER_COLUMNS = 19  # of the logs of 2019, which have positions, velocities and currents only: no gain follows
 
 
 def read_motion(
     folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
 ) -> list[DriveLog]:
-    """All logs `ur-NAME.csv` of a folder or of folders there; those of `OLDER_COLUMNS` are left aside.
+    """All logs `ur-NAME.csv` of a folder or of folders there, without those of `OLDER_COLUMNS`.
 
-    They have no header; time in s, then the columns of `SIGNALS`. `left_out`: see `read_each`.
-
-    Raises MissingInputError: there is no log. Raises InputError: a name comes twice; one is no table of 31
-    numbers per line, or its times do not increase; the message names file and line.
+    They have no header; time in s, then the columns of `SIGNALS`.
     """
     folder = Path(folder)
     found = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.stem)

@@ -1,13 +1,13 @@
-"""Claims: what the dissertation states or this project aims at, held against what was found.
+"""Claims of the dissertation and aims of this project, evaluated by what was found.
 
 A page's claims are data, `claims.yaml` beside its template: statement, source, test, bound, format. What was
-found for them is `Evidence` by name. Here is the one evaluator and its one vocabulary:
+found for them is `Evidence` by name. Verdicts:
 
     yes, no         the 95 % interval lies wholly on that side of the bound
     no difference   it lies on both sides, but wholly within the claim's `margin` of the bound
-    undecided       it lies on both sides; `would_decide` estimates how many more people or seeds it takes
-    not tested      nothing was found that could decide
-    holds by construction   its evidence cannot say "no": the claim is true of whatever is measured
+    undecided       it lies on both sides; `would_decide` estimates the sample size it takes
+    not tested      there is no evidence
+    holds by construction   no measurement could refute the claim
 
 A claim with several cases (people, primitives, models) is yes only if every case is, and no if any is; their
 intervals are widened so that all of them together cover with 95 % (`comparisons`).
@@ -38,20 +38,18 @@ VERDICTS = (YES, NO, NO_DIFFERENCE, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION)
 
 @dataclass(frozen=True)
 class Evidence:
-    """A number that was found, with its 95 % interval (wider where a claim makes many comparisons)."""
+    """A number with its 95 % interval, which is wider if a claim makes many comparisons."""
 
-    value: float  # the number; NaN where nothing was found
-    # lower end of the interval; the value itself where the number is exact (a largest value, a count)
-    low: float
+    value: float  # NaN if nothing was found
+    low: float  # lower end of the interval; the value itself if it is exact (a largest value, a count)
     high: float  # upper end
-    n: int  # number of independent things that it rests on (people, seeds, runs)
-    count: int | None = None  # of `n`, where the number is a share
-    # that the `n` trials of a share are of, where trials of one person are alike; else None
-    people: int | None = None
+    n: int  # independent samples (people, seeds, runs)
+    count: int | None = None  # of `n`, if the number is a share
+    people: int | None = None  # of the `n` trials of a share, if trials of one person are correlated
     pooled_low: float = float("nan")  # lower end of the share's interval if all trials were independent
     pooled_high: float = float("nan")  # its upper end
-    study: str = ""  # that it is quoted from, run beside the pipeline; empty where this run computed it
-    reason: str = ""  # why nothing was found, where the value is NaN
+    study: str = ""  # that it is quoted from; empty if this run computed it
+    reason: str = ""  # why nothing was found
 
 
 def exact(value: float, n: int = 1) -> Evidence:
@@ -60,7 +58,7 @@ def exact(value: float, n: int = 1) -> Evidence:
 
 
 def mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean of independent samples (N,); one sample alone has no interval, so nothing follows from it."""
+    """Mean of independent samples (N,); a single sample has no interval, so it decides nothing."""
     value, half = mean_interval(np.asarray(samples, float), confidence(comparisons))
     return Evidence(value, value - half, value + half, len(samples))
 
@@ -78,10 +76,7 @@ def geometric_mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
 
 
 def share(count: int, n: int, comparisons: int = 1) -> Evidence:
-    """A rate over independent trials, with Wilson's interval; unknown without any.
-
-    Trials of the same people, models or runs are not independent: they need `clustered_share`.
-    """
+    """Rate over independent trials with Wilson's interval; of the same people: `clustered_share`."""
     if n == 0:
         return UNKNOWN
     low, high = wilson_interval(count, n, confidence(comparisons))
@@ -90,17 +85,13 @@ def share(count: int, n: int, comparisons: int = 1) -> Evidence:
 
 
 def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1) -> Evidence:
-    """A rate over trials that are alike within a person (model, robot), with its interval over people.
+    """Rate over trials that are correlated within a person (model, robot), with its interval over people.
 
-    Trials of one person say less than as many of different people, so the interval is that of people's rates
-    by the t distribution, never narrower than Wilson's over all trials. Where nobody's trial is a hit, or
-    everybody's, rates do not tell how people differ; then all that is known is that none of P people is one
-    whose trials are, and the interval ends at `none_of(P)`: none of 8 people leaves up to 31 %.
-
-    For rare events of few people who differ much the t distribution is too narrow: at 5 % and an intraclass
-    correlation of 0.1 the interval of 8 people covers in 85 % of all draws, Wilson's over all trials in 52 %.
-    `counts` (P,) by person, of `trials`; `trials` (P,) by person, positive; `comparisons`: see `confidence`.
-    Returns evidence whose n and count are of trials, with the interval over people and the pooled one.
+    The interval is that of people's rates by the t distribution, at least Wilson's over all trials.
+    If no trial is a hit, or every one, rates do not tell how people differ, and the interval ends at
+    `none_of(P)`: none of 8 people leaves up to 31 %. For rare events of few, very different people it is too
+    narrow: at 5 % and an intraclass correlation of 0.1 the interval of 8 people covers in 85 % of all draws,
+    Wilson's over all trials in 52 %. `counts` (P,) by person, of `trials` (P,), positive.
     """
     counts, trials = np.asarray(counts), np.asarray(trials)
     pooled = share(int(counts.sum()), int(trials.sum()), comparisons)
@@ -116,27 +107,17 @@ def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1
     else:
         found = mean(counts / trials, comparisons)
         low, high = max(found.low, 0.0), min(found.high, 1.0)
-    return replace(
-        pooled,
-        low=min(low, pooled.low),
-        high=max(high, pooled.high),
-        people=people,
-        pooled_low=pooled.low,
-        pooled_high=pooled.high,
-    )
+    low, high = min(low, pooled.low), max(high, pooled.high)
+    return Evidence(pooled.value, low, high, pooled.n, pooled.count, people, pooled.low, pooled.high)
 
 
 def none_of(people: int, comparisons: int = 1) -> float:
-    """Largest share of a population of which none may be among so many: 1 - alpha^(1 / people), exact."""
+    """Upper limit of a share of a population if none of `people` has it: 1 - alpha^(1 / people), exact."""
     return 1.0 - (1.0 - confidence(comparisons)) ** (1.0 / people)
 
 
 def rate_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean in % of people's rates (P,), first minus second.
-
-    If nobody's two rates differ, e.g. as nobody hits anything, somebody else's may: then `none_of` bounds the
-    mean on both sides.
-    """
+    """Mean difference in % of people's rates (P,); if nobody's two rates differ, `none_of` bounds it."""
     first, second = np.asarray(first, float), np.asarray(second, float)
     found = difference(100 * first, 100 * second, comparisons)
     if np.array_equal(first, second):
@@ -151,21 +132,20 @@ def by_case(make: Callable[..., Evidence], cases: Mapping[str, Sequence[Any]]) -
 
 
 def confidence(comparisons: int) -> float:
-    """Of one interval, so that all of so many together cover with 95 % (Bonferroni)."""
+    """Confidence of one interval, so that several together cover with 95 % (Bonferroni)."""
     return 1.0 - 0.05 / comparisons
 
 
 def counted(count: int, n: int) -> Evidence:
-    """How often something happened in n trials: for claims about these trials, not about chances."""
+    """Exact count in n trials: for claims about these trials, not about probabilities."""
     return Evidence(float(count), float(count), float(count), n, int(count))
 
 
-UNKNOWN = Evidence(float("nan"), float("nan"), float("nan"), 0)
-"""Of what was not run: the verdict is `not tested`."""
+UNKNOWN = Evidence(float("nan"), float("nan"), float("nan"), 0)  # the verdict is `not tested`
 
 
 def unknown(reason: str) -> Evidence:
-    """Of what could not be found, and why: the row says so."""
+    """No evidence, and why."""
     return replace(UNKNOWN, reason=reason)
 
 
@@ -188,25 +168,22 @@ TESTS: Mapping[str, Callable[[Evidence, Any], str]] = {
 }
 """By name, verdict on a number whose interval is known, given the claim's bound."""
 
-MOST = 500
-"""People, seeds or runs; no row gets more, so how many more it would take is no matter."""
-
+MOST = 500  # people, seeds or runs; larger sample sizes are not estimated
 NEEDS_BOUND = {"at most", "at least", "between"}
 
 
 class Counterpart(Parameters):
-    """The like statement of another testbed."""
+    """The corresponding statement of a simulated testbed."""
 
     testbed: str  # whose `claims.csv` has it
-    statement: str  # as it stands there
-    cases: tuple[str, ...] = ()  # those that are meant; all where none is named
+    statement: str  # its words there
+    cases: tuple[str, ...] = ()  # all if empty
     page: str = "index"  # of that testbed
-    # whose statement is meant where the text's and ours have the same words; None: they are the same
-    by: Literal["text", "ours"] | None = None
+    by: Literal["text", "ours"] | None = None  # if the published statement and ours have the same words
 
 
 class Margin(Parameters):
-    """Smallest effect of interest, written down before the result: an interval within it is no difference."""
+    """Smallest effect of interest, fixed before the result: an interval within it is no difference."""
 
     size: PositiveFloat | dict[str, PositiveFloat]  # from the bound in the row's unit, or one by case
     reason: str  # why a smaller effect does not matter
@@ -215,22 +192,19 @@ class Margin(Parameters):
 class Claim(Parameters):
     """One entry of a `claims.yaml`."""
 
-    # what is claimed; a template that may name the page's facts, as may `published` and `note`
-    statement: str
-    source: str  # where the dissertation says so, or why this project aims at it
-    # `text` where the dissertation states it, `ours` where this project set out to reach it
-    by: Literal["text", "ours"] = "text"
+    statement: str  # a template that may name the page's facts, as may `published` and `note`
+    source: str  # section of the dissertation, or why this project aims at it
+    by: Literal["text", "ours"] = "text"  # stated by the dissertation, or an aim of this project
     evidence: str  # name of what was found
     test: str | dict[str, str]  # one of `TESTS`, or one by case
-    bound: Any = 0.0  # of the test, or one by case; 0 where it is left out
+    bound: Any = 0.0  # of the test, or one by case
     margin: Margin | None = None  # of an equivalence test; None: only yes, no and undecided
     published: str = ""  # what the dissertation prints
     format: str = ".2f"  # of the numbers, `percent` of ratios, `share` of rates, `count` for `3 of 63`
-    unit: str = ""  # written behind them
-    note: str = ""  # what else a reader must know, e.g. what the number is of
-    by_construction: str = ""  # why no measurement could refute it; it is shown as such and is no yes
-    # the like statement of a simulated testbed, for claims about recorded data
-    simulated: Counterpart | None = None
+    unit: str = ""  # of the numbers
+    note: str = ""  # what else a reader must know
+    by_construction: str = ""  # why no measurement could refute it
+    simulated: Counterpart | None = None  # for claims about recorded data
 
     @model_validator(mode="after")
     def _is_known(self) -> "Claim":
@@ -244,30 +218,27 @@ class Claim(Parameters):
         return self
 
     def verdict(self, found: Evidence, case: str = "") -> str:
-        """What one number says of the claim."""
+        """Verdict of one number on the claim."""
         if np.isnan(found.value):
             return NOT_TESTED
-        test = self.test[case] if isinstance(self.test, dict) else self.test
-        bound = self.bound[case] if isinstance(self.bound, dict) else self.bound
-        verdict = TESTS[test](found, bound)
+        bound = _of_case(self.bound, case)
+        verdict = TESTS[_of_case(self.test, case)](found, bound)
         if verdict == UNDECIDED and self.margin:
-            size = self.margin.size
-            size = size[case] if isinstance(size, dict) else size
+            size = _of_case(self.margin.size, case)
             if bound - size <= found.low and found.high <= bound + size:
                 return NO_DIFFERENCE
         return BY_CONSTRUCTION if self.by_construction and verdict == YES else verdict
 
     def would_decide(self, found: Evidence, case: str = "") -> str:
-        """`about 27 would decide`: how many people, seeds or runs an undecided number takes; else empty.
+        """`about 27 would decide`: sample size (of people, if trials are of people) if undecided; else empty.
 
-        With so many, and the mean and spread found, 80 % of all draws exclude the nearest bound. Shares are
-        counted in people where their trials are of people.
+        With it, and the mean and spread found, 80 % of all draws exclude the nearest bound.
         """
         if self.verdict(found, case) != UNDECIDED:
             return ""
-        given = self.bound[case] if isinstance(self.bound, dict) else self.bound
         n = found.people or found.n
-        bound = min(np.atleast_1d(given), key=lambda one: abs(found.value - one))
+        bounds = np.atleast_1d(_of_case(self.bound, case))
+        bound = min(bounds, key=lambda one: abs(found.value - one))
         distance = abs(found.value - bound)
         half = found.value - found.low if found.value > bound else found.high - found.value
         if found.count == 0 and found.people:  # see `none_of`
@@ -276,35 +247,34 @@ class Claim(Parameters):
             return ""
         else:
             count = n * (half / distance * (ndtri(0.975) + ndtri(0.8)) / stdtrit(n - 1, 0.975)) ** 2
-        return (
-            f"about {np.ceil(count):.0f} would decide" if count <= MOST else f"more than {MOST} would decide"
-        )
+        size = f"about {np.ceil(count):.0f}" if count <= MOST else f"more than {MOST}"
+        return f"{size} would decide"
+
+
+def _of_case(given: Any, case: str) -> Any:
+    return given[case] if isinstance(given, dict) else given
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A claim with its verdict, as the page's table shows it."""
+    """A claim with its verdict, a row of the page's table."""
 
     claim: Claim  # with its texts rendered
-    # name, number in words, n and verdict of each; one with an empty name where there are no cases
-    cases: tuple[tuple[str, str, int, str], ...]
+    cases: tuple[tuple[str, str, int, str], ...]  # name (empty if there is only one), number, n, verdict
     verdict: str  # over all cases
-    studies: tuple[str, ...] = ()  # that the cases are quoted from, see `Evidence.study`; empty where none is
-    would_decide: tuple[str, ...] = ()  # see `Claim.would_decide`, by case
-    heading: str = ""  # of the set of data that it is about, on a page with several
-    simulated: str = ""  # verdict on the claim's counterpart; empty where it is not known
+    studies: tuple[str, ...] = ()  # by case, see `Evidence.study`
+    would_decide: tuple[str, ...] = ()  # by case, see `Claim.would_decide`
+    heading: str = ""  # of its set of data, on a page with several
+    simulated: str = ""  # verdict on the claim's counterpart; empty if unknown
 
 
 def read_claims(path: Path) -> list[Claim]:
-    """The claims of a page, in order.
-
-    Raises ValueError: an entry has an unknown key, an unknown test, or lacks something.
-    """
+    """The claims of a page, in order; a ValueError if an entry is invalid."""
     return [Claim(**entry) for entry in read_values(path)]
 
 
 def combined(verdicts: Sequence[str]) -> str:
-    """The verdict on a claim by those on its cases: as bad as the worst."""
+    """Verdict on a claim from those on its cases: the worst."""
     return next(
         (word for word in (NO, UNDECIDED, NOT_TESTED, NO_DIFFERENCE, BY_CONSTRUCTION) if word in verdicts),
         YES if verdicts else NOT_TESTED,
@@ -317,7 +287,7 @@ def judge(
     environment: Environment,
     facts: Mapping[str, object],
 ) -> list[Judged]:
-    """Hold claims against what was found, by the names that they use; a ValueError where some is missing."""
+    """Verdicts on claims, given evidence by name; a ValueError if some is missing."""
     if missing := {claim.evidence for claim in claims} - set(evidence):
         raise ValueError(f"nothing was found for {sorted(missing)}, which claims name")
     return [_judged(claim, evidence[claim.evidence], environment, facts) for claim in claims]
@@ -344,7 +314,7 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
 
 
 def in_sentence(found: Evidence, number_format: str, unit: str = "") -> str:
-    """As `in_words`; of a share without n and pooled interval, since the sentence says over whom it is."""
+    """`in_words` without the number of people and the pooled interval of a share."""
     return in_words(replace(found, people=None), number_format, unit)
 
 
@@ -376,7 +346,7 @@ def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
 
 
 def verdict_counts(judged: Sequence[Judged], by: str = "text") -> dict[str, int]:
-    """How many claims have each verdict, by who states them."""
+    """Number of claims with each verdict, published or ours."""
     found = Counter(one.verdict for one in judged if one.claim.by == by)
     return {word: found[word] for word in VERDICTS}
 
@@ -387,7 +357,7 @@ def claim_metrics(judged: Sequence[Judged]) -> dict[str, int]:
 
 
 def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
-    """The verdict on a statement, or on some of its cases, in a `claims_table`; empty where it has none."""
+    """Verdict on a statement, or on some of its cases, in a `claims_table`; empty if it has none."""
     rows = table[table["statement"] == counterpart.statement]
     if counterpart.cases:
         rows = rows[rows["case"].isin(counterpart.cases)]
@@ -397,68 +367,51 @@ def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
 
 
 def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """One row per case of each claim, as the CSV file holds them; with its set where there are several.
-
-    Returns `by`, `statement`, `source`, `published`, `case`, `here` (in words), `n`, `verdict`,
-    `verdict_of_all`, `by_construction`: why nothing could refute it, `study`: that the number is quoted
-    from; both are empty elsewhere; `evidence`, the claim's name, by which the front page finds it; and
-    `would_decide`, how many people, seeds or runs an undecided case takes.
-    """
-    texts = ("by", "statement", "source", "published")
-    rows = [
-        (
-            *(*(getattr(one.claim, name) for name in texts), *case, one.verdict),
-            *(one.claim.by_construction, study, one.claim.evidence, more),
-        )
-        for one in judged
-        for case, study, more in zip_longest(one.cases, one.studies, one.would_decide, fillvalue="")
-    ]
-    columns = [*texts, "case", "here", "n", "verdict", "verdict_of_all"]
+    """`claims.csv`: one row per case of each claim, in words; with its set on a page with several."""
+    rows = []
+    for one in judged:
+        claim = one.claim
+        like = claim.simulated.model_dump_json() if claim.simulated else ""
+        for case, study, more in zip_longest(one.cases, one.studies, one.would_decide, fillvalue=""):
+            told = (claim.by, claim.statement, claim.source, claim.published, *case, one.verdict)
+            told += (claim.by_construction, study, claim.evidence, more)
+            rows.append((*told, one.heading, one.simulated, like))
+    columns = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
     columns += ["by_construction", "study", "evidence", "would_decide"]
-    table = pd.DataFrame(rows, columns=columns)
-    if any(one.heading for one in judged):
-        sets = [
-            (one.heading, one.simulated, like.model_dump_json() if (like := one.claim.simulated) else "")
-            for one in judged
-            for _ in one.cases
-        ]
-        table[["set", "simulated", "counterpart"]] = pd.DataFrame(sets, index=table.index)
-    return table
+    of_sets = ["set", "simulated", "counterpart"]
+    table = pd.DataFrame(rows, columns=[*columns, *of_sets])
+    return table if any(one.heading for one in judged) else table[columns]
 
 
 @dataclass(frozen=True)
 class OnRecordings:
-    """A statement of a simulated testbed that recorded data speak to as well."""
+    """A statement of a simulated testbed that was tested on recorded data too."""
 
-    statement: str  # as the page of recorded data makes it
-    counterpart: Counterpart  # the like one of the simulated testbed
+    statement: str  # on the page of recorded data
+    counterpart: Counterpart  # of the simulated testbed
     simulated: str  # verdict on that
     recorded: str  # verdict on recorded data
-    found: tuple[str, ...]  # there, in words, one for each case
+    found: tuple[str, ...]  # in words, by case
     heading: str  # of the set of recordings
 
     @property
     def alike(self) -> bool:
-        """Whether both have one verdict."""
+        """Whether both verdicts are the same."""
         return self.simulated == self.recorded
 
 
 QUOTED = Path("reports/quoted/recorded")
-"""What other reports quote of that on recorded data. It is no output of a stage: the main pipeline would run
-that of recorded data first, for which most machines have none."""
+"""What other reports quote of that on recorded data; in git and no output of a stage, since the main pipeline
+would run that of recorded data first, for which most machines have none."""
 
 
 def quoted_claims() -> pd.DataFrame:
-    """Claims about recorded data with their counterparts, as `make recorded` left them for other reports."""
+    """Claims about recorded data with their counterparts, which `make recorded` copies for other reports."""
     return read_csv(QUOTED / "claims.csv", keep_default_na=False)
 
 
 def on_recordings(recorded: pd.DataFrame, testbed: str, own: pd.DataFrame) -> list[OnRecordings]:
-    """What was found on recorded data for the statements of a simulated testbed.
-
-    `recorded`: `claims_table` of recorded data; `own`: its `claims_table`. Returns one entry per statement
-    that was tested on both, in the order of the recorded ones.
-    """
+    """Statements tested on recorded data and on a simulated testbed, given a `claims_table` of each."""
     rows = recorded[recorded["counterpart"].astype(bool) & (recorded["verdict_of_all"] != NOT_TESTED)]
     both = []
     for (heading, statement, like), cases in rows.groupby(["set", "statement", "counterpart"], sort=False):

@@ -1,12 +1,12 @@
 """Pages are documents: a template holds the sentences, Python supplies figures, tables, claims and numbers.
 
-In a template stand `{% call section("Heading") %}`, `{{ figure("name", "Caption.", "what one sees") }}`,
+Templates call `{% call section("Heading") %}`, `{{ figure("name", "Caption.", "what one sees") }}`,
 `{{ table("name", "Caption.") }}`, numbers such as `{{ error | f(".2f") }}`,
 `{{ recording("name", "what it shows") }}`, `{% call fold("Further tables") %}` and more: see `Scribe`.
 `document.html.jinja` has the blocks that a template fills: title, opening, sections, folded.
 
-A page needs no network and no script; its figures, tables and recordings lie beside it. Equal contents of one
-commit give equal bytes: no wall times, and of dates only that of the data.
+A page needs no network and no script; its figures, tables and recordings are files beside it. Equal contents
+of one commit give equal bytes: no wall times, and only the date of the data.
 """
 
 import re
@@ -33,21 +33,18 @@ UNKNOWN_COMMIT = "unknown commit"
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a data frame, without its index; it is written as `tables/NAME.csv` too."""
+    """A data frame on a page, without its index; it is written as `tables/NAME.csv` too."""
 
-    frame: pd.DataFrame  # the rows, in order
-    # by column, how a number is written, e.g. `.1f`; other numbers are written as they are
-    formats: Mapping[str, str] = field(default_factory=dict)
-    # by column, what is written above it; default the column's name
-    headings: Mapping[str, str] = field(default_factory=dict)
-    strong: frozenset[int] = frozenset()  # row positions that are set in bold
-    # by column, what is written for a value, such as a model's name for its key
-    words: Mapping[str, Mapping[Any, str]] = field(default_factory=dict)
+    frame: pd.DataFrame
+    formats: Mapping[str, str] = field(default_factory=dict)  # of numbers by column, e.g. `.1f`
+    headings: Mapping[str, str] = field(default_factory=dict)  # by column; default the column's name
+    strong: frozenset[int] = frozenset()  # positions of bold rows
+    words: Mapping[str, Mapping[Any, str]] = field(default_factory=dict)  # for values, by column
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where the numbers of a figure or a table come from: a file, and the stage that makes it."""
+    """File with the numbers of a figure or a table, and the stage that makes it."""
 
     path: str
     stage: str
@@ -68,25 +65,23 @@ class Document:
 
     template: str  # its file in `package`
     package: str  # of the testbed's page, e.g. `structlearn.testbeds.obstacles.page`
-    stage: str = ""  # that draws it; pages without figures and tables of their own need none
-    facts: Mapping[str, object] = field(default_factory=dict)  # what its sentences name
-    tables: Mapping[str, Table] = field(default_factory=dict)  # by name
+    stage: str = ""  # that makes its figures and tables
+    facts: Mapping[str, object] = field(default_factory=dict)  # that its sentences name
+    tables: Mapping[str, Table] = field(default_factory=dict)
     judged: Sequence[Judged] = ()  # claims with their verdicts
-    # by name, for `source=` of figures and tables
-    sources: Mapping[str, Source] = field(default_factory=dict)
-    # by their key in `params.yaml`; listed in the end
-    parameters: Mapping[str, Parameters] = field(default_factory=dict)
+    sources: Mapping[str, Source] = field(default_factory=dict)  # for `source=` of figures and tables
+    parameters: Mapping[str, Parameters] = field(default_factory=dict)  # by key in `params.yaml`
     recordings: str = ""  # folder of the .rrd files, relative to the page
-    simulated: bool = False  # whether what it shows was simulated; it is labelled so
-    recorded: Sequence[OnRecordings] = ()  # which of its statements were tested on recorded data too
-    basis: str = ""  # what the verdicts rest on beside the pipeline, a sentence
+    simulated: bool = False  # whether it is labelled as simulated
+    recorded: Sequence[OnRecordings] = ()  # its statements that were tested on recorded data too
+    basis: str = ""  # a sentence on the provenance of verdicts from studies
     root: str = ".."  # folder of the front page, relative to this one
     command: str = ""  # that makes it; default `dvc repro STAGE`
 
 
 @dataclass(frozen=True)
 class Made:
-    """From what and how a page was made, as its footer says."""
+    """Provenance of a page, for its footer."""
 
     commit: str
     date: str = ""  # of the youngest data, `2026-11-23`
@@ -94,10 +89,9 @@ class Made:
 
 
 class Scribe:
-    """Functions that a template may call, for one page.
+    """Functions that the template of a page may call; unknown figures, tables and sources are errors.
 
-    `section` and `fold` take their content as a call block; a caption may be one too. Headings, figures and
-    tables get anchors; what is asked for and does not exist is an error.
+    `section` and `fold` take their content as a call block; a caption may be one too.
     """
 
     def __init__(self, document: Document, figures: Mapping[str, Sequence[Panel]]) -> None:
@@ -123,14 +117,10 @@ class Scribe:
         source: str = "",
         caller: Callable[[], Markup] | None = None,
     ) -> Markup:
-        """A figure of one or more panels, which stand beside each other where there is room.
-
-        `source`: name of one of the document's sources, or names with spaces between them.
-        """
+        """A figure of one or more panels; `source`: names of the document's sources, with spaces between."""
         caption = caller() if caller is not None else caption
-        return self._parts.figure(
-            name, self._figures[name], caption, alt, self._sources(source), self._document.stage
-        )
+        panels, sources = self._figures[name], self._sources(source)
+        return self._parts.figure(name, panels, caption, alt, sources, self._document.stage)
 
     def table(
         self,
@@ -146,26 +136,26 @@ class Scribe:
         return self._parts.table(name, shown, caption, self._sources(source), self._document.stage, folded)
 
     def verdicts(self) -> Markup:
-        """The table of verdicts, with its counts above; by sets of data where there are several."""
+        """The table of verdicts below their counts; by sets of data if there are several."""
         judged = self._document.judged
         counts = {by: verdict_counts(judged, by) for by in ("text", "ours")}
         several = any(one.heading for one in judged)
         return (self._parts.verdicts_by_set if several else self._parts.verdicts)(judged, counts, VERDICTS)
 
     def on_recordings(self) -> Markup:
-        """The table of statements that were tested on recorded data too."""
+        """The table of statements that were also tested on recorded data."""
         return self._parts.on_recordings(self._document.recorded)
 
     def recording(self, name: str, note: str) -> Markup:
-        """A link to a recording, with what it shows."""
+        """A link to a recording, with a note on what it shows."""
         return self._parts.recording(f"{self._document.recordings}/{name}.rrd", name, note)
 
     def parameters(self) -> Markup:
-        """The parameters that the page's results were made with."""
+        """The table of parameters of the page's results."""
         return self._parts.rows(parameter_table(self._document.parameters))
 
     def footer(self) -> Markup:
-        """Links to the other pages, and from what this one was made."""
+        """Links to the other pages, and the provenance of this one."""
         document = self._document
         paths = [Path(source.path) for source in document.sources.values()]
         command = document.command or (f"dvc repro {document.stage}" if document.stage else "")
@@ -176,26 +166,22 @@ class Scribe:
 
 
 def render(document: Document, figures: Mapping[str, Sequence[Panel]]) -> str:
-    """The page as HTML.
+    """The page as HTML, rendered twice since the list of contents comes before the sections.
 
-    The template is rendered twice: the list of contents stands before the sections that are in it.
-
-    Raises:
-        jinja2.UndefinedError: the template names a value that is not there.
-        KeyError: it names a figure, table or source that is not there.
+    Raises jinja2.UndefinedError or KeyError: the template names a value, figure, table or source that is
+    missing.
     """
     template = environment(document.package).get_template(document.template)
     scribe = Scribe(document, figures)
     given = {name: getattr(scribe, name) for name in dir(Scribe) if not name.startswith("_")}
     given |= {"document": document, **document.facts}
     template.render(given, contents=[])
-    contents = scribe.contents.copy()
-    return template.render(given, contents=contents)
+    return template.render(given, contents=scribe.contents.copy())
 
 
 @lru_cache
 def environment(package: str) -> Environment:
-    """Templates of a testbed's page and of this kit; everything is escaped, nothing may be undefined."""
+    """Templates of a page's package and of this one; everything is escaped, undefined names are errors."""
     made = Environment(
         loader=ChoiceLoader([PackageLoader(package, ""), PackageLoader("structlearn.reporting")]),
         autoescape=True,
@@ -215,31 +201,24 @@ def environment(package: str) -> Environment:
 
 
 def date_of(paths: Iterable[Path]) -> str:
-    """Day on which the youngest of the files was written, `2026-11-23`; empty if there is none."""
-    times = [
-        file.stat().st_mtime
-        for path in paths
-        for file in (path.rglob("*") if path.is_dir() else [path])
-        if file.is_file()
-    ]
+    """Date of the youngest of files and folders, `2026-11-23`; empty if there is none."""
+    files = [file for path in paths for file in (path.rglob("*") if path.is_dir() else [path])]
+    times = [file.stat().st_mtime for file in files if file.is_file()]
     return f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d}" if times else ""
 
 
 def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(".")) -> str:
-    """`b9b799a`, or `b9b799a+changes` where folders are not as committed; DVC's locks do not count.
+    """`b9b799a`, or `b9b799a+changes` if folders differ from it apart from DVC's locks.
 
-    `UNKNOWN_COMMIT` where the project was unpacked from an archive, or git is missing.
+    `UNKNOWN_COMMIT` without a repository of the project or without git.
     """
 
     def git(*arguments: str) -> str | None:
-        """Output of git; None if it fails."""
+        command = ["git", "-C", str(root), *arguments]
         try:
-            done = subprocess.run(
-                ["git", "-C", root, *arguments], capture_output=True, text=True, check=False
-            )
-        except OSError:
+            return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+        except (OSError, subprocess.CalledProcessError):
             return None
-        return done.stdout.strip() if done.returncode == 0 else None
 
     commit = git("rev-parse", "--short", "HEAD")
     if not commit or git("rev-parse", "--show-prefix") != "":  # of another project around this one
@@ -249,13 +228,13 @@ def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(
 
 
 def anchor(heading: str) -> str:
-    """Name of a heading in the page's address: letters and digits, dashes between words."""
+    """Anchor of a heading: letters and digits, dashes between words."""
     words = "".join(letter if letter.isalnum() else " " for letter in heading.lower())
     return "-".join(words.split())
 
 
 def words_in_view(page: str) -> int:
-    """Words of a page that a reader sees before opening a fold."""
+    """Number of words on a page outside folds."""
     for hidden in ("style", "script", "head"):
         page = re.sub(rf"<{hidden}\b.*?</{hidden}>", " ", page, flags=re.DOTALL)
     innermost = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.DOTALL)
@@ -265,31 +244,31 @@ def words_in_view(page: str) -> int:
 
 
 def is_numeric(column: pd.Series) -> bool:
-    """Whether a column is set flush right."""
+    """Whether a column is right-aligned."""
     return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
 
 
 def cell(value: object, number_format: str = "") -> str:
-    """Text of a table's cell: yes or no, a number with a true minus sign, a dash where there is nothing."""
+    """Text of a table's cell: yes or no, a number with a true minus sign, a dash if missing."""
     if value is None or (isinstance(value, float | np.floating) and not np.isfinite(value)):
         return MISSING
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
-    if isinstance(value, int | float | np.number):
-        if isinstance(value, float | np.floating):
-            number_format = number_format or ".6g"  # digits beyond depend on the processor
-        return format(value, number_format).replace("-", "\N{MINUS SIGN}")
-    return str(value)
+    if isinstance(value, float | np.floating):
+        number_format = number_format or ".6g"  # further digits depend on the processor
+    elif not isinstance(value, int | np.number):
+        return str(value)
+    return format(value, number_format).replace("-", "\N{MINUS SIGN}")
 
 
 def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:
-    """One row per parameter of every key of `params.yaml`, named as for `dvc exp run --temp -S`."""
+    """One row per parameter, named as for `dvc exp run --temp -S`, given models by key of `params.yaml`."""
     rows = [row for key, model in parameters.items() for row in _rows(key, model.model_dump(mode="json"))]
     return pd.DataFrame(rows, columns=["parameter", "value"])
 
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, str]]:
-    """Dotted name and value of every leaf; lists of plain values are one leaf, as are named entries."""
+    """Dotted name and value of every leaf; lists of plain values and entries of lists are one leaf."""
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from _rows(f"{key}.{name}", inner)

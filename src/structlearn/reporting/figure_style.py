@@ -1,11 +1,11 @@
-"""Style of all figures, and how they become files.
+"""Style of all figures, and their files.
 
 Figures are made without pyplot: no global state, no window. Lines become SVG, with letters as paths so that
-they look the same everywhere; what has very many points becomes PNG (`Raster`), as do pictures of simulated
-scenes. The files carry no version and no date, so the same data give the same bytes.
+they look the same everywhere; figures with very many points (`Raster`) and pictures of simulated scenes
+become PNG. The files carry no version and no date, so the same data give the same bytes.
 
-A figure of several panels is best several figures of `PANEL_WIDTH`: the page sets them side by side where
-there is room, and below each other on a phone, where their letters stay readable.
+Draw several panels as several figures of `PANEL_WIDTH`: the page sets them side by side if there is room, and
+below each other on a phone, where their letters stay readable.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,9 +31,8 @@ WIDTH = 9.4  # inches of a figure as wide as the page; all have it, so that lett
 PANEL_WIDTH = 4.7  # inches of a panel, two of which stand beside each other on a wide page
 
 DPI = 150
-COLOURS = 256  # colours of a file; more than a line plot needs, and a third of the bytes of true colour
-
-EDGE = "#868e97"  # of axes and their ticks: three times as bright or dark as the ground
+COLOURS = 256  # of a PNG file, with a third of the bytes of true colour
+EDGE = "#868e97"  # of axes and their ticks: contrast 3:1
 
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
@@ -81,7 +80,7 @@ Drawn = TypeVar("Drawn")
 
 @contextmanager
 def style():
-    """Matplotlib's defaults, whatever the user's own settings, with the project's style."""
+    """The project's style on Matplotlib's defaults, without the user's settings."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
@@ -89,7 +88,7 @@ def style():
 
 
 def styled(plot: Callable[Arguments, Drawn]) -> Callable[Arguments, Drawn]:
-    """Decorator of functions that make figures: they run in the project's style."""
+    """Decorator of functions that make figures in the project's style."""
 
     @wraps(plot)
     def in_style(*arguments: Arguments.args, **options: Arguments.kwargs) -> Drawn:
@@ -101,12 +100,12 @@ def styled(plot: Callable[Arguments, Drawn]) -> Callable[Arguments, Drawn]:
 
 @dataclass(frozen=True)
 class Raster:
-    """A figure that is better a picture of points (PNG) than of lines (SVG): its file would be large."""
+    """A figure that is saved as PNG, since it has too many points for SVG."""
 
     figure: Figure
 
 
-Drawing = Figure | Raster | np.ndarray  # what becomes one file; an array is a picture (H, W, 3) of bytes
+Drawing = Figure | Raster | np.ndarray  # one file; an array is a picture (H, W, 3) of bytes
 
 
 def canvas(height: float, width: float = WIDTH) -> Figure:
@@ -115,44 +114,35 @@ def canvas(height: float, width: float = WIDTH) -> Figure:
 
 
 def save(drawing: Drawing, path: Path) -> tuple[Path, tuple[int, int]]:
-    """Write a drawing as SVG or PNG, whatever suits it, without metadata.
-
-    Returns path with the ending, and width and height in pixels of the page.
-    """
+    """Write a drawing as SVG or PNG; returns its path, and width and height in pixels of the page."""
     if isinstance(drawing, Figure):
         path = path.with_name(f"{path.name}.svg")
         with style():
             drawing.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
         return path, (round(96 * drawing.get_figwidth()), round(96 * drawing.get_figheight()))
     path = path.with_name(f"{path.name}.png")
-    picture = Image.fromarray(_pixels(drawing.figure) if isinstance(drawing, Raster) else drawing)
+    if isinstance(drawing, Raster):
+        with style():
+            agg = FigureCanvasAgg(drawing.figure)
+            agg.draw()
+        drawing = np.asarray(agg.buffer_rgba())[..., :3]
+    picture = Image.fromarray(drawing)
     indexed = picture.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     indexed.save(path, format="PNG", optimize=True)
     return path, picture.size
 
 
-def _pixels(figure: Figure) -> np.ndarray:
-    """(H, W, 3) bytes."""
-    with style():
-        agg = FigureCanvasAgg(figure)
-        agg.draw()
-    return np.asarray(agg.buffer_rgba())[..., :3]
-
-
 def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
-    """One legend for a whole figure, in a line above it, of what is labelled in one of its axes."""
+    """One legend above a whole figure, of the labels in one of its axes."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=columns, columnspacing=1.6)
 
 
 def finish_space(space: Axes3D, above: Axes, points: np.ndarray) -> None:
-    """Labels, views and limits of both panels for points (N, 3) in mm.
-
-    In the 3-D panel a millimetre is the same on all axes; a flat axis is widened so that its labels fit.
-    """
+    """Labels, views and limits of both panels for points (N, 3) in mm; the 3-D panel has equal scales."""
     low, high = points.min(axis=0), points.max(axis=0)
     longest = (high - low).max()
-    half = np.maximum(0.54 * (high - low), 0.25 * longest)
+    half = np.maximum(0.54 * (high - low), 0.25 * longest)  # a flat axis is widened so that its labels fit
     middle = 0.5 * (low + high)
     low, high = middle - half, middle + half
     space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
@@ -168,11 +158,11 @@ def finish_space(space: Axes3D, above: Axes, points: np.ndarray) -> None:
 
 
 HEIGHT = 3.1  # inches of a panel
-SAMPLES = 60  # of a curve among a hundred; no eye sees more
+SAMPLES = 60  # of a curve among a hundred
 
 
 def panel(title: str, height: float = HEIGHT, **labels: object) -> tuple[Figure, Axes]:
-    """An empty panel with what `Axes.set` takes; height in inches."""
+    """An empty panel with options of `Axes.set`; height in inches."""
     figure = canvas(height, PANEL_WIDTH)
     axes = figure.subplots()
     axes.set(**labels)
@@ -181,14 +171,14 @@ def panel(title: str, height: float = HEIGHT, **labels: object) -> tuple[Figure,
 
 
 def legend(figure: Figure, columns: int = 2) -> Figure:
-    """The same figure, with a legend above its panel."""
+    """The figure with a legend above its panel."""
     figure.legend(loc="outside upper left", ncols=columns, columnspacing=1.2)
     return figure
 
 
 @styled
 def map_panels(lies: pd.DataFrame, titles: Sequence[str], height: float, margin_mm: float) -> list[Raster]:
-    """Places of touches on a skin (`x_m`, `y_m`), and where they lie in its map (`map_x_m`, `map_y_m`)."""
+    """Places of touches on a skin (`x_m`, `y_m`) and in its learned map (`map_x_m`, `map_y_m`)."""
     places, mapped = (1e3 * lies[columns].to_numpy() for columns in (["x_m", "y_m"], ["map_x_m", "map_y_m"]))
     colours, middle = place_colours(places) / 255.0, 0.5 * (places.min(axis=0) + places.max(axis=0))
     half = 0.5 * np.ptp(places, axis=0).max() + margin_mm

@@ -1,6 +1,6 @@
 """Findings: every number that a page states, once, with its interval, n and population.
 
-A report computes its findings before it draws anything:
+A report computes its findings before it draws figures:
 
     find = Findings("20 simulated people")
     find.mean("cost_ratio", {"10 degrees": ratios}, headline=True)   # a row per case
@@ -45,10 +45,10 @@ def _finder(make: Callable[..., Evidence]) -> Callable[..., Found]:
 
 
 class Findings(Mapping[str, Found]):
-    """Rows of a page by name; what was found is one number, or one by case."""
+    """Rows of a page by name: one number each, or one by case."""
 
     def __init__(self, population: str = "", study: str = "") -> None:
-        """`population`: what n counts, in words; `study`: that the numbers are quoted from."""
+        """`population`: what n counts, in words; `study`: source of the numbers, if they are quoted."""
         self._rows: dict[str, _Row] = {}
         self._population, self._study = population, study
 
@@ -61,38 +61,37 @@ class Findings(Mapping[str, Found]):
     def add(
         self, name: str, found: Found, *, unit: str = "", headline: bool | Collection[str] = False
     ) -> Found:
-        """Add a row for what was computed elsewhere; `headline`: for `metrics.json`, all or some cases.
+        """Add a row with its evidence; `headline`: all or some cases go to `metrics.json`.
 
-        Raises ValueError: there is such a row already.
+        Raises ValueError: there is a row of that name.
         """
         if name in self._rows:
             raise ValueError(f"two findings are called {name}")
-        if isinstance(found, Evidence):
-            found = replace(found, study=self._study) if self._study else found
+        if self._study and isinstance(found, Evidence):
+            found = replace(found, study=self._study)
         elif self._study:
-            found = {case: replace(one, study=self._study) for case, one in found.items()}
+            found = {case: replace(one, study=self._study) for case, one in _cases(found)}
         self._rows[name] = _Row(found, unit, self._population, headline)
         return found
 
     def include(self, other: "Findings") -> None:
-        """Add all rows of another table; a ValueError where one has the name of a row."""
+        """Add all rows of another table; a ValueError if names collide."""
         if twice := set(self._rows) & set(other._rows):
             raise ValueError(f"two findings are called {', '.join(sorted(twice))}")
         self._rows |= other._rows
 
     def mark(self, headlines: Mapping[str, bool | Collection[str]]) -> None:
-        """Make headlines of rows by name, all or some of their cases; unknown names are left out."""
+        """Mark rows as headlines by name, all or some of their cases; unknown names are ignored."""
         for name in headlines.keys() & self._rows.keys():
             self._rows[name] = replace(self._rows[name], headline=headlines[name])
 
     def by(
         self, make: Callable[..., Evidence], name: str, *given: Any, missing: str = "", **row: Any
     ) -> Found:
-        """Add a row by a constructor of evidence, from what it takes or a mapping of that by case.
+        """Add a row by a constructor of evidence, from its arguments or a mapping of these by case.
 
-        Intervals of several cases are widened so that all of them together cover with 95 %. What has
-        no samples, or None for them, is not tested, for the reason `missing`, and widens nothing. `row`: see
-        `add`.
+        Intervals of several cases are widened so that all of them together cover with 95 %. A case without
+        samples, or with None, is not tested, for the reason `missing`, and widens nothing. `row`: see `add`.
         """
         lacking = unknown(missing) if missing else UNKNOWN
         if not isinstance(given[0], Mapping):
@@ -104,7 +103,7 @@ class Findings(Mapping[str, Found]):
         return self.add(name, found, **row)
 
     def unknown(self, name: str, reason: str = "") -> Found:
-        """A row of what could not be found, and why."""
+        """Add a row without a number, and the reason why there is none."""
         return self.add(name, unknown(reason))
 
     exact = _finder(claims.exact)
@@ -137,15 +136,12 @@ class Findings(Mapping[str, Found]):
         return pd.DataFrame(rows, columns=COLUMNS).astype({"headline": bool})  # also without rows
 
     def numbers(self) -> Metrics:
-        """What sentences name, see `values_by_key`."""
-        rows = (
-            (name, case, one.value) for name, row in self._rows.items() for case, one in _cases(row.found)
-        )
-        return _by_key(rows)
+        """Numbers that sentences name, see `values_by_key`."""
+        return values_by_key(self.table())
 
     @classmethod
     def of_metrics(cls, metrics: Metrics, headlines: tuple[str, ...] = ()) -> "Findings":
-        """Of numbers without intervals; what is no number is left out, what is None was not found."""
+        """Findings from numbers without intervals; texts are left out, None is not tested."""
         find = cls()
         for name, value in metrics.items():
             if value is None:
@@ -162,15 +158,11 @@ def _there(samples: tuple[Any, ...]) -> bool:
 def values_by_key(table: pd.DataFrame) -> Metrics:
     """Values of a table of findings by `name` or, with cases, by `name_case`; unknown ones are left out.
 
-    Whole numbers come as integers, so that a sentence says `3 robots`.
+    Whole numbers become integers, so that a sentence says `3 robots`.
     """
-    return _by_key(table[["name", "case", "value"]].itertuples(index=False))
-
-
-def _by_key(rows: Iterable[tuple[str, str, float]]) -> Metrics:
     return {
         f"{name}_{case}" if case else name: int(value) if value == round(value) else float(value)
-        for name, case, value in rows
+        for name, case, value in table[["name", "case", "value"]].itertuples(index=False)
         if math.isfinite(value)
     }
 
@@ -180,9 +172,6 @@ def _cases(found: Found) -> Iterable[tuple[str, Evidence]]:
 
 
 def read_findings(path: Path | Any) -> pd.DataFrame:
-    """Read `findings.csv`, from its path or an open file.
-
-    Raises InputError: the file is missing or no table.
-    """
+    """Read `findings.csv`, from its path or an open file; an InputError if it is missing or no table."""
     texts = dict.fromkeys(("name", "case", "unit", "population", "study", "reason"), "")
     return read_csv(path, dtype=dict.fromkeys(texts, str)).fillna(texts)

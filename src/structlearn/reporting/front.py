@@ -1,7 +1,7 @@
 """The front page: a loop, the pipeline, a table of findings and a card per testbed.
 
-Its words stand in a YAML file, `FrontPage`. A number comes from `claims.csv` of a testbed's report: an entry
-names the claim, and its words name the cases, `{Turn}`, or `{value}` where there are none.
+Its words are in a YAML file, `FrontPage`. Numbers come from `claims.csv` of a testbed's report: an entry
+names the claim, and its words name the cases, `{Turn}`, or `{value}` if there are none.
 """
 
 from collections.abc import Mapping
@@ -16,17 +16,17 @@ from structlearn.reporting.claims import NOT_TESTED, VERDICTS, combined
 from structlearn.reporting.document import Made, environment
 
 RECORDED = "recorded"
-"""Folder of the report on recorded data; its claims are in `claims.QUOTED` for a machine without these."""
+"""Folder of the report on recorded data; its claims are in `claims.QUOTED` for a machine without the data."""
 
 
 class Row(Parameters):
-    """A claim of a report, and what it says in words."""
+    """A claim of a report, and its numbers in words."""
 
     report: str  # folder of the report
     claim: str  # its name, `evidence` in the report's claims
-    words: str  # a template of one case's numbers each, without their intervals
-    set: str = ""  # of recorded data, where several have a claim of that name
-    cases: tuple[str, ...] = ()  # those meant; all where none is named
+    words: str  # a template that names numbers by case, without their intervals
+    set: str = ""  # of recorded data, if several have a claim of that name
+    cases: tuple[str, ...] = ()  # all if empty
 
 
 class Finding(Parameters):
@@ -39,15 +39,15 @@ class Finding(Parameters):
 
 
 class Card(Parameters):
-    """What the front page says about one testbed."""
+    """A testbed on the front page."""
 
     title: str
     sentence: str
     section: str  # of the dissertation
     picture: str  # path relative to its report
-    alt: str  # what a reader hears who cannot see the picture
-    simulated: str  # what of it is simulated, in words behind that word
-    tiles: tuple[Row, ...]  # one number each, which `|` ends
+    alt: str  # description of the picture
+    simulated: str  # what is simulated
+    tiles: tuple[Row, ...]  # one number each, up to `|`
     pages: Mapping[str, str] = {}  # further pages of it, title by file name
 
 
@@ -61,7 +61,7 @@ class Step(Parameters):
 
 
 class FrontPage(Parameters):
-    """The file of the front page's words."""
+    """The file with the front page's words."""
 
     steps: tuple[Step, ...]
     findings: tuple[Finding, ...]
@@ -76,27 +76,22 @@ def read_front_page(path: Path) -> FrontPage:
 def render_front(
     page: FrontPage, claims: Mapping[str, pd.DataFrame], tasks: Mapping[str, str], made: Made
 ) -> str:
-    """The front page as HTML.
+    """The front page as HTML; an InputError if a report has no claim or case that the page names.
 
-    `claims`: `claims_table` by report; `tasks`: pages of single tasks by name. Raises InputError: a report
-    has no claim or case that the page names.
+    `claims`: `claims_table` by report; `tasks`: pages of single tasks by name.
     """
     counts = {report: _counts(table) for report, table in claims.items()}
-    return (
-        environment("structlearn.reporting")
-        .get_template("front.html.jinja")
-        .render(
-            page=page,
-            findings=[(one, *_told(one, claims)) for one in page.findings],
-            tiles={
-                name: [in_words(tile, claims) for tile in card.tiles] for name, card in page.cards.items()
-            },
-            counts=counts,
-            totals={word: sum(its[word] for its in counts.values()) for word in VERDICTS},
-            vocabulary=VERDICTS,
-            tasks=tasks,
-            made=made,
-        )
+    tiles = {name: [in_words(tile, claims) for tile in card.tiles] for name, card in page.cards.items()}
+    template = environment("structlearn.reporting").get_template("front.html.jinja")
+    return template.render(
+        page=page,
+        findings=[(one, *_told(one, claims)) for one in page.findings],
+        tiles=tiles,
+        counts=counts,
+        totals={word: sum(its[word] for its in counts.values()) for word in VERDICTS},
+        vocabulary=VERDICTS,
+        tasks=tasks,
+        made=made,
     )
 
 
@@ -110,15 +105,12 @@ def findings_table(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> str:
 
 
 def _told(one: Finding, claims: Mapping[str, pd.DataFrame]) -> list[tuple[str, str]]:
-    """Words and verdict, simulated and recorded; empty where there is none."""
+    """Words and verdict, simulated and recorded; empty if there is none."""
     return [in_words(row, claims) if row else ("", "") for row in (one.simulated, one.recorded)]
 
 
 def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
-    """What a row says with its numbers, and its verdict over the cases meant.
-
-    Raises InputError: the report has no such claim or case.
-    """
+    """A row's words with numbers, and its verdict; an InputError if the report has no such claim or case."""
     table = claims[row.report]
     where = f"{row.report}: claim {row.claim}{f' of {row.set}' if row.set else ''}"
     found = table[table["evidence"] == row.claim]
@@ -143,21 +135,16 @@ def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
 
 
 def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
-    """The claims of a report, as `claims.csv` in a folder has them.
-
-    Raises InputError: the file is missing, or older than its names of claims.
-    """
-    table = read_csv(folder / "claims.csv", keep_default_na=False)
+    """`claims.csv` of a report in a folder; an InputError if it is missing or lacks the names of claims."""
+    path = folder / "claims.csv"
+    table = read_csv(path, keep_default_na=False)
     if "evidence" not in table:
-        raise InputError(
-            f"{folder / 'claims.csv'}: has no names of claims; make the report of {report} again"
-        )
+        raise InputError(f"{path}: has no names of claims; make the report of {report} again")
     return table
 
 
 def _counts(table: pd.DataFrame) -> dict[str, int]:
-    """How many statements of the dissertation have each verdict."""
-    its = table[table["by"] == "text"].drop_duplicates(
-        [name for name in ("set", "evidence") if name in table]
-    )
+    """Number of statements of the dissertation with each verdict."""
+    its = table[table["by"] == "text"]
+    its = its.drop_duplicates([name for name in ("set", "evidence") if name in table])
     return {word: int((its["verdict_of_all"] == word).sum()) for word in VERDICTS}

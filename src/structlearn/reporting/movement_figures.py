@@ -33,12 +33,9 @@ from structlearn.segmentation.parameters import AXES, PrimitiveParameters
 from structlearn.segmentation.segments import Segmentation
 
 SPEED_CUTOFF_HZ = 5.0  # low-pass of the speeds that are drawn; differences of raw positions are mostly noise
-
-
 PAIRS_SHOWN = 16
 TOP_PAIRS = 8
-APART = 0.03
-"""Top pairs are this fraction of the reference segment apart: neighbouring samples have the same weight."""
+APART = 0.03  # least distance of top pairs as a fraction of the reference segment
 
 
 def speed(demonstration: Demonstration) -> np.ndarray:
@@ -50,7 +47,7 @@ def speed(demonstration: Demonstration) -> np.ndarray:
 def shade_primitives(
     panel: Axes, segments: Sequence[tuple[float, float]] | np.ndarray, names: Sequence[str] = ()
 ) -> None:
-    """Colour the time of every primitive; write their names at the top."""
+    """Shade the time of every primitive in its colour, with names at the top."""
     for place, (start, end) in enumerate(segments):
         panel.axvspan(start, end, color=primitive_colour(place), alpha=0.13, linewidth=0)
         if names:
@@ -59,7 +56,7 @@ def shade_primitives(
 
 
 def headroom(panel: Axes, share: float = 0.5) -> None:
-    """Room for a legend above what is drawn."""
+    """Extend the y axis upwards to make room for a legend."""
     low, high = panel.get_ylim()
     panel.set_ylim(low, high + share * (high - low))
 
@@ -74,11 +71,10 @@ def draw_axes(panel: Axes, time: np.ndarray, values: np.ndarray) -> None:
 
 def draw_cuts(panel: Axes, cuts: Sequence[tuple[float, float]], demonstration: Demonstration) -> None:
     """Lines at the cut points found, dotted ones at the true cut points."""
-    for cut in np.ravel(cuts):
-        panel.axvline(cut, color=BLACK, linewidth=0.9)
-    if demonstration.true_segments is not None:
-        for cut in np.unique(demonstration.true_segments):
-            panel.axvline(cut, color=BLACK, linewidth=1.2, linestyle=":")
+    true = () if demonstration.true_segments is None else np.unique(demonstration.true_segments)
+    for places, width, line in ((np.ravel(cuts), 0.9, "-"), (true, 1.2, ":")):
+        for cut in places:
+            panel.axvline(cut, color=BLACK, linewidth=width, linestyle=line)
 
 
 def fit_panel(
@@ -87,12 +83,11 @@ def fit_panel(
     """One primitive, one row per axis, over normalised time."""
     figure = canvas(4.2, PANEL_WIDTH)
     panels = figure.subplots(3, 1, sharex=True)
+    grey: dict[str, Any] = {"color": DEMONSTRATION_COLOUR, "linewidth": 0.8, "alpha": 0.7}
+    bold: dict[str, Any] = {"color": primitive_colour(place), "linewidth": 2.2}
     for axis, panel in enumerate(panels):
-        for segment in demonstrated:
-            time = np.linspace(0.0, 1.0, len(segment))
-            panel.plot(time, segment[:, axis], color=DEMONSTRATION_COLOUR, linewidth=0.8, alpha=0.7)
-        time = np.linspace(0.0, 1.0, len(unrolled))
-        panel.plot(time, unrolled[:, axis], color=primitive_colour(place), linewidth=2.2)
+        for curve, look in [*((segment, grey) for segment in demonstrated), (unrolled, bold)]:
+            panel.plot(np.linspace(0.0, 1.0, len(curve)), curve[:, axis], **look)
         panel.set_ylabel(labels[axis])
     panels[0].set_title(capitalised(name))
     panels[-1].set_xlabel("time / duration")
@@ -117,10 +112,7 @@ def space_panels(paths: Sequence[tuple[np.ndarray, Mapping[str, Any]]]) -> list[
 
 @styled
 def sequence_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
-    """Position, speed and acceleration of unrolled sequences over time, with the switches; a panel each.
-
-    `sequences`: by title, of `primitives.sequence.sequence_table`.
-    """
+    """Position, speed and acceleration of each `sequence_table` by title, with the switches."""
     figures = []
     for title, table in sequences.items():
         figures.append(canvas(4.6, PANEL_WIDTH))
@@ -132,10 +124,8 @@ def sequence_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
         panels[1].plot(time, speeds, color=BLACK)
         draw_axes(panels[2], time, table[["ax", "ay", "az"]].to_numpy())
         parts = table.groupby("primitive", sort=False)["time_s"].agg(["first", "last"])
-        for panel in panels:
-            segments = parts.itertuples(index=False, name=None)
-            shade_primitives(panel, list(segments), list(parts.index) if panel is panels[0] else ())
         for panel, label in zip(panels, ("from start (mm)", "speed (mm/s)", "accel. (m/s²)"), strict=True):
+            shade_primitives(panel, parts.to_numpy(), list(parts.index) if panel is panels[0] else ())
             panel.set_ylabel(label)
         panels[0].set_title(capitalised(title), pad=18)
         panels[-1].set(xlabel="time (s)", xlim=(time[0], time[-1]))
@@ -160,20 +150,20 @@ def top_pairs(pairs: pd.DataFrame) -> pd.DataFrame:
 def correspondence_figure(
     reference: Demonstration, guess: Demonstration, segmentation: Segmentation, primitive: PrimitiveParameters
 ) -> list[Figure]:
-    """Figure IV.14: pairs without weights, the pairs of largest weight, and the refined segments."""
+    """Figure IV.14: pairs without weights, pairs of largest weight, and refined segments."""
     chosen = segmentation.pairs["primitive"] == primitive.name
     pairs = segmentation.pairs[chosen & (segmentation.pairs["demonstration"] == guess.name)]
     some = pairs.iloc[np.linspace(0, len(pairs) - 1, min(PAIRS_SHOWN, len(pairs))).round().astype(int)]
     figures = [canvas(3.4, PANEL_WIDTH) for _ in range(3)]
     every, top, refined = (figure.subplots() for figure in figures)
-    _draw_pairs(every, reference, guess, pairs, some, primitive.axis)
+    _draw_pairs(every, (reference, guess), pairs, some, primitive.axis)
     every.set_title(f"(a) Every {len(pairs) // max(len(some) - 1, 1)}th pair, no weights")
     lines = [("reference", REFERENCE_COLOUR, 1.8), ("guess", DEMONSTRATION_COLOUR, 1.8)]
     lines += [("pair", BLUE, 0.8), ("pair, near-zero velocity", ORANGE, 0.8)]
     handles = [Line2D([], [], color=colour, linewidth=width, label=label) for label, colour, width in lines]
     every.legend(handles=handles, handlelength=1.2, fontsize=7.5)
     best = top_pairs(pairs)
-    _draw_pairs(top, reference, guess, pairs, best, primitive.axis)
+    _draw_pairs(top, (reference, guess), pairs, best, primitive.axis)
     top.set_title(f"(b) {len(best)} pairs of largest weight")
     curves = {}
     for method in ("ls", "wls_text", "wls"):
@@ -195,31 +185,32 @@ def correspondence_figure(
 
 def _draw_pairs(
     panel: Axes,
-    reference: Demonstration,
-    guess: Demonstration,
+    demonstrations: tuple[Demonstration, Demonstration],
     pairs: pd.DataFrame,
     shown: pd.DataFrame,
     axis: str,
 ) -> None:
-    """Both segments over time, the reference above the guess, with lines between corresponding samples.
+    """Segments of the reference (above) and the guess over time, with lines between some pairs.
 
     Of several axes the one along which the reference moves most is drawn.
     """
-    column = max(AXES[axis], key=lambda column: np.ptp(reference.position[:, column]))
-    ends, signals, colours = [], [], (REFERENCE_COLOUR, DEMONSTRATION_COLOUR)
-    for demonstration, times in ((reference, "reference_s"), (guess, "guess_s")):
-        inside = (demonstration.time >= pairs[times].min()) & (demonstration.time <= pairs[times].max())
-        signals.append((demonstration.time[inside], 1e3 * demonstration.position[inside, column]))
-        ends.append(np.interp(shown[times], demonstration.time, 1e3 * demonstration.position[:, column]))
-    lift = 0.75 * np.ptp(signals[0][1]) + signals[1][1].max() - signals[0][1].max()  # reference above guess
-    for (time, values), raised, colour in zip(signals, (lift, 0.0), colours, strict=True):
-        panel.plot(time - time[0], values + raised, color=colour, linewidth=1.8)
-    starts = [signals[0][0][0], signals[1][0][0]]
-    for number, row in enumerate(shown.itertuples()):
-        colour = ORANGE if row.weight == 0.0 else BLUE
-        x = row.reference_s - starts[0], row.guess_s - starts[1]
-        y = ends[0][number] + lift, ends[1][number]
-        panel.plot(x, y, color=colour, linewidth=0.8, marker="o", markersize=2.6)
+    column = max(AXES[axis], key=lambda column: np.ptp(demonstrations[0].position[:, column]))
+    segments, ends = [], []  # time and value of samples, and of the pairs' ends
+    for demonstration, times in zip(demonstrations, ("reference_s", "guess_s"), strict=True):
+        time, values = demonstration.time, 1e3 * demonstration.position[:, column]
+        inside = (time >= pairs[times].min()) & (time <= pairs[times].max())
+        start = time[inside][0]
+        segments.append((time[inside] - start, values[inside]))
+        ends.append((shown[times] - start, np.interp(shown[times], time, values)))
+    (_, above), (_, below) = segments
+    lifts = (0.75 * np.ptp(above) + below.max() - above.max(), 0.0)
+    colours = (REFERENCE_COLOUR, DEMONSTRATION_COLOUR)
+    for (time, values), lift, colour in zip(segments, lifts, colours, strict=True):
+        panel.plot(time, values + lift, color=colour, linewidth=1.8)
+    x, y = (np.stack([one[part] for one in ends], axis=1) for part in (0, 1))  # (N, 2) each
+    for place, weight in enumerate(shown["weight"]):
+        look: dict[str, Any] = {"color": ORANGE if weight == 0.0 else BLUE, "marker": "o", "markersize": 2.6}
+        panel.plot(x[place], y[place] + lifts, linewidth=0.8, **look)
     panel.set_xlabel("time in the extended segment (s)")
     panel.set_ylabel(f"{'xyz'[column]}, shifted (mm)")
 
@@ -264,10 +255,9 @@ def noise_figure(
     noise: str = "noise of the demonstrator (mm)",
     pair: str = "same person",
 ) -> list[Figure]:
-    """Cut errors over the noise, and the paired differences to the result's method; a panel each.
+    """Cut errors over the noise (`errors_by_level`), and paired differences to the result's method.
 
-    `by_level`: of `cut_errors.errors_by_level`; `comparison`: of `cut_errors.paired_comparison`; `pair`: what
-    the two errors of a difference have in common.
+    `comparison`: of `cut_errors.paired_comparison`; `pair`: what the errors of a difference share.
     """
     figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
     errors, differences = (figure.subplots() for figure in figures)
@@ -298,7 +288,7 @@ def noise_figure(
 def _draw_methods(
     panel: Axes, table: pd.DataFrame, places: dict[float, int], mean: str, half: str, methods: Sequence[str]
 ) -> None:
-    """Lines with error bars; methods stand a little beside each other so that the bars can be told apart."""
+    """Lines with error bars, shifted a little so that the bars of methods do not overlap."""
     for number, method in enumerate(methods):
         rows = table[table["method"] == method]
         x = rows["noise_mm"].map(places) + 0.07 * (number - 0.5 * (len(methods) - 1))

@@ -1,4 +1,4 @@
-"""Small turns of phrase, so that sentences come out of numbers."""
+"""Numbers and lists in words, for sentences."""
 
 import math
 from collections.abc import Iterable
@@ -18,24 +18,24 @@ def counted(number: int, thing: str) -> str:
 
 
 def interval(low: float, high: float, number_format: str = ".1f") -> str:
-    """`[0.4, 1.2]` with true minus signs; `unknown` where a single sample gives no interval."""
+    """`[0.4, 1.2]` with true minus signs; `unknown` if an end is not finite."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return "unknown"
     return f"[{low:{number_format}}, {high:{number_format}}]".replace("-", "\N{MINUS SIGN}")
 
 
 def capitalised(sentence: str) -> str:
-    """The same with a capital first letter; the rest is left as it is."""
+    """The sentence with a capital first letter."""
     return sentence[:1].upper() + sentence[1:]
 
 
 def level_name(level: float) -> str:
-    """A noise level or a setting in a key: 0.3 becomes `0p3`."""
+    """Key of a noise level or a setting: 0.3 becomes `0p3`."""
     return f"{level:g}".replace(".", "p")
 
 
 def rounded(value: float, number_format: str) -> str:
-    """With a true minus sign, and none before a zero; `unknown` where no run gave a number."""
+    """A number with a true minus sign, and none before zero; `unknown` if it is not finite."""
     if not math.isfinite(value):
         return "unknown"
     text = f"{value:{number_format}}"
@@ -48,13 +48,13 @@ def with_interval(mean: float, half_width: float, number_format: str = ".1f") ->
 
 
 def with_spread(mean: float, std: float, number_format: str = ".1f") -> str:
-    """`1.2 ± 0.4`: a mean and its std, which a single sample does not have."""
+    """`1.2 ± 0.4`: a mean and its std, if there is one."""
     text = rounded(mean, number_format)
     return f"{text} ± {std:{number_format}}" if math.isfinite(std) else text
 
 
 def percent(count: int, n: int, fewest: int = 0) -> str:
-    """`99.8 %`: with the fewest digits, or as many as it takes not to say 0 or 100 where it is neither."""
+    """`99.8 %`: with the fewest digits that do not round to 0 or 100 what is neither."""
     return next(
         text
         for digits in range(fewest, 10)

@@ -14,8 +14,7 @@ from structlearn.reporting.document import Document, Panel, Table, render
 from structlearn.reporting.figure_style import Drawing, save
 from structlearn.reporting.findings import Findings, values_by_key
 
-HEADLINES = 12
-"""Most numbers of a `metrics.json` beside the counts of verdicts: `dvc metrics show` stays readable."""
+HEADLINES = 12  # largest number of them in `metrics.json`: `dvc metrics show` stays readable
 
 
 def publish_report(
@@ -28,10 +27,9 @@ def publish_report(
 ) -> None:
     """Publish `NAME.html`, `figures/`, `tables/`, `findings.csv` and `metrics.json`.
 
-    `pages`, `drawings` and `tables` are by name, e.g. `index`; a sequence of drawings is a figure of several
-    panels, the table `claims` is added. `find`: every number that the pages state; those marked as headlines
-    stand in `metrics.json`, with the counts of verdicts; a ValueError where these are too many. `recorded`:
-    claims about recorded data, by which a page tells which statements were tested on them too.
+    A sequence of drawings is a figure of several panels; the table `claims` is added. `find`: every number
+    that the pages state; headlines go to `metrics.json`, with the counts of verdicts; a ValueError if there
+    are too many. `recorded`: claims about recorded data, for statements that were tested on them too.
     """
     found = find.table()
     if (marked := int((found["headline"] & found["value"].notna()).sum())) > HEADLINES:
@@ -59,18 +57,16 @@ def publish_report(
 
 
 def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) -> dict[str, list[Panel]]:
-    """Save all drawings, over processes, since drawing is most of what a report takes."""
-    parts: list[tuple[str, str, Drawing]] = []
-    for name, drawing in drawings.items():
-        if isinstance(drawing, Drawing):
-            parts.append((name, name, drawing))
-        else:
-            parts += [(name, f"{name}-{number}", one) for number, one in enumerate(drawing, 1)]
-    panels = parallel_map(partial(_saved, folder=folder), [part[1:] for part in parts], "figures", local=True)
-    figures: dict[str, list[Panel]] = {name: [] for name in drawings}
-    for (name, _, _), panel in zip(parts, panels, strict=True):
-        figures[name].append(panel)
-    return figures
+    """Save all drawings in processes, since drawing takes most of a report's time."""
+    files: dict[str, list[tuple[str, Drawing]]] = {
+        name: [(name, drawing)]
+        if isinstance(drawing, Drawing)
+        else [(f"{name}-{number}", one) for number, one in enumerate(drawing, 1)]
+        for name, drawing in drawings.items()
+    }
+    parts = [part for its in files.values() for part in its]
+    panels = iter(parallel_map(partial(_saved, folder=folder), parts, "figures", local=True))
+    return {name: [next(panels) for _ in its] for name, its in files.items()}
 
 
 def _saved(part: tuple[str, Drawing], folder: Path) -> Panel:

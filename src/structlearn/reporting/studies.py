@@ -1,10 +1,9 @@
-"""Studies: populations that one run of the pipeline is too short for, as tables in git that pages read.
+"""Studies: larger populations than one run of the pipeline has, as tables in git that pages read.
 
-The pipeline `stages/studies/dvc.yaml` makes them cell by cell: a cell is some people or robots, with whose
-seeds the stages of a testbed run anew (`structlearn.reporting.study_cells`). Here is what pages need:
-`reports/studies/<study>` holds the tables of all cells and `study.json`, which says with which parameters
-they were made, and each cell by which commit. With other parameters, what was found says nothing of what a
-page shows, so the study is as good as not run.
+The pipeline `stages/studies/dvc.yaml` makes them cell by cell: for the people or robots of a cell the stages
+of a testbed run with other seeds (`structlearn.reporting.study_cells`). This module holds what pages need:
+`reports/studies/<study>` has the tables of all cells and `study.json`, their parameters and each cell's
+commit. A study with other parameters than the page's counts as not run.
 """
 
 import hashlib
@@ -23,22 +22,19 @@ from structlearn.core.params import Parameters, checked, read_values
 from structlearn.reporting.prose import counted, listing
 
 RESULTS = Path("reports/studies")
-OURS = "ours"
-"""The variant of a study with the parameters of the pipeline."""
-
-KEYS = ["variant", "cell"]
-"""First columns of a study's tables."""
+OURS = "ours"  # the variant with the parameters of the pipeline
+KEYS = ["variant", "cell"]  # first columns of a study's tables
 
 
 class Origin(Parameters):
-    """Whose code made a cell, and where."""
+    """Commit and processor that made a cell."""
 
     commit: str
-    processor: str  # empty where that was not kept
+    processor: str  # empty if unknown
 
 
 class Check(Parameters):
-    """What came of running one cell again."""
+    """Result of running one cell again."""
 
     cell: str
     commit: str  # of the code that ran it
@@ -49,10 +45,10 @@ class Check(Parameters):
 
 
 class Made(Parameters):
-    """How a study was made, as `study.json` holds it."""
+    """Provenance of a study, the content of `study.json`."""
 
     parameters: dict[str, str]  # digests by key of `params.yaml`, see `digests`
-    seeds: list[str]  # parameters that cells have values of their own for, which no digest counts
+    seeds: list[str]  # parameters that differ between cells, which digests leave out
     cells: dict[str, Origin]
     check: Check | None  # None before a cell was run again
 
@@ -62,15 +58,15 @@ class Study:
     """Results of a study."""
 
     tables: Mapping[str, pd.DataFrame]  # by name, each with the columns `KEYS` first
-    made: Made | None = None  # how; None in tests
+    made: Made | None = None  # None in tests
 
     @property
     def table(self) -> pd.DataFrame:
-        """Numbers of people, a row for each variant and cell, of a study that gathers `findings.csv`."""
+        """Findings, a row for each variant and cell, of a study that gathers `findings.csv`."""
         return self.tables["findings"]
 
     def values(self, variant: str, key: str) -> np.ndarray:
-        """One number of a variant, (N,) by cell, in order: values of two variants are pairs."""
+        """One number of a variant, (N,) by cell; the order of cells is the same for all variants."""
         return self.table[key].to_numpy(float)[self._rows.get(variant, [])]
 
     @cached_property
@@ -82,45 +78,35 @@ class Study:
 class People:
     """One number per person, of a study that ran all of a testbed for each: by the keys of its findings."""
 
-    study: Study | None  # None where it was not run with these parameters
+    study: Study | None  # None if it was not run with these parameters
     variant: str
 
     def numbers(self, key: str) -> np.ndarray | None:
-        """(P,) of one key; None where it is not known."""
+        """(P,) of one key; None if unknown."""
         return self.study.values(self.variant, key) if self.study and key in self.study.table else None
 
     @property
     def count(self) -> int:
-        """Number of people; 0 where the study was not run."""
+        """Number of people; 0 if the study was not run."""
         return len(self.study.values(self.variant, "cell")) if self.study else 0
 
 
 def digests(values: Mapping[str, Any], keys: Sequence[str], seeds: Sequence[str]) -> dict[str, str]:
-    """A digest of each key's value without the seeds, `absent` where there is none.
+    """Digest of each key's value without the seeds, `absent` if there is none; order does not matter."""
 
-    The order within mappings is no matter.
-    """
-    found = {}
-    for key in keys:
-        text = json.dumps(_without(values[key], key, set(seeds)), sort_keys=True) if key in values else ""
-        found[key] = hashlib.md5(text.encode()).hexdigest() if text else "absent"
-    return found
+    def kept(value: Any, key: str) -> Any:
+        if key in seeds:
+            return None
+        if isinstance(value, Mapping):
+            return {name: kept(one, f"{key}.{name}") for name, one in value.items()}
+        return value
 
-
-def _without(value: Any, key: str, seeds: set[str]) -> Any:
-    """A value of parameters, with None for those whose dotted key is one of `seeds`."""
-    if key in seeds:
-        return None
-    if isinstance(value, Mapping):
-        return {name: _without(one, f"{key}.{name}", seeds) for name, one in value.items()}
-    return value
+    texts = {key: json.dumps(kept(values[key], key), sort_keys=True) for key in keys if key in values}
+    return {key: hashlib.md5(texts[key].encode()).hexdigest() if key in texts else "absent" for key in keys}
 
 
 def stored_study(folder: Path) -> Study:
-    """A study as it was written, with whatever parameters.
-
-    Raises InputError: a file is missing or damaged, or does not say by which commit it was made.
-    """
+    """A study whatever its parameters; an InputError if a file is missing, damaged or lacks its commit."""
     path = folder / "study.json"
     made = checked(read_metrics(path), Made, path, "study")
     texts = dict.fromkeys(KEYS, str)
@@ -128,7 +114,7 @@ def stored_study(folder: Path) -> Study:
 
 
 def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("params.yaml")) -> Study | None:
-    """Results of a study; None where it was not run, or with parameters of other values than in this file."""
+    """Results of a study; None if it was not run, or with other parameters than in this file."""
     if not Path(folder, name, "study.json").exists():
         return None
     study = stored_study(Path(folder, name))
@@ -138,10 +124,7 @@ def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("param
 
 
 def extended(own: pd.DataFrame, study: Study | None, name: str, key: str = "seed") -> pd.DataFrame:
-    """A table of this run, and below it the rows of those whom only a study has.
-
-    `key`: the column of seeds, by which rows are told apart. Returns columns and types of `own`.
-    """
+    """A table of this run, and below it the rows of a study with other seeds (column `key`), same types."""
     if study is None:
         return own
     more = study.tables[name]
@@ -159,9 +142,12 @@ def provenance(study: Study) -> str:
     by_commit: dict[str, list[str]] = {}
     for cell, origin in made.cells.items():
         by_commit.setdefault(origin.commit, []).append(cell)
-    words = "made by commit " + listing(
-        commit if len(by_commit) == 1 else f"{commit} ({counted(len(cells), 'cell')}: {_range(cells)})"
+    parts = {
+        commit: f" ({counted(len(cells), 'cell')}: {' to '.join(dict.fromkeys((cells[0], cells[-1])))})"
         for commit, cells in by_commit.items()
+    }
+    words = "made by commit " + listing(
+        commit + part if len(parts) > 1 else commit for commit, part in parts.items()
     )
     again = made.check
     if again is None:
@@ -172,13 +158,6 @@ def provenance(study: Study) -> str:
     return f"{words}; cell {again.cell} run again by {again.commit}: {again.compared} numbers, {outcome}"
 
 
-def _range(cells: Sequence[str]) -> str:
-    return cells[0] if len(cells) == 1 else f"{cells[0]} to {cells[-1]}"
-
-
 def rests_on(name: str, study: Study | None) -> str:
-    """For the head of a table of verdicts: whose code made the study, and what of it was run again.
-
-    Empty where the study was not run.
-    """
+    """A sentence on the provenance of a study, for the head of a table of verdicts; empty if not run."""
     return "" if study is None else f"Rows over people rest on the study {name}, {provenance(study)}."

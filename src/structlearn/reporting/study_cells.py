@@ -1,4 +1,4 @@
-"""Cells of studies: the stages of a testbed for other people or robots, in a folder of their own.
+"""Cells of studies: the stages of a testbed run for other people or robots, in a temporary folder.
 
 `stages/studies/studies.yaml` describes each study, `stages/studies/dvc.yaml` lists its cells. A cell is named
 by its seeds, `13` or the range `19-26`. It leaves the tables of all variants of the study in
@@ -28,22 +28,21 @@ from structlearn.reporting.studies import KEYS, OURS, Origin
 
 DESCRIPTIONS = Path("stages/studies/studies.yaml")
 CELLS = Path("data/studies")
-FINDINGS = "findings"
-"""The table that becomes one row of numbers for each variant and cell."""
+FINDINGS = "findings"  # the table that becomes one row of numbers for each variant and cell
 
 
 class Variant(Parameters):
     """What a variant of a study changes beside the seeds."""
 
     parameters: dict[str, Any]  # by dotted key
-    first: str  # stage that is run first; what those before it made is that of the variants above
+    first: str  # stage that runs first; it finds what the variants above left of earlier stages
 
 
 class Description(Parameters):
     """A study."""
 
     question: str
-    seeds: list[str] = Field(min_length=1)  # parameters that the seeds of a cell are given to, by dotted key
+    seeds: list[str] = Field(min_length=1)  # parameters that are set to the seeds of a cell, by dotted key
     stages: list[str] = Field(min_length=1)  # scripts of the testbed, in order; the report is the last
     takes: tuple[str, ...] = ()  # outputs of the pipeline that these stages read as they are
     tables: list[str] = Field(min_length=1)  # that are kept of `reports/<testbed>`
@@ -52,18 +51,12 @@ class Description(Parameters):
 
 
 def read_descriptions(path: Path = DESCRIPTIONS) -> dict[str, Description]:
-    """All studies by name, e.g. `scraping/people`.
-
-    Raises InputError: a key is missing, unknown or stands twice.
-    """
+    """All studies by name, e.g. `scraping/people`; an InputError if a key is missing, unknown or twice."""
     return {name: checked(its, Description, path, name) for name, its in read_values(path).items()}
 
 
 def seeds_of(cell: str) -> list[int]:
-    """`13` is one seed, `19-26` are eight.
-
-    Raises InputError: the cell is not named so.
-    """
+    """Seeds of a cell: `13` is one, `19-26` are eight; an InputError for other names."""
     first, _, last = cell.partition("-")
     try:
         seeds = list(range(int(first), int(last or first) + 1))
@@ -75,10 +68,7 @@ def seeds_of(cell: str) -> list[int]:
 
 
 def changed(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters of `params.yaml` with some set to other values, by dotted key.
-
-    Raises InputError: there is no such key.
-    """
+    """Parameters of `params.yaml` with some set to other values, by dotted key; an InputError if absent."""
     result = copy.deepcopy(dict(values))
     for key, value in changes.items():
         *parents, last = key.split(".")
@@ -92,15 +82,11 @@ def changed(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 
 def run_cell(name: str, description: Description, cell: str, root: Path) -> dict[str, pd.DataFrame]:
-    """Run the stages of a study's testbed for one cell, in a temporary folder.
-
-    Returns the tables by name, with the columns `KEYS` first. Raises InputError: a stage failed.
-    """
-    testbed = name.partition("/")[0]
-    seeds, values = seeds_of(cell), read_values(root / "params.yaml")
+    """Run the stages of a study's testbed for one cell; tables by name, with the columns `KEYS` first."""
+    testbed, seeds, parameters = name.partition("/")[0], seeds_of(cell), root / "params.yaml"
+    values = read_values(parameters)
     own = {
-        key: seeds if isinstance(value_at(root / "params.yaml", key), list) else seeds[0]
-        for key in description.seeds
+        key: seeds if isinstance(value_at(parameters, key), list) else seeds[0] for key in description.seeds
     }
     variants = {OURS: Variant(parameters={}, first=description.stages[0])} | description.variants
     made = []
@@ -119,27 +105,20 @@ def run_cell(name: str, description: Description, cell: str, root: Path) -> dict
 
 
 def run_stage(script: str, folder: Path, root: Path, cell: str) -> None:
-    """Run a script of a stage in the folder of a cell; an InputError where it fails."""
+    """Run a script of a stage in the folder of a cell; an InputError if it fails."""
     path = os.pathsep.join(filter(None, [str(root / "src"), os.environ.get("PYTHONPATH")]))
     environment = {name: value for name, value in os.environ.items() if name != "DVC_STAGE"}
-    done = subprocess.run(
-        [sys.executable, script],
-        cwd=folder,
-        env=environment | {"PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    options: dict[str, Any] = {"cwd": folder, "env": environment | {"PYTHONPATH": path}, "text": True}
+    done = subprocess.run([sys.executable, script], capture_output=True, check=False, **options)
     if done.returncode:
         raise InputError(f"cell {cell}: {script}: {(done.stderr.strip() or 'failed').splitlines()[-1]}")
 
 
 def kept(description: Description, reports: Path, variant: str, cell: str) -> dict[str, pd.DataFrame]:
     """The tables that a study keeps of a testbed's report, with the columns `KEYS` first."""
-    found = {}
+    found, labels = {}, dict(zip(KEYS, (variant, cell), strict=True))
     for table in description.tables:
         path = reports / f"{table}.csv"
-        labels = dict(zip(KEYS, (variant, cell), strict=True))
         if table == FINDINGS:
             numbers = values_by_key(read_findings(path))
             wanted = [key for key in numbers if any(fnmatch(key, one) for one in description.numbers)]
@@ -162,17 +141,14 @@ def write_cell(tables: Mapping[str, pd.DataFrame], folder: Path, root: Path) -> 
 
 
 def read_cell(folder: Path) -> tuple[dict[str, pd.DataFrame], Origin]:
-    """What `write_cell` wrote.
-
-    Raises InputError: a file is missing or damaged.
-    """
+    """Tables and origin of a cell; an InputError if a file is missing or damaged."""
     path = folder / "cell.json"
     tables = {table.stem: read_csv(table, dtype={KEYS[1]: str}) for table in sorted(folder.glob("*.csv"))}
     return tables, checked(read_metrics(path), Origin, path, "cell")
 
 
 def processor() -> str:
-    """The kind of processor that compiled code is made for, which libraries choose their kernels by too."""
+    """Type of the processor, by which compiled code and the kernels of libraries differ."""
     from llvmlite import binding
 
     return os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()

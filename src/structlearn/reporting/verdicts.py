@@ -1,12 +1,11 @@
-"""Verdicts of one run beside those of another: of the working tree and a commit, or of two processors.
+"""Compare the verdicts of two runs: of the working tree and a commit, or of two processors.
 
     python -m structlearn.reporting.verdicts
 
-Libraries choose their kernels by the processor, so sums are rounded otherwise, and what is trained or
-simulated drifts apart: digits of many files in `reports/` follow. What matters is whether a verdict became
-another word; it may at most become undecided. Rows that quote a study are the same file on both sides and are
-counted apart. The command prints one line per row of `reports/*/tables/claims.csv` whose verdict differs from
-the last commit's.
+Libraries choose their kernels by the processor, so sums round differently and results of training and
+simulation drift apart. What matters is whether a verdict changes; it may at most become undecided. Rows that
+quote a study are the same on both sides and are counted apart. The command prints one line per row of
+`reports/*/tables/claims.csv` whose verdict differs from the last commit's.
 """
 
 import subprocess
@@ -31,33 +30,24 @@ NO_ROW = "no such row"
 
 
 def compared(here: Mapping[str, pd.DataFrame], there: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Tables of claims by testbed, of here and of another processor, held against each other.
+    """Outer join of tables of claims by testbed, of here and of another processor.
 
-    Returns:
-        `KEYS`, `here`, `there` (numbers in words), `verdict_here`, `verdict_there`, and `outcome`, one of
-        `OUTCOMES`; a row that only one of them has is `another verdict`, one that both quote from the same
-        study is `quoted, not run here`, whatever it says.
+    Returns `KEYS`, `here`, `there` (numbers in words), `verdict_here`, `verdict_there` and `outcome`, one of
+    `OUTCOMES`; a row that only one of them has is `another verdict`.
     """
     both = _rows(here, "here").merge(_rows(there, "there"), on=[*KEYS, "again"], how="outer")
-    one_undecided = (both["verdict_here"] == UNDECIDED) | (both["verdict_there"] == UNDECIDED)
-    known = both["verdict_here"].notna() & both["verdict_there"].notna()
+    verdicts = both[["verdict_here", "verdict_there"]]
+    margin = verdicts.eq(UNDECIDED).any(axis=1) & verdicts.notna().all(axis=1)
     same_verdict = both["verdict_here"] == both["verdict_there"]
-    quoted = (both["study_here"] == both["study_there"]) & (both["study_here"] != "")
-    both["outcome"] = np.select(
-        [
-            quoted & same_verdict,
-            (both["here"] == both["there"]) & same_verdict,
-            same_verdict,
-            one_undecided & known,
-        ],
-        [QUOTED, SAME, DIGITS, MARGIN],
-        FLIPPED,
-    )
+    quoted = same_verdict & (both["study_here"] == both["study_there"]) & (both["study_here"] != "")
+    same = same_verdict & (both["here"] == both["there"])
+    outcomes = [QUOTED, SAME, DIGITS, MARGIN]
+    both["outcome"] = np.select([quoted, same, same_verdict, margin], outcomes, FLIPPED)
     return both.drop(columns=["again", "study_here", "study_there"])
 
 
 def changes(table: pd.DataFrame) -> list[str]:
-    """A line per row of `compared` whose verdict is another word, `yes -> undecided`, with its numbers."""
+    """A line per row of `compared` whose verdict changed, `yes -> undecided`, with its numbers."""
     changed = table[table["outcome"].isin([MARGIN, FLIPPED])].astype(object)
     changed = changed.where(changed.notna(), NO_ROW)
     return [
@@ -68,24 +58,16 @@ def changes(table: pd.DataFrame) -> list[str]:
 
 
 def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machine: str) -> str:
-    """The page on `compared` as HTML; settings are the variables that made the machine another one."""
+    """The page on `compared` as HTML; `settings`: environment variables that emulate another processor."""
     counts = {outcome: int((table["outcome"] == outcome).sum()) for outcome in OUTCOMES}
     table = table.drop(columns=[name for name in ("set", "by") if not table[name].astype(bool).any()])
-    changed = table[table["outcome"].isin([MARGIN, FLIPPED])].drop(columns="outcome")
+    changed = table[table["outcome"].isin([MARGIN, FLIPPED])].drop(columns="outcome").reset_index(drop=True)
     digits = table[table["outcome"] == DIGITS].drop(columns=["outcome", "verdict_here", "verdict_there"])
-    facts = {
-        "counts": counts,
-        "settings": settings,
-        "machine": machine,
-        "changed": Table(
-            changed.reset_index(drop=True), headings={name: name.replace("_", " ") for name in changed}
-        ),
-        "digits": Table(digits.reset_index(drop=True)),
-    }
-    return render(
-        Document("other_processor.html.jinja", "structlearn.reporting", facts=facts, simulated=True),
-        figures={},
-    )
+    facts: dict[str, object] = {"counts": counts, "settings": settings, "machine": machine}
+    facts["changed"] = Table(changed, headings={name: name.replace("_", " ") for name in changed})
+    facts["digits"] = Table(digits.reset_index(drop=True))
+    page = Document("other_processor.html.jinja", "structlearn.reporting", facts=facts, simulated=True)
+    return render(page, figures={})
 
 
 def _rows(tables: Mapping[str, pd.DataFrame], name: str) -> pd.DataFrame:
@@ -122,10 +104,7 @@ def written() -> dict[str, pd.DataFrame]:
 
 
 def committed(commit: str = "HEAD") -> dict[str, pd.DataFrame]:
-    """Tables of claims of a commit, by testbed.
-
-    Raises subprocess.CalledProcessError: this is no repository, or it has no such commit.
-    """
+    """Tables of claims of a commit, by testbed; a CalledProcessError if there is no such commit."""
     found = [Path(name) for name in _git("ls-tree", "-r", "--name-only", commit, "reports").splitlines()]
     tables = [path for path in found if path.match(TABLES)]
     return {path.parts[1]: _table(_git("show", f"{commit}:./{path.as_posix()}")) for path in tables}

@@ -1,44 +1,23 @@
-from .base_parameters import (
-    BaseFit as BaseFit,
-    BaseParameters as BaseParameters,
-    fit_base as fit_base,
-)
+from .base_parameters import BaseFit as BaseFit, BaseParameters as BaseParameters, fit_base as fit_base
 from .dynamics_models import (
     DynamicsModels as DynamicsModels,
     read_dynamics_models as read_dynamics_models,
     write_dynamics_models as write_dynamics_models,
 )
-from .identification import (
-    fit_structure as fit_structure,
-    least_squares as least_squares,
-)
-from .inertia_parameters import (
-    draw as draw,
-    link_inertias as link_inertias,
-)
-from .inverse_kinematics import (
-    Arm as Arm,
-    Follower as Follower,
-    follow as follow,
-    read_arm as read_arm,
-)
-from .motion import (
-    Motion as Motion,
-    measured_motion as measured_motion,
-)
+from .identification import fit_structure as fit_structure, least_squares as least_squares
+from .inertia_parameters import draw as draw, link_inertias as link_inertias
+from .inverse_kinematics import Arm as Arm, Follower as Follower, follow as follow, read_arm as read_arm
+from .motion import Motion as Motion, measured_motion as measured_motion
 from .network_models import (
     StackedLagrangianNetworks as StackedLagrangianNetworks,
     StackedPerceptrons as StackedPerceptrons,
 )
 from .newton_euler import inverse_dynamics as inverse_dynamics
-from .regressor import (
-    link_parameters as link_parameters,
-    torque_regressor as torque_regressor,
-)
+from .regressor import link_parameters as link_parameters, torque_regressor as torque_regressor
 from .tree import (
     KinematicTree as KinematicTree,
     LinkInertias as LinkInertias,
     Robot as Robot,
     read_urdf as read_urdf,
 )
-from .urdf_writer import write_urdf as write_urdf
+from .urdf import write_urdf as write_urdf

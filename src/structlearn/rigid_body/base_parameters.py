@@ -1,8 +1,8 @@
-"""Combinations of inertial parameters that joint torques can tell apart (Gautier and Khalil 1990).
+"""Base parameters: combinations of inertial parameters that joint torques identify (Gautier and Khalil 1990).
 
 Of the ten parameters of each link some never act on a joint, and others act only in sums. A learned mass need
 not be the link's mass, while the base parameters of a good model are those of the robot. How well a motion
-tells them is Gautier's (1992) condition number. Tables hold learned inertias beside the true ones.
+determines them is Gautier's (1992) condition number. Tables hold learned inertias beside the true ones.
 """
 
 from dataclasses import dataclass
@@ -31,26 +31,19 @@ _NOT_WORTH_A_WORD = 1e-5  # factors below are not written
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Identifiable combinations beta = combination @ theta.
+    """Identifiable combinations beta = combination @ theta."""
 
-    Attributes:
-        columns: (r,) the parameter of theta that stands for each combination, with factor 1.
-        combination: (r, 10 n) the factors.
-    """
-
-    columns: np.ndarray
-    combination: np.ndarray
+    columns: np.ndarray  # (r,) the parameter of theta that represents each combination, with factor 1
+    combination: np.ndarray  # (r, 10 n) the factors
 
     def values(self, inertias: LinkInertias) -> np.ndarray:
         """Base parameters (..., r) of inertias with mass (..., n), in the SI units of their columns."""
         return link_parameters(inertias.tensors()).detach().numpy() @ self.combination.T
 
     def formulas(self, tree: KinematicTree) -> list[str]:
-        """Each combination in words, e.g. `Ixx[joint_2] - Iyy[joint_2] + 0.176 m[joint_3]`."""
-        return [
-            _formula(row, column, tree.names)
-            for row, column in zip(self.combination, self.columns, strict=True)
-        ]
+        """Each combination as a formula, e.g. `Ixx[joint_2] - Iyy[joint_2] + 0.176 m[joint_3]`."""
+        pairs = zip(self.combination, self.columns, strict=True)
+        return [_formula(row, column, tree.names) for row, column in pairs]
 
 
 def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
@@ -70,17 +63,14 @@ def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
 
 @dataclass(frozen=True)
 class BaseFit:
-    """Least squares of base parameters and friction.
+    """Least squares of base parameters and friction; 95 % intervals.
 
-    Attributes:
-        condition: ratio of the largest to the least singular value, columns scaled to unit length: by so much
-            errors of the torques may grow on their way to the parameters. Below 100 counts as well excited.
-        parameters: (r,) base parameters, SI units.
-        low: (r,) lower end of the 95 % interval; `high` the upper.
+    The condition number is the ratio of the largest to the least singular value, columns scaled to unit
+    length: the factor by which relative errors may grow. Below 100 a motion counts as well excited.
     """
 
     condition: float
-    parameters: np.ndarray
+    parameters: np.ndarray  # (r,) base parameters, SI units, with the ends of their intervals
     low: np.ndarray
     high: np.ndarray
 
@@ -94,10 +84,10 @@ def fit_base(
     draws: int,
     seed: int,
 ) -> BaseFit:
-    """Fit base parameters and friction to a motion; every joint's error counts over its torque's variance.
+    """Fit base parameters and friction to a motion; every joint's error is divided by its torque's variance.
 
     Intervals come from `draws` of blocks of `length` samples, shorter if there were too few for so many
-    parameters, and by the t distribution: percentiles of few blocks hold the truth in 91 of 100 logs.
+    parameters, and from the t distribution: percentiles of few blocks cover the truth in 91 of 100 logs.
     """
     columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd)[..., base.columns]
     columns = np.concatenate([columns, friction_regressor(motion.q, motion.qd, friction)], axis=-1)
@@ -124,25 +114,17 @@ def fit_base(
 def link_table(tree: KinematicTree, learned: LinkInertias, truth: LinkInertias) -> pd.DataFrame:
     """Masses, centres of mass and principal moments of M learned models, mass (M, n), and the truth (n,).
 
-    Returns:
-        Per model and link: `seed`, `link`, `mass_kg`, `centre_{x,y,z}_m`, `moment_{1,2,3}_kg_m2` in rising
-        order, the same with the prefix `true_`, and whether such a body can exist: `positive_mass`,
-        `positive_definite`, `triangle` (no moment above the sum of the others).
+    Per model and link: `seed`, `link`, `mass_kg`, `centre_{x,y,z}_m`, `moment_{1,2,3}_kg_m2` in rising order,
+    the same with the prefix `true_`, and the conditions of physical consistency: `positive_mass`,
+    `positive_definite`, `triangle` (no moment above the sum of the others).
     """
     models = len(learned.mass)
-    own, true = _columns(learned), _columns(truth)
-    table = pd.DataFrame(
-        {"seed": np.repeat(np.arange(models), len(tree.names)), "link": np.tile(tree.names, models)}
-    )
-    for name, values in own.items():
-        table[name] = values.ravel()
-    for name, values in true.items():
-        table[f"true_{name}"] = np.tile(values, models)
-    moments = [own[f"moment_{place}_kg_m2"].ravel() for place in (1, 2, 3)]
-    table["positive_mass"] = table["mass_kg"] > 0.0
-    table["positive_definite"] = moments[0] > 0.0
-    table["triangle"] = moments[0] + moments[1] >= moments[2]
-    return table
+    columns = {"seed": np.repeat(np.arange(models), len(tree.names)), "link": np.tile(tree.names, models)}
+    columns |= {name: values.ravel() for name, values in _columns(learned).items()}
+    columns |= {f"true_{name}": np.tile(values, models) for name, values in _columns(truth).items()}
+    least, middle, largest = (columns[f"moment_{place}_kg_m2"] for place in (1, 2, 3))
+    columns |= {"positive_mass": columns["mass_kg"] > 0.0, "positive_definite": least > 0.0}
+    return pd.DataFrame(columns | {"triangle": least + middle >= largest})
 
 
 def base_table(
@@ -151,22 +133,15 @@ def base_table(
     """Base parameters of M models: `seed`, `parameter`, `value`, `truth`, all in SI units."""
     values = base.values(learned)
     models = len(values)
-    return pd.DataFrame(
-        {
-            "seed": np.repeat(np.arange(models), values.shape[1]),
-            "parameter": np.tile(base.formulas(tree), models),
-            "value": values.ravel(),
-            "truth": np.tile(base.values(truth), models),
-        }
-    )
+    columns = {"seed": np.repeat(np.arange(models), values.shape[1])}
+    columns |= {"parameter": np.tile(base.formulas(tree), models), "value": values.ravel()}
+    return pd.DataFrame(columns | {"truth": np.tile(base.values(truth), models)})
 
 
 def _random_states(
     tree: KinematicTree, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    lower = np.where(np.isfinite(tree.lower), tree.lower, -np.pi)
-    upper = np.where(np.isfinite(tree.upper), tree.upper, np.pi)
-    q = generator.uniform(lower, upper, (_STATES, len(tree.names)))
+    q = generator.uniform(*tree.ranges, (_STATES, len(tree.names)))
     qd, qdd = generator.normal(0.0, (2.0, 10.0), (*q.shape, 2)).transpose(2, 0, 1)  # of like effect
     return q, qd, qdd
 

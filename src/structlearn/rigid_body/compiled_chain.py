@@ -1,4 +1,4 @@
-"""Forward dynamics of a kinematic tree, compiled: what a simulation evaluates in every step.
+"""Forward dynamics of a kinematic tree, compiled for the steps of a simulation.
 
     M(q) qdd + b(q, qd) = tau        b: gravity, Coriolis and centrifugal forces
 
@@ -15,61 +15,40 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside, cross
+from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.rigid_body.compiled_dynamics import chain_arrays, joint_placement
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 
 class Body(NamedTuple):
-    """A robot with a fixed base as compiled functions take it; fields not listed are `KinematicTree`'s.
-
-    Attributes:
-        mass: (n,) kg.
-        centre: (n, 3) m, centre of mass in the joint frame.
-        inertia: (n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame.
-    """
+    """A robot with a fixed base for compiled functions; fields without remark are `KinematicTree`'s."""
 
     parents: np.ndarray
     rotation: np.ndarray
     translation: np.ndarray
     axis: np.ndarray
     prismatic: np.ndarray
-    mass: np.ndarray
-    centre: np.ndarray
-    inertia: np.ndarray
+    mass: np.ndarray  # (n,) kg
+    centre: np.ndarray  # (n, 3) m, centre of mass in the joint frame
+    inertia: np.ndarray  # (n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame
     gravity: np.ndarray
 
 
 class Workspace(NamedTuple):
-    """What is known of a state; base frame, about its origin.
+    """Quantities of one state; base frame, about its origin."""
 
-    Attributes:
-        frame: (n, 3, 3) rotation of each link's joint frame.
-        place: (n, 3) m, its origin.
-        screw: (n, 6) of each joint: twist of its link for unit speed.
-        mass_matrix: (n, n) M; its factor once `accelerations` has run.
-        bias: (n,) b in N m or N.
-        twist: (n, 6) of each link.
-        push: (n, 6) acceleration of each link if all qdd were zero, gravity as an upward one.
-        composite: (n, 10) inertia of each link and all that it carries: mass, first moment, inertia
-            (xx, xy, xz, yy, yz, zz).
-        wrench: (n, 6) that moves these links so.
-        turn: (3, 3) scratch.
-        offset: (3,) scratch.
-    """
-
-    frame: np.ndarray
-    place: np.ndarray
-    screw: np.ndarray
-    mass_matrix: np.ndarray
-    bias: np.ndarray
-    twist: np.ndarray
-    push: np.ndarray
+    frame: np.ndarray  # (n, 3, 3) rotation of each link's joint frame
+    place: np.ndarray  # (n, 3) m, its origin
+    screw: np.ndarray  # (n, 6) of each joint: twist of its link for unit speed
+    mass_matrix: np.ndarray  # (n, n) M; its factor once `accelerations` has run
+    bias: np.ndarray  # (n,) b in N m or N
+    twist: np.ndarray  # (n, 6) of each link
+    push: np.ndarray  # (n, 6) acceleration of each link at qdd = 0, gravity as an upward one
+    # (n, 10) inertia of each link and all that it carries: mass, first moment, xx, xy, xz, yy, yz, zz
     composite: np.ndarray
-    wrench: np.ndarray
-    turn: np.ndarray
-    offset: np.ndarray
+    wrench: np.ndarray  # (n, 6) that moves these links so
+    turn: np.ndarray  # (3, 3) scratch
+    offset: np.ndarray  # (3,) scratch
 
 
 def body(tree: KinematicTree, inertias: LinkInertias) -> Body:
@@ -205,7 +184,7 @@ def _row(matrix: np.ndarray, row: int, vector: np.ndarray) -> float:
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def _power(screw: np.ndarray, wrench: np.ndarray | tuple) -> float:
-    """What a wrench (6,) does on a screw (6,)."""
+    """Power of a wrench (6,) on a screw (6,)."""
     return (
         (screw[0] * wrench[0] + screw[1] * wrench[1] + screw[2] * wrench[2])
         + (screw[3] * wrench[3] + screw[4] * wrench[4])

@@ -1,9 +1,8 @@
-"""Inverse dynamics of one state, compiled: what a control loop evaluates in every tick.
+"""Inverse dynamics of one state, compiled for the ticks of a control loop.
 
-Known or learned bodies, a perceptron or a Lagrangian network: one compiled loop takes them all. The module
-`newton_euler` and `network_models` are the batched, differentiable references. Inertias are first moved to
-the joint frames' origins (parallel axes): there the first moment h = m c is all that is needed of the centre
-of mass, and each tick is spared the move.
+Rigid bodies, a perceptron and a Lagrangian network are one type, so one compiled loop takes them all. The
+batched, differentiable references are `newton_euler` and `network_models`. Inertias are first moved to the
+joint frames' origins (parallel axes), where the recursion needs only the first moment h = m c.
 """
 
 import math
@@ -12,24 +11,14 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.networks.compiled_layers import affine, hidden_layers
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 
 class RigidBodies(NamedTuple):
-    """Links and joints of a model as compiled functions take them; called, it is its inverse dynamics.
-
-    Fields that are not listed are `KinematicTree`'s.
-
-    Attributes:
-        mass: (n,) kg.
-        moment: (n, 3) kg m, mass times centre of mass.
-        inertia: (n, 3, 3) kg m^2, about the joint frame's origin; need not be symmetric.
-        friction: (4, n) of `friction_rows`.
-    """
+    """Links and joints of a model for compiled functions; fields without remark are `KinematicTree`'s."""
 
     parents: np.ndarray
     rotation: np.ndarray
@@ -37,38 +26,38 @@ class RigidBodies(NamedTuple):
     axis: np.ndarray
     prismatic: np.ndarray
     gravity: np.ndarray
-    mass: np.ndarray
-    moment: np.ndarray
-    inertia: np.ndarray
-    friction: np.ndarray
-
-    def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Torques (n,) in N m at q, qd, qdd (n,) in rad, rad/s, rad/s^2 (m where a joint slides)."""
-        return newton_euler(self, q, qd, qdd)
+    mass: np.ndarray  # (n,) kg
+    moment: np.ndarray  # (n, 3) kg m, mass times centre of mass
+    inertia: np.ndarray  # (n, 3, 3) kg m^2, about the joint frame's origin; need not be symmetric
+    friction: np.ndarray  # (4, n) of `friction_rows`
 
 
 def inverse_dynamics(
     tree: KinematicTree, inertias: LinkInertias, friction: np.ndarray | None = None
-) -> RigidBodies:
+) -> "InverseDynamics":
     """Newton-Euler inverse dynamics of one state (eq. III.1); the inertias need not be physical.
 
-    Friction (4, n) of the joints is as `friction_rows` gives it; None: none.
-
-    Raises:
-        ValueError: it has another shape; compiled functions would read past its end.
+    Friction is (4, n) of `friction_rows`, or None. Raises ValueError: it has another shape, so that compiled
+    functions would read past its end.
     """
-    numbers = (tree.gravity, inertias.mass, inertias.first_moment, inertia_about_origin(inertias))
+    mass, moment = (np.asarray(its, dtype=float) for its in (inertias.mass, inertias.first_moment))
+    squares = np.einsum("ni,ni->n", moment, moment)[:, None, None] * np.eye(3)
+    about_origin = (
+        inertias.inertia + (squares - moment[:, :, None] * moment[:, None, :]) / mass[:, None, None]
+    )
+    numbers = (tree.gravity, mass, moment, about_origin)
     expected = (len(get_args(FrictionTerm)), len(tree.names))
     rubbing = np.zeros(expected) if friction is None else friction
     if rubbing.shape != expected:
         raise ValueError(f"friction has the shape {rubbing.shape}, not {expected}")
-    return RigidBodies(*chain_arrays(tree), *(np.array(array, dtype=float) for array in (*numbers, rubbing)))
+    arrays = (np.array(array, dtype=float) for array in (*numbers, rubbing))
+    return InverseDynamics(BODIES, RigidBodies(*chain_arrays(tree), *arrays), NO_NETWORKS)
 
 
 def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """Friction of each joint, all terms, as compiled functions take it, from (n, k) of the terms at hand.
+    """Friction (4, n) of each joint for compiled functions, from coefficients (n, k) of some terms.
 
-    (4, n) viscous in N m s/rad, Coulomb and offset in N m, stiffness in N m/rad; zero for other terms.
+    Viscous in N m s/rad, Coulomb and offset in N m, stiffness in N m/rad; zero for other terms.
     """
     rows = np.zeros((len(get_args(FrictionTerm)), len(coefficients)))
     for column, term in enumerate(terms):
@@ -76,17 +65,7 @@ def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np
     return rows
 
 
-def inertia_about_origin(inertias: LinkInertias) -> np.ndarray:
-    """Rotational inertias (n, 3, 3) in kg m^2 about the joint frames' origins (parallel axes)."""
-    mass = np.asarray(inertias.mass, dtype=float)
-    moment = np.asarray(inertias.first_moment, dtype=float)
-    squares = np.einsum("ni,ni->n", moment, moment)[:, None, None] * np.eye(3)
-    return inertias.inertia + (squares - moment[:, :, None] * moment[:, None, :]) / mass[:, None, None]
-
-
-def chain_arrays(
-    tree: KinematicTree,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def chain_arrays(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Kinematics for compiled functions: parents, rotation, translation, axis, prismatic."""
     return (
         np.ascontiguousarray(tree.parents, dtype=np.int64),
@@ -219,7 +198,7 @@ def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.nda
 
 @numba.njit(cache=True)
 def add_friction(friction: np.ndarray, q: np.ndarray, qd: np.ndarray, torques: np.ndarray) -> None:
-    """Add to torques (n,) what rows (4, n) of friction take at positions and velocities (n,)."""
+    """Add friction, rows (4, n), at positions and velocities (n,) to torques (n,)."""
     for i in range(len(qd)):
         direction = math.tanh(qd[i] / COULOMB_WIDTH) if friction[1, i] != 0.0 else 0.0
         torques[i] += friction[0, i] * qd[i] + friction[1, i] * direction + friction[2, i]
@@ -227,27 +206,17 @@ def add_friction(friction: np.ndarray, q: np.ndarray, qd: np.ndarray, torques: n
 
 
 class Networks(NamedTuple):
-    """A perceptron, or the two networks of a Lagrangian one, as compiled functions take them.
+    """A perceptron, or the two networks of a Lagrangian one, for compiled functions."""
 
-    Attributes:
-        values: all numbers, as in `compiled_layers.PackedNetworks`.
-        first: (P,) where each network begins in `values`.
-        sizes: (P, L + 1) inputs, then width of each layer.
-        memory: (P, L + 2, W) for the layers' values.
-        rows: (n (n + 1) / 2,) where outputs of a Lagrangian's first network stand in the inertia's factor.
-        columns: likewise; both are empty of a perceptron.
-        least_inertia: of a Lagrangian, added to the diagonal of its inertia.
-        friction: (4, n) of `compiled_dynamics.friction_rows`, beside a Lagrangian.
-    """
-
-    values: np.ndarray
-    first: np.ndarray
-    sizes: np.ndarray
-    memory: np.ndarray
+    values: np.ndarray  # all numbers, as in `compiled_layers.PackedNetworks`
+    first: np.ndarray  # (P,) where each network begins in `values`
+    sizes: np.ndarray  # (P, L + 1) inputs, then width of each layer
+    memory: np.ndarray  # (P, L + 2, W) for the layers' values
+    # (n (n + 1) / 2,) entries of the inertia's factor that a Lagrangian's first network gives; else empty
     rows: np.ndarray
     columns: np.ndarray
-    least_inertia: float
-    friction: np.ndarray
+    least_inertia: float  # of a Lagrangian, added to the diagonal of its inertia
+    friction: np.ndarray  # (4, n) of `friction_rows`, beside a Lagrangian
 
 
 @numba.njit(cache=True)
@@ -259,7 +228,7 @@ def perceptron_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: n
 
 @numba.njit(cache=True)
 def lagrangian_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Torques (n,) in N m of a Lagrangian network; the equations are in `lagrangian`'s header."""
+    """Torques (n,) in N m of a Lagrangian network; the equations are in the header of `network_models`."""
     values, first, sizes = networks.values, networks.first, networks.sizes
     inertia_work, potential_work = networks.memory[0], networks.memory[1]
     rows, columns = networks.rows, networks.columns
@@ -298,7 +267,7 @@ def lagrangian_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: n
 def _forward(
     values: np.ndarray, begin: int, sizes: np.ndarray, inputs: np.ndarray, work: np.ndarray
 ) -> np.ndarray:
-    """Outputs of a network whose last layer is linear; its layers' values stay in rows of work."""
+    """Outputs of a network whose last layer is linear; its layers' values are left in `work`."""
     last = len(sizes) - 2
     at = hidden_layers(values, begin, last, sizes, inputs, work)
     affine(values, at, sizes[last], sizes[last + 1], work[last], work[last + 1])
@@ -329,7 +298,7 @@ def _tangent(
 def _adjoint(
     values: np.ndarray, end: int, sizes: np.ndarray, work: np.ndarray, cotangent: np.ndarray
 ) -> np.ndarray:
-    """Gradient at the inputs of the outputs times a cotangent; the network's numbers stand before `end`."""
+    """Gradient at the inputs of the outputs times a cotangent; the network's numbers end at `end`."""
     gradient, at = cotangent, end
     for layer in range(len(sizes) - 2, -1, -1):
         before, after = sizes[layer], sizes[layer + 1]
@@ -352,36 +321,26 @@ BODIES, PERCEPTRON, LAGRANGIAN = range(3)
 
 
 class InverseDynamics(NamedTuple):
-    """A model of whatever kind, as arrays.
+    """A model of any kind, as arrays."""
 
-    Attributes:
-        kind: `BODIES`, `PERCEPTRON` or `LAGRANGIAN`.
-        bodies: of the first kind; without joints of the others.
-        networks: of the others; without numbers of the first kind.
-    """
-
-    kind: int
-    bodies: RigidBodies
-    networks: Networks
+    kind: int  # `BODIES`, `PERCEPTRON` or `LAGRANGIAN`
+    bodies: RigidBodies  # of the first kind; without joints for the others
+    networks: Networks  # of the others; without numbers for the first kind
 
     def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Torques (n,) in N m at position, velocity and acceleration of the joints, (n,) each."""
+        """Torques (n,) in N m at q, qd, qdd (n,) in rad, rad/s, rad/s^2 (m where a joint slides)."""
         return model_torques(self, q, qd, qdd)
 
 
-def bodies_model(bodies: RigidBodies) -> InverseDynamics:
-    """Rigid bodies among all kinds of models."""
-    places = np.empty(0, dtype=np.int64)
-    empty = (np.empty(0), places, np.empty((0, 0), dtype=np.int64), np.empty((0, 0, 0)))
-    return InverseDynamics(BODIES, bodies, Networks(*empty, places, places, 0.0, np.empty((4, 0))))
-
-
-def networks_model(kind: int, networks: Networks) -> InverseDynamics:
-    """Networks among all kinds of models."""
-    frames, vectors = np.empty((0, 3, 3)), np.empty((0, 3))
-    chain = (np.empty(0, dtype=np.int64), frames, vectors, vectors, np.empty(0, dtype=bool))
-    nothing = RigidBodies(*chain, np.zeros(3), np.empty(0), vectors, frames, np.empty((4, 0)))
-    return InverseDynamics(kind, nothing, networks)
+_PLACES = np.empty(0, np.int64)
+_VECTORS, _FRAMES, _ROWS = np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((4, 0))
+NO_BODIES = RigidBodies(
+    _PLACES, _FRAMES, _VECTORS, _VECTORS, np.empty(0, bool), np.zeros(3),
+    np.empty(0), _VECTORS, _FRAMES, _ROWS,
+)  # fmt: skip
+NO_NETWORKS = Networks(
+    np.empty(0), _PLACES, _PLACES.reshape(0, 0), np.empty((0, 0, 0)), _PLACES, _PLACES, 0.0, _ROWS
+)
 
 
 @numba.njit(cache=True)

@@ -2,8 +2,8 @@
 
     tau = k i(t + d)        k: gain in N m/A, d: delay of the measured current in s
 
-At rest the controller asks for a current that holds the torque it thinks of, so k is their ratio. In motion
-it asks for friction as well, which a smooth function of the velocity takes off.
+At rest the controller commands a current for the torque of its model, so k is their ratio. In motion the
+current covers friction as well, which a smooth function of the velocity accounts for.
 """
 
 from collections.abc import Sequence
@@ -16,17 +16,10 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import torque_regressor
 from structlearn.rigid_body.tree import KinematicTree
 
-LEAST_CURRENT_A = 0.01
-"""A joint that is never asked for more shows no gain: the axis is vertical, or nothing hangs on it."""
-
-TURNING_RAD_S = 0.02
-"""Below, the sign of the velocity is not certain, and with it that of the friction the drive is asked for."""
-
-STRIBECK_RAD_S = 0.1
-"""Where friction falls from its value at rest."""
-
-INDEPENDENT = 1e-7
-"""Directions of a regressor that carry less than this share of the strongest are rounding."""
+LEAST_CURRENT_A = 0.01  # below it a joint shows no gain: the axis is vertical, or nothing hangs on it
+TURNING_RAD_S = 0.02  # below it the sign of the velocity, and with it of the friction, is not certain
+STRIBECK_RAD_S = 0.1  # where friction falls from its value at rest
+INDEPENDENT = 1e-7  # directions of a regressor with less than this share of the strongest are rounding
 
 
 def resting_gains(
@@ -34,15 +27,8 @@ def resting_gains(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gains of drives that hold an arm at rest: torque over current, by least squares through zero.
 
-    Args:
-        current: (N, n) A that the controller asks for.
-        torque: (N, n) N m that it thinks the joints need.
-        length: samples of a block of the bootstrap.
-        draws: of the bootstrap.
-        seed: of the draws.
-
-    Returns:
-        (n,) N m/A and (draws, n); NaN where no current flows.
+    Currents (N, n) A are those the controller commands, torques (N, n) N m those of its model. The bootstrap
+    draws blocks of `length` samples. Returns (n,) N m/A and (draws, n); NaN where no current flows.
     """
     products = block_sums(np.stack([current * torque, current**2], axis=1), length)  # (B, 2, n)
     counts = drawn_counts(len(products), draws, seed)
@@ -60,7 +46,7 @@ def moving_gains(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gains of drives that move an arm at (N, n) rad/s, beside friction as a smooth function of the velocity.
 
-    As `resting_gains`, the torque that which the links need.
+    Otherwise as `resting_gains`; torques are those of the links.
     """
     drawn_blocks = drawn_counts(block_count(len(current), length), draws, seed)
     counts = np.vstack([np.ones_like(drawn_blocks[:1]), drawn_blocks])  # the first is the whole
@@ -89,21 +75,12 @@ def current_delays(
     draws: int,
     seed: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """By how much measured currents are later than the motion they drive, each joint for itself.
+    """Delays of measured currents against the motion they drive, each joint for itself.
 
-    Every joint is fitted with parameters of its own, by least squares at every delay; the delay is where the
-    squares are least, between grid points by the parabola through three of them. The bootstrap draws blocks
-    of the squares with the parameters held.
-
-    Args:
-        tree: n joints.
-        states: the motion; its torques are not looked at.
-        torques: (K, N, n) of the currents, put back by each delay.
-        delays_s: (K,) evenly spaced.
-        friction: terms.
-        length: samples of a block of the bootstrap.
-        draws: of the bootstrap.
-        seed: of the draws.
+    Every joint is fitted with its own parameters by least squares at every delay (K,) s of an even grid, to
+    torques (K, N, n) of the currents shifted back by it. The delay is where the squares are least, between
+    grid points by the parabola through three of them. The bootstrap draws blocks of `length` squares with the
+    parameters held. The torques of `states` are not used.
 
     Returns:
         Delays (n,) and (draws, n) in s, and the squares (K, n) over those of the least.

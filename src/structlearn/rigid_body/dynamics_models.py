@@ -1,4 +1,4 @@
-"""Learned dynamics models: in files, as inertias or networks, their torques, and compiled for control."""
+"""Learned dynamics models: files, inertias and friction, predicted torques, and compiled inverse dynamics."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -13,17 +13,16 @@ from structlearn.core.errors import InputError
 from structlearn.networks.compiled_layers import Layers, layer_values, pack
 from structlearn.rigid_body.compiled_dynamics import (
     LAGRANGIAN,
+    NO_BODIES,
     PERCEPTRON,
     InverseDynamics,
     Networks,
-    bodies_model,
     friction_rows,
     inverse_dynamics,
-    networks_model,
 )
+from structlearn.rigid_body.dynamics_training import KINDS, Kind
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, link_inertias
-from structlearn.rigid_body.learner import KINDS, Kind
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.network_models import (
     SCALING,
@@ -41,19 +40,14 @@ HEADING = "dynamics_models"
 class DynamicsModels:
     """M models of one kind.
 
-    Attributes:
-        kind: what they are.
-        joints: names, in the order of states and torques.
-        friction: terms of joint friction that were learned.
-        hidden: nodes of each hidden layer; empty for a structure.
-        state: tensors with a leading axis of models. A structure has `inertia` (M, n, k) free parameters and
-            `friction` (M, n, t) free parameters; networks have their weights and `friction`.
+    The state has tensors with a leading axis of models. A structure has free parameters `inertia` (M, n, k)
+    and `friction` (M, n, t); networks have their weights and `friction`.
     """
 
     kind: Kind
-    joints: tuple[str, ...]
-    friction: tuple[FrictionTerm, ...]
-    hidden: tuple[int, ...]
+    joints: tuple[str, ...]  # names, in the order of states and torques
+    friction: tuple[FrictionTerm, ...]  # terms of joint friction that were learned
+    hidden: tuple[int, ...]  # nodes of each hidden layer; empty for a structure
     state: Mapping[str, np.ndarray]
 
     @property
@@ -63,12 +57,12 @@ class DynamicsModels:
 
     @property
     def structure(self) -> Structure:
-        """Of inertias: what they are kept to."""
+        """Parameterisation of the inertias."""
         assert self.kind in STRUCTURES, "networks have no inertias"
         return self.kind
 
     def inertias(self) -> LinkInertias[np.ndarray]:
-        """Of a structure: mass (M, n), first moment and inertia of the links."""
+        """Mass (M, n), first moment and inertia of the links, of a structure."""
         return link_inertias(self.structure, torch.from_numpy(self.state["inertia"])).arrays()
 
     def friction_coefficients(self) -> np.ndarray:
@@ -79,7 +73,7 @@ class DynamicsModels:
         return friction_coefficients(torch.from_numpy(free), self.friction).double().numpy()
 
     def networks(self) -> StackedPerceptrons | StackedLagrangianNetworks:
-        """Of networks: all M, without their friction."""
+        """All M networks, without their friction."""
         network = StackedLagrangianNetworks if self.kind == "delan" else StackedPerceptrons
         return network.from_arrays({name: torch.from_numpy(values) for name, values in self.state.items()})
 
@@ -155,15 +149,14 @@ def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> I
         )
     networks = None if models.structured else models.networks()
     if isinstance(networks, StackedPerceptrons):  # they need no friction beside them
-        return networks_model(PERCEPTRON, perceptron(networks, model))
+        return InverseDynamics(PERCEPTRON, NO_BODIES, _perceptron(networks, model))
     friction = friction_rows(models.friction_coefficients()[model], models.friction)
     if isinstance(networks, StackedLagrangianNetworks):
-        return networks_model(LAGRANGIAN, lagrangian(networks, model, friction))
-    return bodies_model(inverse_dynamics(tree, models.inertias().of(model), friction))
+        return InverseDynamics(LAGRANGIAN, NO_BODIES, _lagrangian(networks, model, friction))
+    return inverse_dynamics(tree, models.inertias().of(model), friction)
 
 
-def perceptron(networks: StackedPerceptrons, model: int) -> Networks:
-    """One of M trained perceptrons."""
+def _perceptron(networks: StackedPerceptrons, model: int) -> Networks:
     layers = networks.network.layers_of(model)
     mean, scale, out_mean, out_scale = (getattr(networks, name).double().numpy() for name in SCALING)
     # Standardising is linear and becomes part of the first and the last layer.
@@ -176,14 +169,10 @@ def perceptron(networks: StackedPerceptrons, model: int) -> Networks:
     return _packed([layers], nowhere, nowhere, 0.0, np.zeros((4, len(out_mean))))
 
 
-def lagrangian(
-    networks: StackedLagrangianNetworks, model: int, friction: np.ndarray | None = None
-) -> Networks:
-    """One of M deep Lagrangian networks, with (4, n) rows of friction (`friction_rows`) beside it."""
+def _lagrangian(networks: StackedLagrangianNetworks, model: int, friction: np.ndarray) -> Networks:
     layers = [part.layers_of(model) for part in (networks.inertia, networks.potential)]
     places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
-    rubbing = np.zeros((4, networks.joints)) if friction is None else friction
-    return _packed(layers, *places, SMALLEST_INERTIA, rubbing)
+    return _packed(layers, *places, SMALLEST_INERTIA, friction)
 
 
 def _packed(

@@ -8,8 +8,8 @@ Torques are linear in what is to be identified, tau = Y theta + noise. With nois
 joint's torque limit, where the URDF has one, the information on theta is sum Y^T W Y. Its log-determinant is
 maximised: the volume of the confidence ellipsoid becomes as small as it can, whatever the parameters' units.
 
-A series is scaled into the limits of position and velocity before it is looked at, so that both hold for all
-free parameters; too large torques cost, and what is left of them is taken away by a longer period.
+A series is scaled into the limits of position and velocity before it is rated, so both hold for all free
+parameters; excessive torques are penalised, and a longer period removes what is left of them.
 """
 
 from collections.abc import Sequence
@@ -28,19 +28,10 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import torque_regressor
 from structlearn.rigid_body.tree import KinematicTree, Robot
 
-SAMPLES_PER_WAVE = 20
-"""Of the shortest wave, while a series is scaled and rated; a peak between two is missed by 1.2 % at most."""
-
-DIFFERENCE = 1e-6
-"""Of free parameters, for forward differences."""
-
-TORQUE_COST = 100.0
-"""Of a joint's squared excess over its torque limit, as a share of it, beside the mean log-determinant."""
-
-STRETCH = 1.02
-"""Factor by which the period grows until torques are within their limits, at most `STRETCHES` times."""
-
-STRETCHES = 100
+SAMPLES_PER_WAVE = 20  # of the shortest wave, to scale and rate a series; peaks are missed by 1.2 % at most
+DIFFERENCE = 1e-6  # of free parameters, for forward differences
+TORQUE_COST = 100.0  # of a joint's squared relative excess over its torque limit
+STRETCH, STRETCHES = 1.02, 100  # factor by which the period grows until torques fit; how often at most
 
 
 class ExcitationParameters(Parameters):
@@ -57,29 +48,17 @@ class ExcitationParameters(Parameters):
 
 @dataclass(frozen=True)
 class Arena:
-    """What a trajectory is designed for.
+    """The arm, limits and parameters that a trajectory is designed for."""
 
-    Attributes:
-        tree: n joints.
-        base: the r parameters to be identified, beside friction.
-        theta: (r,) their values in the URDF, for the torques.
-        effort: (n,) N m, limits of the torques; infinite where the URDF has none.
-        friction: terms that are identified too.
-        harmonics: K.
-        period_s: of a series.
-        share: of the limits that may be used.
-        reach: of the range of positions that may be used, about its middle.
-    """
-
-    tree: KinematicTree
-    base: BaseParameters
-    theta: np.ndarray
-    effort: np.ndarray
-    friction: tuple[FrictionTerm, ...]
-    harmonics: int
+    tree: KinematicTree  # n joints
+    base: BaseParameters  # the r parameters to be identified, beside friction
+    theta: np.ndarray  # (r,) their values in the URDF, for the torques
+    effort: np.ndarray  # (n,) N m, limits of the torques; infinite where the URDF has none
+    friction: tuple[FrictionTerm, ...]  # terms that are identified too
+    harmonics: int  # K
     period_s: float
-    share: float
-    reach: float
+    share: float  # of the limits that may be used
+    reach: float  # share of the range of positions that may be used, about its middle
 
     @property
     def free(self) -> tuple[int, int]:
@@ -88,11 +67,11 @@ class Arena:
 
 
 def arena(robot: Robot, parameters: ExcitationParameters, friction: Sequence[FrictionTerm] = ()) -> Arena:
-    """A robot as its URDF has it."""
+    """The design problem of a robot with the limits and inertias of its URDF."""
     base, effort = base_parameters(robot.tree), robot.model.effortLimit
     return Arena(
-        tree=robot.tree,
-        base=base,
+        robot.tree,
+        base,
         theta=base.values(robot.inertias),
         effort=np.where((effort > 0.0) & np.isfinite(effort), effort, np.inf),
         friction=tuple(friction),
@@ -122,8 +101,7 @@ def series(its: Arena, free: np.ndarray, times: np.ndarray) -> tuple[np.ndarray,
 
     q, qd, _ = unscaled(_rated_times(its))
     least, span = q.min(axis=-1), np.ptp(q, axis=-1)
-    lower = np.where(np.isfinite(its.tree.lower), its.tree.lower, -np.pi)
-    upper = np.where(np.isfinite(its.tree.upper), its.tree.upper, np.pi)
+    lower, upper = its.tree.ranges
     room, middle = its.reach * (upper - lower), 0.5 * (lower + upper)
     fits = np.minimum(room / span, its.share * its.tree.velocity / np.abs(qd).max(axis=-1))
     scale = size * fits
@@ -159,12 +137,9 @@ def random_series(its: Arena, count: int, seed: int) -> np.ndarray:
 
 
 def written(its: Arena, free: np.ndarray, rate_hz: float) -> tuple[np.ndarray, Motion]:
-    """Times (T,) s and the motion of one period, slowed down as far as the torque limits ask for.
+    """Times (T,) s and the motion of one period, slowed down until the URDF's torques are within the limits.
 
-    Torques are those of the URDF.
-
-    Raises:
-        InputError: torques exceed the limits however slowly the arm moves.
+    Raises InputError: torques exceed the limits however slowly the arm moves.
     """
     for stretch in STRETCH ** np.arange(STRETCHES):
         slower = replace(its, period_s=stretch * its.period_s)
@@ -177,10 +152,9 @@ def written(its: Arena, free: np.ndarray, rate_hz: float) -> tuple[np.ndarray, M
 
 
 def parameter_errors(its: Arena, motion: Motion, noise: np.ndarray, draws: int, seed: int) -> np.ndarray:
-    """Root mean square errors (P,) of base parameters, then friction, that least squares find in noisy logs.
+    """Root mean square errors (P,) of base parameters, then friction, by least squares on noisy logs.
 
-    A log is the motion, with normal noise (n,) N m on the torques. Errors of least squares do not depend on
-    the true parameters.
+    A log is the motion with normal noise (n,) N m on the torques; the errors do not depend on the truth.
     """
     rows = _columns(its, motion.q, motion.qd, motion.qdd) / noise[:, None]
     rows = rows.reshape(-1, rows.shape[-1])

@@ -7,7 +7,7 @@ stiffness is that of cables along the joint, or of a torque sensor that feels th
 in d, c, o and k, so friction goes beside the regressor of the links.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -17,15 +17,25 @@ if TYPE_CHECKING:
 
 FrictionTerm = Literal["viscous", "coulomb", "offset", "stiffness"]
 
-SIGNED: tuple[FrictionTerm, ...] = ("offset", "stiffness")
-"""Terms whose coefficients may be negative."""
+SIGNED: tuple[FrictionTerm, ...] = ("offset", "stiffness")  # terms whose coefficients may be negative
 
-COULOMB_WIDTH = 0.02
-"""rad/s (m/s where a joint slides); below it the Coulomb term falls to zero, smoothly."""
+INITIAL_FRICTION = 0.01  # N m s/rad or N m; not 0, where the gradient of a square is 0
+COULOMB_WIDTH = 0.02  # rad/s (m/s where a joint slides); below it the Coulomb term falls to zero, smoothly
+
+
+FRICTIONS: Mapping[str, tuple[FrictionTerm, ...]] = {
+    "none": (),
+    "viscous": ("viscous",),
+    "coulomb": ("viscous", "coulomb"),
+    "offset": ("viscous", "coulomb", "offset"),
+    "stiffness": ("viscous", "coulomb", "offset", "stiffness"),
+}
+"""Friction that models learn: none in simulation, viscous on the robot (III.4.2); Coulomb friction, which the
+dissertation names as future work; and a constant torque, for sensors that are not zeroed."""
 
 
 def friction_columns(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """What the coefficients of each joint are multiplied with: (..., n, k) of q and qd (..., n)."""
+    """Torques (..., n, k) per unit of each coefficient, at q and qd (..., n)."""
     shapes = {
         "viscous": lambda: qd,
         "coulomb": lambda: np.tanh(qd / COULOMB_WIDTH),
@@ -39,7 +49,7 @@ def friction_columns(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTerm
 
 
 def friction_regressor(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """`friction_columns` (B, n, n k) of (B, n) each as columns of a regressor, beside those of the links.
+    """Columns (B, n, n k) of friction beside those of the links in a regressor, of q and qd (B, n).
 
     Column j k + t is term t of joint j and is zero for all other joints.
     """
@@ -60,3 +70,13 @@ def friction_coefficients(free: "Tensor", terms: Sequence[FrictionTerm]) -> "Ten
         for term, column in zip(terms, free.unbind(-1), strict=True)
     ]
     return torch.stack(parts, dim=-1)
+
+
+def initial_friction(models: int, joints: int, terms: Sequence[FrictionTerm]) -> np.ndarray:
+    """Free parameters (M, n, t) of friction at the start, 0 for `SIGNED` terms."""
+    return np.tile(np.where(squared(terms), INITIAL_FRICTION**0.5, 0.0), (models, joints, 1))
+
+
+def squared(terms: Sequence[FrictionTerm]) -> np.ndarray:
+    """(t,) whether the coefficient of a term is the square of its free parameter."""
+    return np.array([term not in SIGNED for term in terms], dtype=bool)

@@ -1,17 +1,12 @@
-"""Identification from a log: least squares, the best model among those that can exist, and a carried load.
+"""Identification of an arm from a log: least squares, and the best physically consistent model.
 
 Torques are linear in theta, so the unconstrained optimum is one least-squares problem. A physically
 consistent structure (tri, cov) is fitted to the same data and loss by L-BFGS on its free parameters; the loss
 is a quadratic form of theta (`regressor.torque_factors`), so that an iteration does not touch the data.
 
-A load shows in motions without it and the same motions with it:
-
-    tau = Y theta + F phi            without
-    tau = Y theta + F phi + Y_n l    with: l are the ten parameters of what the last link has gained
-
-All is one least-squares problem, so that what the arm itself weighs need not be known; since both motions of
-a pair go the same way, l rests on the difference of their torques. A joint's equations count by how well they
-can be met: errors are divided by what is left of that joint, found by a first fit.
+A planar arm without a URDF is identified with its kinematics. Torques are linear in the inertial parameters
+once it is known where each joint is on the link before it, so only these places are searched for, and least
+squares give the rest (variable projection). Gravity is known, so lengths are in metres.
 """
 
 from collections.abc import Sequence
@@ -23,8 +18,7 @@ import numpy as np
 from structlearn.core.metrics import blocks, drawn_counts
 from structlearn.core.parallel import parallel_map
 from structlearn.rigid_body.dynamics_models import DynamicsModels
-from structlearn.rigid_body.friction import FrictionTerm
-from structlearn.rigid_body.inertia_learner import MotionRegressor, initial_friction, squared
+from structlearn.rigid_body.friction import FrictionTerm, initial_friction, squared
 from structlearn.rigid_body.inertia_parameters import (
     STRUCTURES,
     Structure,
@@ -35,6 +29,7 @@ from structlearn.rigid_body.inertia_parameters import (
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import (
     SYMMETRIC_COLUMNS,
+    MotionRegressor,
     TorqueFactors,
     torque_factors,
     triangular_factor,
@@ -44,8 +39,7 @@ from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 SINGULAR = 1e-8
 """Directions of theta that the data excite by less than this share of the strongest are left at zero."""
 
-UNKNOWN = 1e-6
-"""Directions of which a draw of blocks says less than this share of the best known are left at zero."""
+GRAVITY = 9.81  # m/s^2, of planar arms, against y
 
 ANCHOR = 1e-6
 """Weight of the squared change of theta, relative to all of it, against the sum of the joints' NMSEs."""
@@ -54,7 +48,7 @@ ANCHOR = 1e-6
 def normalised_triangle(factors: TorqueFactors, limits: np.ndarray | None = None) -> np.ndarray:
     """One triangular factor (P + 1, P + 1) of all joints: |triangle (theta, -1)|^2 is their NMSEs' sum.
 
-    With `limits` (n,) N m of the joints' torques, errors count as shares of these instead, and all torques
+    With `limits` (n,) N m of the joints' torques, errors are shares of these instead, and all torques
     together weigh as much as before.
     """
     squares = factors.variance
@@ -65,10 +59,7 @@ def normalised_triangle(factors: TorqueFactors, limits: np.ndarray | None = None
 
 
 def least_squares(triangle: np.ndarray) -> np.ndarray:
-    """Unconstrained optimum (P,) of the sum of the joints' NMSEs.
-
-    Of the many optima (not every parameter shows in the torques) it is the smallest.
-    """
+    """Unconstrained optimum (P,) of the sum of the joints' NMSEs; the smallest where it is not unique."""
     theta, *_ = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=SINGULAR)
     return theta
 
@@ -83,7 +74,7 @@ def fit_structure(
     rubbing: np.ndarray | None = None,
     prior: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The structure's best parameters for the same loss as `least_squares`, by L-BFGS.
+    """Fit a structure's free parameters to the same loss as `least_squares`, by L-BFGS.
 
     A weak pull towards known inertias decides what the data leave open; with a prior, `prior` times the mean
     of the links' `divergence` from them is added to the loss.
@@ -93,8 +84,8 @@ def fit_structure(
         triangle: of the data; columns of the links (full ones for nostr), then of friction.
         friction: its terms.
         start: inertias (n,) to start from.
-        iterations: at most so many.
-        known: where the pull goes; None: to the start.
+        iterations: at most.
+        known: target of the pull; None: the start.
         rubbing: (1, n, t) free parameters of friction to start from; None: small ones.
         prior: weight; 0 for structures whose inertias need not be physically consistent.
 
@@ -140,10 +131,8 @@ def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.nda
         D = tr(P0^-1 P) - log det(P0^-1 P) - 4        P = [[tr(I)/2 1 - I, h], [h^T, m]]
 
     It is convex in theta, does not depend on frames or units, and grows without bound towards inertias that
-    no body has.
-
-    Of theta (10 n,) and known (10 n,), both of physically consistent links: (n,) of the links, and the slope
-    (10 n,) of their sum.
+    no body has. Both theta (10 n,) are of physically consistent links. Returns (n,) of the links, and the
+    slope (10 n,) of their sum.
     """
     found, reference = (
         its.reshape(-1, SYMMETRIC_COLUMNS) @ PSEUDO.reshape(SYMMETRIC_COLUMNS, 16) for its in (theta, known)
@@ -156,7 +145,7 @@ def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _pseudo_columns() -> np.ndarray:
-    """(10, 4, 4): by what each column of a link enters its pseudo-inertia."""
+    """(10, 4, 4): derivative of the pseudo-inertia by each parameter of a link."""
     columns = np.zeros((SYMMETRIC_COLUMNS, 4, 4))
     columns[0, 3, 3] = 1.0
     for axis in range(3):
@@ -183,8 +172,8 @@ def drawn_fits(
 ) -> DynamicsModels:
     """Fits of a structure to blocks of `length` samples, drawn with replacement: `draws` models.
 
-    Each starts from `model`, the fit to the whole motion, of a structure other than nostr; `known` is where
-    the weak pull goes.
+    Each starts from `model`, the fit to the whole motion, of a structure other than nostr; `known` is the
+    target of the weak pull.
     """
     whole = regressor.factors  # whose number of samples and variances weight every block
     pieces = zip(blocks(regressor.columns, length), blocks(regressor.torque, length), strict=True)
@@ -209,69 +198,48 @@ def drawn_fits(
     return replace(model, state=state)
 
 
-def identify_load(
-    tree: KinematicTree,
-    pairs: Sequence[tuple[Motion, Motion]],
-    friction: Sequence[FrictionTerm],
-    length: int,
-    draws: int,
-    seed: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Inertial parameters of a load at the last link.
+def planar_tree(places: np.ndarray) -> KinematicTree:
+    """Kinematics of n joints about z; `places` (n - 1, 2) m: x and y of joints 2 to n on the link before."""
+    n = len(places) + 1
+    translation = np.zeros((n, 3))
+    translation[1:, :2] = places
+    unlimited = np.full(n, np.inf)
+    return KinematicTree(
+        names=tuple(f"joint_{number}" for number in range(1, n + 1)),
+        parents=np.arange(n) - 1,
+        rotation=np.tile(np.eye(3), (n, 1, 1)),
+        translation=translation,
+        axis=np.tile([0.0, 0.0, 1.0], (n, 1)),
+        prismatic=np.zeros(n, dtype=bool),
+        lower=-unlimited,
+        upper=unlimited,
+        velocity=unlimited,
+        gravity=np.array([0.0, -GRAVITY, 0.0]),
+    )
 
-    A pair is the same motion without the load and with it, in step; every pair, e.g. a day, has friction of
-    its own. The bootstrap draws blocks of `length` samples of a pair, with both motions then: errors that
-    come back whenever the arm passes there, such as friction's, cancel in part.
 
-    Returns:
-        (10,) mass in kg, first moment in kg m and inertia about the joint's origin in kg m^2 (xx, xy, xz, yy,
-        yz, zz), in the last joint's frame; and (draws, 10).
+def fit_planar_arm(motion: Motion, iterations: int) -> tuple[KinematicTree, DynamicsModels]:
+    """Places of the joints by least squares, then physically consistent inertias (cov) by L-BFGS.
+
+    Both start from links of 1 m and 1 kg; errors are weighted as in `normalised_triangle`.
     """
-    rows = [_rows(tree, pair, friction, place, len(pairs)) for place, pair in enumerate(pairs)]
-    joints = len(tree.names)
-    measured = np.concatenate([its[..., -1].reshape(-1, joints) for its in rows])
-    theta, _ = _solved(rows, 1.0 / np.sqrt(measured.var(axis=0)))
-    left = np.concatenate([(its[..., :-1] @ theta - its[..., -1]).reshape(-1, joints) for its in rows])
-    weights = 1.0 / np.sqrt((left**2).mean(axis=0))
-    theta, directions = _solved(rows, weights)
-    known = np.zeros(())
-    for place, its in enumerate(rows):
-        scaled = its * weights[:, None]
-        reduced = np.concatenate([scaled[..., :-1] @ directions, scaled[..., -1:]], axis=-1)
-        pieces = [piece.reshape(-1, piece.shape[-1]) for piece in blocks(reduced, length)]
-        products = np.array([piece.T @ piece for piece in pieces])
-        counts = drawn_counts(len(products), draws, seed + place)
-        known = known + np.tensordot(counts, products, 1)
-    inverse = np.linalg.pinv(known[:, :-1, :-1], rcond=UNKNOWN, hermitian=True)
-    drawn = (inverse @ known[:, :-1, -1:])[..., 0] @ directions.T
-    return theta[-SYMMETRIC_COLUMNS:], drawn[:, -SYMMETRIC_COLUMNS:]
+    from scipy.optimize import minimize
 
+    joints = motion.joints
 
-def _rows(
-    tree: KinematicTree,
-    pair: tuple[Motion, Motion],
-    friction: Sequence[FrictionTerm],
-    place: int,
-    pairs: int,
-) -> np.ndarray:
-    """(N, 2, n, P + 1) of a pair: columns of links, of every pair's friction, of the load; torque."""
-    links = SYMMETRIC_COLUMNS * len(tree.names)
-    parts = []
-    for carries, motion in enumerate(pair):
-        its = MotionRegressor(tree, motion.part(slice(None, min(map(len, pair)))), True, friction)
-        rubbing = its.columns[..., links:]
-        others = [rubbing if other == place else np.zeros_like(rubbing) for other in range(pairs)]
-        gained = carries * its.columns[..., links - SYMMETRIC_COLUMNS : links]
-        columns = [its.columns[..., :links], *others, gained, its.torque[..., None]]
-        parts.append(np.concatenate(columns, axis=-1))
-    return np.stack(parts, axis=1)
+    def triangle(places: np.ndarray) -> np.ndarray:
+        tree = planar_tree(places.reshape(-1, 2))
+        return normalised_triangle(MotionRegressor(tree, motion, True, ()).factors)
 
+    def error(places: np.ndarray) -> float:
+        its = triangle(places)
+        return float(np.linalg.norm(its[:, :-1] @ least_squares(its) - its[:, -1]))
 
-def _solved(rows: Sequence[np.ndarray], weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares (P,), the smallest of them, and directions (P, r) along which the squares are one."""
-    stacked = np.concatenate([(its * weights[:, None]).reshape(-1, its.shape[-1]) for its in rows])
-    triangle = triangular_factor(stacked)
-    left, strength, right = np.linalg.svd(triangle[:, :-1], full_matrices=False)
-    known = strength > SINGULAR * strength[0]
-    directions = right[known].T / strength[known]
-    return directions @ (left[:, known].T @ triangle[:, -1]), directions
+    start = np.tile([1.0, 0.0], joints - 1)
+    places = minimize(error, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}).x
+    bodies = LinkInertias(
+        np.ones(joints), np.tile([0.5, 0.0, 0.0], (joints, 1)), np.tile(0.1 * np.eye(3), (joints, 1, 1))
+    )
+    free, rubbing = fit_structure("cov", triangle(places), (), bodies, iterations)
+    tree = planar_tree(places.reshape(-1, 2))
+    return tree, DynamicsModels("cov", tree.names, (), (), {"inertia": free, "friction": rubbing})

@@ -28,8 +28,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.rigid_body.tree import LinkInertias
 
 Structure = Literal["nostr", "symm", "spd", "tri", "cov"]
@@ -56,7 +55,7 @@ def parameter_count(structure: Structure) -> int:
 
 
 def draw(structure: Structure, links: int, generators: list[torch.Generator]) -> Tensor:
-    """Initial free parameters (M, links, k) of M models, one generator each: float64, normal, about zero."""
+    """Initial free parameters (M, links, k) of M models, one generator each: float64, normal, zero mean."""
     deviations = torch.full((parameter_count(structure),), INITIAL_INERTIA, dtype=torch.float64)
     deviations[0] = INITIAL_MASS
     deviations[1:4] = INITIAL_FIRST_MOMENT
@@ -66,9 +65,9 @@ def draw(structure: Structure, links: int, generators: list[torch.Generator]) ->
 
 
 def link_inertias(structure: Structure, free: Tensor) -> LinkInertias[Tensor]:
-    """Inertial parameters that free parameters (..., n, k) stand for; differentiable.
+    """Inertial parameters of free parameters (..., n, k); differentiable.
 
-    Of finite float64: the guarantees of spd, tri and cov are lost in single precision.
+    They must be finite float64: the guarantees of spd, tri and cov are lost in single precision.
     """
     scalar, first_moment, rotational = free[..., 0], free[..., 1:4], free[..., 4:]
     mass = scalar if structure == "nostr" else scalar.square() + MASS_BIAS_KG
@@ -76,10 +75,10 @@ def link_inertias(structure: Structure, free: Tensor) -> LinkInertias[Tensor]:
 
 
 def free_parameters(structure: Structure, inertias: LinkInertias) -> Tensor:
-    """Free parameters (..., n, k) that stand for given inertias, mass (..., n), to start a training there.
+    """Free parameters (..., n, k) of given inertias, mass (..., n), to start a training there.
 
-    What a structure cannot express (a link lighter than the bias, or for tri and cov a tensor that no body
-    has, as in some URDFs) becomes a near one that it can: eigenvalues are moved inside the bounds.
+    Inertias that a structure cannot express (a link lighter than the bias, or for tri and cov a tensor that
+    no body has, as in some URDFs) are replaced by near ones: eigenvalues are moved inside the bounds.
     """
     known = inertias.arrays()
     scalar = known.mass
@@ -217,7 +216,7 @@ def structure_theta(structure: int, free: np.ndarray, rubbing: np.ndarray, squar
 def structure_gradient(
     structure: int, free: np.ndarray, rubbing: np.ndarray, squared: np.ndarray, slope: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gradients (M, n, k) and (M, n, t) of what has a slope (M, P) against `structure_theta`."""
+    """Gradients (M, n, k) and (M, n, t) of a loss with slopes (M, P) against `structure_theta`."""
     models, links, width = free.shape
     terms = len(squared)
     inertial, rubbed = np.empty_like(free), np.empty_like(rubbing)
@@ -251,7 +250,7 @@ def _link_theta(structure: int, free: np.ndarray, theta: np.ndarray) -> None:
 
 @numba.njit(cache=True)
 def _link_gradient(structure: int, free: np.ndarray, slope: np.ndarray, gradient: np.ndarray) -> None:
-    """What `_link_theta` does, backwards."""
+    """Reverse pass of `_link_theta`."""
     mass = free[0] if structure == NOSTR else free[0] * free[0] + MASS_BIAS_KG
     if structure == NOSTR:
         xx, yy, zz = slope[4], slope[8], slope[12]

@@ -1,10 +1,10 @@
 """Inverse kinematics along a path: joints that carry a frame of the arm through given poses.
 
 Pinocchio gives frames and Jacobians; each sample is solved from the one before by Newton steps on the pose,
-damped as far as the pose is missed (Sugihara 2011), so that a pose out of reach is approached and left again
-without a fling. What the pose leaves free (a seventh joint, an orientation that nobody asked for) is drawn
-towards a rest configuration at a bounded pace, so a path has one answer, and a smooth one where the
-Jacobian has full rank. Joint limits are not enforced: whoever asks sees how far a path goes beyond them.
+damped in proportion to the error (Sugihara 2011), so that a pose out of reach is approached and left again
+smoothly. Redundant joints are drawn towards a rest configuration at a bounded pace, so a path has one
+solution, and a smooth one where the Jacobian has full rank. Joint limits are not enforced: the caller sees
+how far a path goes beyond them.
 
     arm = read_arm("robot.urdf", "tool0")
     path = follow(arm, positions, orientations, dt, rest)    # all poses at once
@@ -24,57 +24,32 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.rigid_body.tree import KinematicTree, configuration, read_model, robot_of
 
-CONVERGED = 1e-9
-"""m and rad; a third difference of joints at 5 ms, divided by the time, is known to 0.01 rad/s^3 then."""
-
-DAMPING = 1e-10
-"""Square of the least damping: without effect where singular values are above 0.001."""
-
-STEPS, FIRST_STEPS = 12, 300
-"""Newton steps per sample at most, of which two or three are needed, and for the first one, far away."""
-
-LARGEST_STEP = 0.2
-"""rad or m that a joint moves in one Newton step, so that the first pose is approached, not leapt at."""
-
-TO_REST = 2.0
-"""1/s: how fast free joints go towards the rest configuration, slower than a movement of a second or two."""
-
-TRIALS = 50
-"""Random configurations from which a rest configuration is looked for."""
+CONVERGED = 1e-9  # m and rad; a third derivative of joints sampled at 5 ms is known to 0.01 rad/s^3 then
+DAMPING = 1e-10  # square of the least damping: without effect where singular values are above 0.001
+STEPS, FIRST_STEPS = (12, 300)  # Newton steps at most, per sample (two or three suffice) and for the first
+LARGEST_STEP = 0.2  # rad or m per joint and Newton step, so that the first pose is approached gradually
+TO_REST = 2.0  # 1/s, rate of redundant joints towards rest: slower than a movement of a second or two
+TRIALS = 50  # random configurations from which a rest configuration is chosen
 
 
 @dataclass(frozen=True)
 class Arm:
-    """A robot with a fixed base, and the frame that is to be carried along.
+    """A robot with a fixed base, and the frame whose poses are given."""
 
-    Attributes:
-        source: its URDF.
-        tree: names and limits of its n joints.
-        model: Pinocchio's, with the same joints in the same order.
-        tip: the frame's number in the model.
-    """
-
-    source: Path
+    source: Path  # its URDF
     tree: KinematicTree
-    model: pinocchio.Model
-    tip: int
+    model: pinocchio.Model  # with the same joints in the same order
+    tip: int  # number of the frame in the model
 
 
 @dataclass(frozen=True)
 class JointPath:
-    """What carries the tip along a path of T samples; n joints.
+    """Joints that carry the tip along a path, and the errors that are left."""
 
-    Attributes:
-        joints: (T, n) rad or m; turns of continuous joints are counted.
-        missed_m: (T,) distance of the tip from where it should be.
-        missed_rad: (T,) angle from how it should stand; 0 where no orientation is asked for.
-        jacobian: (T, 3 or 6, n) of the tip in base axes: linear, then angular part where it is asked for.
-    """
-
-    joints: np.ndarray
-    missed_m: np.ndarray
-    missed_rad: np.ndarray
-    jacobian: np.ndarray
+    joints: np.ndarray  # (T, n) rad or m; turns of continuous joints are counted
+    missed_m: np.ndarray  # (T,) distance of the tip from the given position
+    missed_rad: np.ndarray  # (T,) angle from the given orientation; 0 without one
+    jacobian: np.ndarray  # (T, 3 or 6, n) of the tip in base axes: linear, then angular with orientations
 
     @property
     def least_singular_value(self) -> np.ndarray:
@@ -98,20 +73,16 @@ def read_arm(path: str | Path, tip: str, locked: Sequence[str] = ()) -> Arm:
 
 
 def follow(
-    arm: Arm,
-    position: np.ndarray,
-    orientation: np.ndarray | None,
-    dt: float,
-    rest: np.ndarray,
+    arm: Arm, position: np.ndarray, orientation: np.ndarray | None, dt: float, rest: np.ndarray
 ) -> JointPath:
     """Joints that carry the tip along a path, every `dt` s a pose.
 
     Args:
         arm: the arm.
         position: (T, 3) m in the arm's base frame.
-        orientation: (T, 4) unit quaternions, or None where the tip may stand as it likes.
+        orientation: (T, 4) unit quaternions, or None where any orientation will do.
         dt: sampling interval in s.
-        rest: (n,) towards which free joints are drawn; the first pose is sought from there.
+        rest: (n,) towards which redundant joints are drawn; the first pose is solved from there.
     """
     turned = orientation is not None
     follower = Follower(arm, rest, dt, turned)
@@ -135,15 +106,13 @@ def rest_for(
 ) -> np.ndarray:
     """A configuration (n,) for the start of a path, which then stays far from limits and singularities.
 
-    Of several it is the one with the largest least of two along the path: the distance from the nearest limit
-    over half the range, and the least singular value. A coarse look at the path, as of `follow`, will do.
+    It maximises the smaller of two minima along the path: the distance from the nearest limit over half the
+    range, and the least singular value. A coarsely sampled path, as for `follow`, is enough.
 
-    Raises:
-        InputError: none was found that keeps within the joints' limits.
+    Raises InputError: no trial keeps within the joints' limits.
     """
     tree, rng = arm.tree, np.random.default_rng(seed)
-    lower = np.where(np.isfinite(tree.lower), tree.lower, -np.pi)
-    upper = np.where(np.isfinite(tree.upper), tree.upper, np.pi)
+    lower, upper = tree.ranges
     half, best, found = 0.5 * (upper - lower), 0.0, None
     for _ in range(TRIALS):
         path = follow(arm, position, orientation, dt, rng.uniform(lower, upper))
@@ -161,11 +130,11 @@ def rest_for(
 
 
 class Follower:
-    """Pose after pose, as a path has them or as a robot's own loop asks for them.
+    """Inverse kinematics pose after pose, for a path or in a robot's own loop.
 
     Attributes:
         joints: (n,) of the newest pose, rad or m.
-        error: (3 or 6,) by which they miss it: m, then rad where orientations are followed; base axes.
+        error: (3 or 6,) that is left: m, then rad where orientations are followed; base axes.
         jacobian: (3 or 6, n) of the tip there.
     """
 
@@ -177,9 +146,9 @@ class Follower:
         self.jacobian = np.zeros((len(self.error), arm.model.nv))
 
     def start(self, position: np.ndarray, orientation: np.ndarray | None) -> np.ndarray:
-        """Joints (n,) for the first pose (3,), (4,): as near to rest as it lets them be.
+        """Joints (n,) for the first pose (3,), (4,), as near to rest as it permits.
 
-        Free joints go on until they have come to rest, so that the path starts without a motion of theirs.
+        Redundant joints converge too, so that the path starts without a motion of theirs.
         """
         self.joints = self._rest.copy()
         for _ in range(FIRST_STEPS):
@@ -200,7 +169,7 @@ class Follower:
         return self.joints
 
     def _newton(self, position: np.ndarray, orientation: np.ndarray | None, pull: float) -> np.ndarray:
-        """Step (n,) towards a pose, and of free joints by a part of their way to rest."""
+        """Newton step (n,) towards a pose, and of redundant joints by a share `pull` of the way to rest."""
         arm, data = self._arm, self._data
         pinocchio.computeJointJacobians(arm.model, data, configuration(arm.model, self.joints))
         frame = pinocchio.updateFramePlacement(arm.model, data, arm.tip)

@@ -1,8 +1,8 @@
-"""Whether a log is fit to identify an arm from, asked before anything is learned from it.
+"""Fitness of a log for identification, checked before a model learns from it.
 
-A log can be too slow, have gaps, hold torques of other times than positions, run into torque limits, or move
-too little; then some parameters are not determined, whatever the model. How well each combination of inertias
-is determined follows from least squares with intervals from blocks of the log (`base_parameters.fit_base`).
+A log can be sampled too slowly, have gaps, hold torques that lag the positions, run into torque limits, or
+move too little; then some parameters are not determined, whatever the model. How well each combination of
+inertias is determined follows from least squares with intervals from blocks (`base_parameters.fit_base`).
 """
 
 from collections.abc import Sequence
@@ -22,11 +22,9 @@ YES, DOUBTFUL, NO = "yes", "doubtful", "no"
 LARGEST_DELAY_S, DELAY_STEP_S = 0.04, 0.0025
 """Delays of the torque that are tried, in whole samples: values between samples would have less noise."""
 
-MOST_SAMPLES = 20_000
-"""Of a motion whose delays are looked for; more would not change them."""
-
-SATURATED, STILL_RAD = 0.99, 0.1
-"""Share of its limit from which a torque may be cut off; range in which a joint hardly moves."""
+MOST_SAMPLES = 20_000  # of a motion whose delays are estimated; more would not change them
+SATURATED = 0.99  # share of its limit from which a torque may be cut off
+STILL_RAD = 0.1  # range in which a joint hardly moves
 
 BOUNDS = {
     "samples per period of the fastest signal kept": (4.0, 2.0),
@@ -52,18 +50,10 @@ def log_fitness(
     fit: BaseFit,
     friction: Sequence[FrictionTerm],
 ) -> pd.DataFrame:
-    """Answers for the logs that a motion is cut from, before it is learned from.
+    """Answers for the logs of a motion: `question`, `joint` (from 1; 0: all), `value`, `verdict`.
 
-    Args:
-        robot: n joints.
-        stamps: (T,) s of each log, as it was recorded.
-        motion: on the clock, filtered.
-        clock_hz: rate of the clock, and cut-off of the filter.
-        fit: of base parameters to this motion, with `friction`.
-        friction: terms.
-
-    Returns:
-        `question`, in the order of `BOUNDS`, `joint` (from 1; 0: all), `value`, `verdict` (yes: fit).
+    Stamps (T,) s of each log are as recorded; the motion is on the clock and filtered, `clock_hz` the rate of
+    the clock and the cut-off of the filter, `fit` the base parameters of this motion, with `friction`.
     """
     rate_hz, cutoff_hz = clock_hz
     cutoff_hz = min(cutoff_hz, 0.5 * rate_hz)
@@ -93,7 +83,7 @@ def log_fitness(
 
 
 def fitness_lines(table: pd.DataFrame) -> list[str]:
-    """The answers in words, a line per question: the worst verdict, then the values of all joints."""
+    """Answers as text, a line per question: the worst verdict, then the values of all joints."""
     lines = []
     for question, its in table.groupby("question", sort=False):
         worst = max(its["verdict"], key=[YES, DOUBTFUL, NO].index)
@@ -104,9 +94,9 @@ def fitness_lines(table: pd.DataFrame) -> list[str]:
 def torque_delays(
     robot: Robot, motion: Motion, rate_hz: float, friction: Sequence[FrictionTerm]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """By how many s (n,) each joint's torque is later than the motion, and what that changes of it.
+    """Delay (n,) s of each joint's torque against the motion, and its effect in % of the torque's std.
 
-    The change is the delay times the root mean square of the torque's rate, in % of the torque's std.
+    The effect is the delay times the root mean square of the torque's rate.
     """
     step = max(1, round(DELAY_STEP_S * rate_hz))
     count = max(1, round(LARGEST_DELAY_S * rate_hz / step))
@@ -133,7 +123,7 @@ def parameter_table(names: Sequence[str], fit: BaseFit) -> pd.DataFrame:
 
 
 def _verdict(value: float, doubtful: float, wrong: float) -> str:
-    """Where `wrong` is below `doubtful`, small values are the wrong ones."""
+    """Verdict on a value; small values are wrong where `wrong` is below `doubtful`."""
     if wrong < doubtful:
         value, doubtful, wrong = -value, -doubtful, -wrong
     return YES if value <= doubtful else DOUBTFUL if value <= wrong else NO

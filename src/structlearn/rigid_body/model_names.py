@@ -1,18 +1,15 @@
-"""Names of dynamics models for people, in the order of tables."""
+"""Keys and printed names of dynamics models, in the order of tables."""
 
 from collections.abc import Iterable
 
 IDEAL, ROBOT = "iiwa", "stand_in"
-"""Arms: as its URDF has it, and robots, of which that knows little: simulated ones, or a log of your own."""
+"""Arms: as in its URDF, and robots that differ from their URDF: simulated, or logged by the user."""
 
 GROUND_TRUTH, DEFAULT = "ground_truth", "default"
-"""Models that are known instead of learned: of the robot itself, and of its URDF where that is another."""
+"""Models that are known instead of learned: of the robot itself, and of its URDF where that differs."""
 
-COULOMB = "_coulomb"
-"""Suffix of models that learned Coulomb friction beside viscous friction."""
-
-STRICT = ("spd", "tri", "cov")
-"""Structures with a positive definite inertia: those that the dissertation finds best."""
+COULOMB = "_coulomb"  # suffix of models that learned Coulomb friction beside viscous friction
+STRICT = ("spd", "tri", "cov")  # with a positive definite inertia, which the dissertation finds best
 
 NAMES = {
     GROUND_TRUTH: "ground truth",

@@ -1,4 +1,4 @@
-"""A motion as dynamics models learn from it: joint states and the torques that belong to them."""
+"""Motions to learn dynamics from: joint states and torques, filtered and cut, and errors by block."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,25 +10,17 @@ from structlearn.core import signals
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import block_count, block_sums, drawn_counts
 
-SMALLEST_VARIANCE = 1e-12
-"""(N m)^2; a joint whose torque varies less was not measured."""
+SMALLEST_VARIANCE = 1e-12  # (N m)^2; a joint whose torque varies less was not measured
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Samples of inverse dynamics, in the order of time.
+    """Samples of inverse dynamics, in the order of time."""
 
-    Attributes:
-        q: (N, n) rad, positions (m where a joint slides, likewise below).
-        qd: (N, n) rad/s.
-        qdd: (N, n) rad/s^2.
-        torque: (N, n) N m.
-    """
-
-    q: np.ndarray
-    qd: np.ndarray
-    qdd: np.ndarray
-    torque: np.ndarray
+    q: np.ndarray  # (N, n) rad, positions (m where a joint slides, likewise below)
+    qd: np.ndarray  # (N, n) rad/s
+    qdd: np.ndarray  # (N, n) rad/s^2
+    torque: np.ndarray  # (N, n) N m
 
     def __len__(self) -> int:
         return len(self.q)
@@ -103,7 +95,7 @@ def smoothed_motion(
     dt: float,
     cutoff_hz: float = np.inf,
 ) -> Motion:
-    """As `measured_motion`, of samples that are on a uniform clock already, `dt` in s apart."""
+    """As `measured_motion`, for samples that are on a uniform clock already, `dt` s apart."""
     filtered = (signals.low_pass(values, dt, cutoff_hz) for values in (positions, velocities, torques))
     q, qd, torque = map(np.ascontiguousarray, filtered)  # the filter's are reversed, which torch refuses
     motion = Motion(q, qd, signals.derivative(qd, dt), torque)
@@ -117,10 +109,7 @@ def excited(name: str, velocities: np.ndarray, slow: float, rest: int) -> slice:
     """The longest motion of a log, without the rests and the run-in around it.
 
     The arm rests where no joint is faster than `slow` rad/s; rests shorter than `rest` samples belong to a
-    motion.
-
-    Raises:
-        InputError: the arm never moves.
+    motion. Raises InputError: the arm never moves.
     """
     moving = np.flatnonzero((np.abs(velocities) > slow).any(axis=1))
     if not len(moving):
@@ -133,13 +122,11 @@ def excited(name: str, velocities: np.ndarray, slow: float, rest: int) -> slice:
 def block_table(
     torques: Mapping[tuple[str, str], Mapping[str, np.ndarray]], parts: Mapping[str, Motion], length: int
 ) -> pd.DataFrame:
-    """What errors on each part rest on, block by block of `length` samples: their intervals need no samples.
+    """Sums over blocks of `length` samples, from which errors on each part and their intervals follow.
 
-    Torques are (M, N, n) of each model (kind and friction) on each part.
-
-    Returns:
-        `part`, `block`, `joint`, `samples`, sums `torque` and `torque_squared`, and a column of summed
-        squared errors, mean over seeds, per model: `KIND/FRICTION`.
+    Torques are (M, N, n) of each model (kind and friction) on each part. Columns `part`, `block`, `joint`,
+    `samples`, sums `torque` and `torque_squared`, and one of summed squared errors, mean over seeds, per
+    model: `KIND/FRICTION`.
     """
     tables = []
     for name, part in parts.items():
@@ -147,12 +134,8 @@ def block_table(
         sums = {"samples": np.ones_like(part.torque), "torque": part.torque, "torque_squared": part.torque**2}
         sums |= {"/".join(key): ((its[name] - part.torque) ** 2).mean(axis=0) for key, its in torques.items()}
         columns = {key: block_sums(values, length).ravel() for key, values in sums.items()}
-        keys = {
-            "part": name,
-            "block": np.repeat(np.arange(count), part.joints),
-            "joint": np.tile(np.arange(1, part.joints + 1), count),
-        }
-        tables.append(pd.DataFrame(keys | columns))
+        block, joint = (places.ravel() for places in np.indices((count, part.joints)))
+        tables.append(pd.DataFrame({"part": name, "block": block, "joint": joint + 1} | columns))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -162,25 +145,19 @@ def block_norms(
     """As `block_table`, over all joints: `part`, `block`, `samples`, and sums of the errors' norms in N m."""
     tables = []
     for name, part in parts.items():
-        norms = {
-            "/".join(key): np.linalg.norm(its[name] - part.torque, axis=-1).mean(axis=0)
-            for key, its in torques.items()
-        }
-        columns = {key: block_sums(values, length) for key, values in norms.items()}
         samples = block_sums(np.ones(len(part)), length)
-        keys = {"part": name, "block": np.arange(len(samples)), "samples": samples}
-        tables.append(pd.DataFrame(keys | columns))
+        columns = {"part": name, "block": np.arange(len(samples)), "samples": samples}
+        for key, its in torques.items():
+            norms = np.linalg.norm(its[name] - part.torque, axis=-1).mean(axis=0)
+            columns["/".join(key)] = block_sums(norms, length)
+        tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
 
 
 def drawn_nmse(
     blocks: pd.DataFrame, model: Sequence[str], draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """NMSE of a model (kind and friction) on one part, and what the bootstrap over its blocks draws for it.
-
-    Returns:
-        (n,) NMSE by joint, the same of drawn blocks (D, n), and the number of blocks.
-    """
+    """NMSE (n,) of a model (kind, friction) on one part, of drawn blocks (D, n), and the number of blocks."""
     its = blocks.sort_values(["block", "joint"])
     count, joints = its["block"].nunique(), its["joint"].nunique()
     columns = ["samples", "torque", "torque_squared", "/".join(model)]

@@ -1,6 +1,6 @@
-"""Networks as models of inverse dynamics, M of them (seeds, robots) as one stack, and how they learn.
+"""Networks as models of inverse dynamics, M of them (seeds, robots) as one stack, and their training.
 
-A perceptron gives torques of (q, qd, qdd). A deep Lagrangian network has a learned inertia matrix and a
+A perceptron maps (q, qd, qdd) to torques. A deep Lagrangian network has a learned inertia matrix and a
 learned potential energy:
 
     H(q) = L(q) L(q)^T + b 1      tau = H qdd + (dH/dt) qd - 1/2 d(qd^T H qd)/dq + dV/dq
@@ -14,8 +14,8 @@ where the last is one adjoint pass through L. Both passes are written out, so th
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, Self, get_args
+from dataclasses import dataclass
+from typing import Literal, Self, get_args
 
 import numpy as np
 import torch
@@ -24,15 +24,18 @@ from torch.nn import functional
 
 from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.networks.torch_settings import AdamParameters, as_tensor
-from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
-from structlearn.rigid_body.inertia_learner import initial_friction
+from structlearn.rigid_body.friction import (
+    FrictionTerm,
+    friction_coefficients,
+    friction_columns,
+    initial_friction,
+)
 from structlearn.rigid_body.motion import Motion
 
 NetworkKind = Literal["mlp", "mlp_scaled", "delan"]
 NETWORKS: tuple[NetworkKind, ...] = get_args(NetworkKind)
 
-EVALUATED_AT_ONCE = 4096
-"""Samples; more would leave the processor's cache."""
+EVALUATED_AT_ONCE = 4096  # samples; more would leave the processor's cache
 
 SCALING = ("input_mean", "input_scale", "output_mean", "output_scale")
 """Tensors that all models of a stack have in common."""
@@ -40,21 +43,13 @@ SCALING = ("input_mean", "input_scale", "output_mean", "output_scale")
 
 @dataclass(frozen=True)
 class StackedPerceptrons:
-    """M networks from (q, qd, qdd) to torques.
+    """M networks from (q, qd, qdd) to torques."""
 
-    Attributes:
-        network: of 3 n inputs and n outputs.
-        input_mean: (3 n,) taken off the states.
-        input_scale: (3 n,) by which they are divided.
-        output_mean: (n,) N m.
-        output_scale: (n,) N m.
-    """
-
-    network: StackedLayers
-    input_mean: Tensor
-    input_scale: Tensor
-    output_mean: Tensor
-    output_scale: Tensor
+    network: StackedLayers  # of 3 n inputs and n outputs
+    input_mean: Tensor  # (3 n,) subtracted from the states
+    input_scale: Tensor  # (3 n,) by which they are divided
+    output_mean: Tensor  # (n,) N m
+    output_scale: Tensor  # (n,) N m
 
     @classmethod
     def initial(cls, joints: int, hidden: Sequence[int], generators: Sequence[torch.Generator]) -> Self:
@@ -63,13 +58,15 @@ class StackedPerceptrons:
         return cls(StackedLayers.uniform((3 * joints, *hidden, joints), generators), *scaling)
 
     def standardised(self, states: Sequence[Tensor], torque: Tensor) -> Self:
-        """The networks that see and give standardised values, which the dissertation's do not.
+        """The networks on standardised values, which the dissertation's are not.
 
-        As positions, velocities and accelerations (n, N) and torques (n, N) of the training set are scaled.
+        Scales are those of positions, velocities and accelerations (n, N) and torques (n, N) to learn from.
         """
-        scaling = (*_mean_and_scale(torch.cat(list(states))), *_mean_and_scale(torque))
-        scales: dict[str, Any] = dict(zip(SCALING, scaling, strict=True))
-        return replace(self, **scales)
+        scales: list[Tensor] = []
+        for values in (torch.cat(list(states)), torque):
+            scale = values.std(dim=1, correction=0)
+            scales += [values.mean(dim=1), torch.where(scale > 0.0, scale, 1.0)]  # of a constant row
+        return type(self)(self.network, *scales)
 
     def parameters(self) -> list[Tensor]:
         """Trained parameters."""
@@ -91,14 +88,7 @@ class StackedPerceptrons:
         return cls(StackedLayers.from_arrays(arrays, "network."), *(arrays[name] for name in SCALING))
 
 
-def _mean_and_scale(values: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (D,) of (D, N); a constant row has the scale 1."""
-    scale = values.std(dim=1, correction=0)
-    return values.mean(dim=1), torch.where(scale > 0.0, scale, 1.0)
-
-
-SMALLEST_INERTIA = 1e-3
-"""kg m^2 (b): keeps H positive definite whatever the network says."""
+SMALLEST_INERTIA = 1e-3  # kg m^2 (b): keeps H positive definite for all weights
 
 
 @dataclass(frozen=True)
@@ -106,19 +96,13 @@ class StackedLagrangianNetworks:
     """M deep Lagrangian networks.
 
     L is lower triangular. Its n (n + 1) / 2 entries, diagonal first, are outputs of a network, the diagonal
-    through a softplus, so that every H has one L only.
-
-    Attributes:
-        inertia: gives the entries of L.
-        potential: gives V.
-        row: (entries, n) choice of each entry's row: a product with it is a sum over the matrix.
-        column: (entries, n) of its column.
+    through a softplus, so that L is unique for every H.
     """
 
-    inertia: StackedLayers
-    potential: StackedLayers
-    row: Tensor
-    column: Tensor
+    inertia: StackedLayers  # gives the entries of L
+    potential: StackedLayers  # gives V
+    row: Tensor  # (entries, n) selects each entry's row: a product with it is a sum over the matrix
+    column: Tensor  # (entries, n) selects its column
 
     @classmethod
     def initial(cls, joints: int, hidden: Sequence[int], generators: Sequence[torch.Generator]) -> Self:
@@ -205,18 +189,12 @@ def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor
 
 
 class NetworkLearner:
-    """M networks of one kind that learn together, in single precision.
+    """M networks of one kind that learn together, in single precision, a generator for the start of each.
 
-    Args:
-        kind: `mlp` on the plain states and torques, as in the dissertation; `mlp_scaled` on standardised
-            ones; `delan`.
-        motions: that all learn from, or one of N samples for each model; not for `mlp_scaled`, whose models
-            have one scale.
-        friction: terms of joint friction beside `delan`, which knows none; the perceptrons need none.
-        weights: (1 or M, n) of each joint's squared error in the loss.
-        adam: the optimiser.
-        hidden: nodes of each hidden layer.
-        generators: source of the initial values of each model.
+    `mlp` learns plain states and torques, as in the dissertation; `mlp_scaled` standardised ones; `delan` has
+    terms of joint friction beside it, which perceptrons do not need. All learn from one motion, or each from
+    its own of N samples; `mlp_scaled` has one scale, so one motion. Weights (1 or M, n) are those of each
+    joint's squared error in the loss.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
 """Inverse dynamics by the recursive Newton-Euler algorithm, batched and differentiable (chapter III.2).
 
 Velocities and accelerations run from the base to the tips, forces and moments back. It is the reference, and
-the way when gradients to positions or kinematics are wanted; where only inertias are learned, the regressor
-gives the same torques for a matrix product. `agreement_with_pinocchio` holds all our ways against Pinocchio.
+has gradients to positions and kinematics; where only inertias are learned, the regressor gives the same
+torques by a matrix product. `agreement_with_pinocchio` compares all implementations with Pinocchio.
 """
 
 import numpy as np
@@ -117,17 +117,14 @@ def _twice(velocity: Tensor, vector: Tensor) -> Tensor:
     return _cross(velocity, _cross(velocity, vector))
 
 
-_LARGEST = (2.0, 2.0, 5.0)
-"""rad, rad/s and rad/s^2: positions are drawn evenly up to it, the others normally with it as std."""
+_LARGEST = (2.0, 2.0, 5.0)  # rad, bound of uniform positions; rad/s and rad/s^2, std of normal ones
 
 
 def agreement_with_pinocchio(robot: Robot, states: int = 200, seed: int = 0) -> dict[str, float]:
-    """Largest differences of torques over joints and random states.
+    """Largest differences from Pinocchio's recursive Newton-Euler (`rnea`) over joints and random states.
 
-    Returns:
-        `largest_n_m`, the largest torque of Pinocchio's recursive Newton-Euler (`rnea`); largest difference
-        from it in N m of ours: `recursion_n_m` (batched), `regressor_n_m`, `compiled_n_m` (one state, for
-        control).
+    `recursion_n_m` (batched), `regressor_n_m`, `compiled_n_m` (one state, for control); and the largest
+    torque itself, `largest_n_m`.
     """
     (q, qd, qdd), expected = _pinocchio_torques(robot, states, seed)
     rows = list(zip(q, qd, qdd, strict=True))

@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside, cross
+from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_chain import (
     Body,
@@ -31,8 +30,7 @@ from structlearn.rigid_body.compiled_chain import (
 )
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
-DAMPING = 1e-6
-"""m^2; keeps the pseudo-inverse of the Jacobian finite where the arm is stretched out."""
+DAMPING = 1e-6  # m^2; keeps the pseudo-inverse of the Jacobian finite where the arm is stretched out
 
 
 class VelocityControlParameters(Parameters):
@@ -43,19 +41,12 @@ class VelocityControlParameters(Parameters):
 
 
 class VelocityControl(NamedTuple):
-    """What the law holds on to.
+    """Constants of the control law."""
 
-    Attributes:
-        tool_m: (3,) the tool point in the last joint's frame.
-        posture: (n,) rad, to which the null space pulls.
-        tool_1_s: K_x.
-        posture_1_s: K_n.
-    """
-
-    tool_m: np.ndarray
-    posture: np.ndarray
-    tool_1_s: float
-    posture_1_s: float
+    tool_m: np.ndarray  # (3,) the tool point in the last joint's frame
+    posture: np.ndarray  # (n,) rad, target of the null space
+    tool_1_s: float  # K_x
+    posture_1_s: float  # K_n
 
 
 @numba.njit(cache=True)
@@ -71,8 +62,8 @@ def joint_reference(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Joint velocity qd_r (n,) in rad/s and acceleration qdd_r (n,) in rad/s^2 of the law in the header.
 
-    Of the body only the kinematics count; the workspace is of `compiled_chain.dynamics` at q and qd (n,).
-    What is wanted of the tool is (3,) in m, m/s and m/s^2 in the base frame.
+    Of the body only the kinematics matter; the workspace is of `compiled_chain.dynamics` at q and qd (n,).
+    The tool's references are (3,) in m, m/s and m/s^2 in the base frame.
     """
     count, position = len(q), _point(work, control.tool_m)
     jacobian = _jacobian(body, work, position)

@@ -5,6 +5,7 @@ are fixed, Y of a data set is computed once, and training needs autograd only th
 (`inertia_parameters`). A non-symmetric inertia (nostr) has columns for its nine entries.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,8 +13,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
+from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
+from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 SYMMETRIC_COLUMNS, FULL_COLUMNS = 10, 13  # per link
@@ -28,8 +30,7 @@ def torque_regressor(
     joint origin; otherwise thirteen, with the nine entries row by row.
 
     Returns:
-        (B, n, 10 n) or (B, n, 13 n), link after link. Who multiplies all of it with one theta again and again
-        stores it by columns (`.reshape(-1, columns).T`, contiguous), which is twice as fast.
+        (B, n, 10 n) or (B, n, 13 n), link after link.
     """
     columns = SYMMETRIC_COLUMNS if symmetric else FULL_COLUMNS
     regressor = np.zeros((*q.shape, len(tree.names), columns))
@@ -65,21 +66,13 @@ class _Chain(NamedTuple):
 
 
 class _Motion(NamedTuple):
-    """Motion of all links in one sample, at their origins and in their axes.
+    """Motion of all links in one sample, at their origins and in their axes."""
 
-    Attributes:
-        velocity: (n, 3) angular.
-        acceleration: (n, 3) angular.
-        linear: (n, 3) acceleration of the origin less gravity.
-        turning: (n, n, 3) [link, joint]: angular velocity of the link when that joint moves at unit speed.
-        sliding: (n, n, 3) [link, joint]: velocity of its origin then.
-    """
-
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    linear: np.ndarray
-    turning: np.ndarray
-    sliding: np.ndarray
+    velocity: np.ndarray  # (n, 3) angular
+    acceleration: np.ndarray  # (n, 3) angular
+    linear: np.ndarray  # (n, 3) acceleration of the origin less gravity
+    turning: np.ndarray  # (n, n, 3) [link, joint]: angular velocity of the link for unit speed of that joint
+    sliding: np.ndarray  # (n, n, 3) [link, joint]: velocity of its origin then
 
 
 @numba.njit(cache=True)
@@ -225,18 +218,13 @@ class TorqueFactors:
     """Squared torque errors of any link parameters on a whole data set, without the data set.
 
     With tau = Y theta the squared error of joint j is |Y_j theta - tau_j|^2 = |R_j (theta, -1)|^2, where R_j
-    is the triangular factor of (Y_j, tau_j). It is as small as there are parameters, so that an error costs
-    the same for 6000 samples as for 60000. Unlike the normal equations, the factor loses no digits.
-
-    Attributes:
-        factors: (n, P + 1, P + 1) per joint, of the regressor's columns and then the torque.
-        samples: N.
-        variance: (n,) (N m)^2 of each joint's torque.
+    is the triangular factor of (Y_j, tau_j). Its size is the number of parameters, so an error costs the same
+    for 6000 samples as for 60000. Unlike the normal equations, the factor loses no digits.
     """
 
-    factors: np.ndarray
-    samples: int
-    variance: np.ndarray
+    factors: np.ndarray  # (n, P + 1, P + 1) per joint, of the regressor's columns and then the torque
+    samples: int  # N
+    variance: np.ndarray  # (n,) (N m)^2 of each joint's torque
 
     def nmse(self, parameters: np.ndarray) -> np.ndarray:
         """Mean squared error (..., n) over samples of theta (..., P), over the torque's variance."""
@@ -251,7 +239,7 @@ def triangular_factor(rows: np.ndarray) -> np.ndarray:
 
 
 def torque_factors(regressor: np.ndarray, torque: np.ndarray) -> TorqueFactors:
-    """Reduce a data set, regressor (N, n, P) and torques (N, n) in N m, to its factors."""
+    """Triangular factors of a data set, regressor (N, n, P) and torques (N, n) in N m."""
     samples, joints, width = regressor.shape
     factors = np.zeros((joints, width + 1, width + 1))
     for joint in range(joints):
@@ -261,3 +249,20 @@ def torque_factors(regressor: np.ndarray, torque: np.ndarray) -> TorqueFactors:
         factor = triangular_factor(stacked)
         factors[joint, : len(factor), used] = factor.T
     return TorqueFactors(factors, samples, torque.var(axis=0))
+
+
+class MotionRegressor:
+    """Regressor of a motion, shared by all models that learn from it.
+
+    Inertias are symmetric, or, for nostr, not; columns of friction come after those of the links.
+    """
+
+    def __init__(
+        self, tree: KinematicTree, motion: Motion, symmetric: bool, friction: Sequence[FrictionTerm]
+    ):
+        columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd, symmetric)
+        if friction:
+            columns = np.concatenate([columns, friction_regressor(motion.q, motion.qd, friction)], axis=-1)
+        self.factors: TorqueFactors = torque_factors(columns, motion.torque)
+        self.columns, self.torque = columns, motion.torque  # (N, n, P), (N, n)
+        self.friction = tuple(friction)

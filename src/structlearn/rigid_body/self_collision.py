@@ -1,8 +1,8 @@
-"""How near an arm's links come to each other, by the collision shapes of its URDF.
+"""Self-collision: distances between an arm's links, by the collision shapes of its URDF.
 
 Distances are those of the meshes' convex hulls, which is quick and never too large; where hulls come nearer
-than is of interest, the meshes themselves decide. Neighbours in the tree touch by design and are no pair, nor
-are links whose shapes touch at the rest configuration already: these are named, for nothing watches them.
+than a threshold, the meshes themselves decide. Neighbours in the tree touch by design and are no pair, nor
+are links whose shapes touch at the rest configuration: these are reported, since they are not checked.
 """
 
 from collections.abc import Sequence
@@ -18,33 +18,21 @@ from structlearn.rigid_body.tree import configuration
 
 @dataclass(frozen=True)
 class LinkShapes:
-    """Shapes of an arm's links, and the pairs of them that are watched.
-
-    Attributes:
-        arm: that has them.
-        meshes: as the URDF has them.
-        hulls: the same shapes with meshes replaced by their convex hulls, and the same pairs.
-        pairs: (N,) names of the links of each pair, "a and b".
-        touching: pairs that touch at rest and are not watched.
-        bare: links that move and have no shape.
-    """
+    """Shapes of an arm's links, and the pairs of them that are checked."""
 
     arm: Arm
-    meshes: pinocchio.GeometryModel
-    hulls: pinocchio.GeometryModel
-    pairs: tuple[str, ...]
-    touching: tuple[str, ...]
-    bare: tuple[str, ...]
+    meshes: pinocchio.GeometryModel  # as in the URDF
+    hulls: pinocchio.GeometryModel  # the same pairs, with meshes replaced by their convex hulls
+    pairs: tuple[str, ...]  # (N,) names of the links of each pair, "a and b"
+    touching: tuple[str, ...]  # pairs that touch at rest and are not checked
+    bare: tuple[str, ...]  # links that move and have no shape
 
 
 def read_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes:
-    """Read the collision shapes of an arm's URDF, with the same joints locked.
+    """Read the collision shapes of an arm's URDF, with the same joints locked; rest is a configuration (n,).
 
-    Meshes are looked for in the URDF's folder and those above it, and by ROS_PACKAGE_PATH. Whatever touches
-    at the rest configuration (n,) does so by design.
-
-    Raises:
-        InputError: a mesh is missing or unreadable, or there are fewer than two links with shapes.
+    Meshes are searched in the URDF's folder and those above it, and by ROS_PACKAGE_PATH. Raises InputError: a
+    mesh is missing or unreadable, or there are fewer than two links with shapes.
     """
     model = pinocchio.buildModelFromUrdf(str(arm.source))
     folder = arm.source.resolve().parent
@@ -79,7 +67,7 @@ def read_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes
 def link_distances(shapes: LinkShapes, joints: np.ndarray, near: float) -> np.ndarray:
     """Distance of each pair along a path: (T, n) joints -> (T, N) m, negative or 0 where links touch.
 
-    Where hulls come nearer than `near` m they are not believed, and the meshes are asked.
+    Where hulls come nearer than `near` m, the meshes decide.
     """
     arm, data = shapes.arm, shapes.arm.model.createData()
     hulls, meshes = pinocchio.GeometryData(shapes.hulls), pinocchio.GeometryData(shapes.meshes)
@@ -111,7 +99,7 @@ def _distant_pairs(arm: Arm, shapes: pinocchio.GeometryModel) -> list[pinocchio.
 
 
 def _drop_touching(arm: Arm, shapes: pinocchio.GeometryModel, rest: np.ndarray) -> tuple[str, ...]:
-    """Take out the pairs that touch at rest; their names."""
+    """Remove the pairs that touch at rest, and return their names."""
     data, found = arm.model.createData(), pinocchio.GeometryData(shapes)
     pinocchio.computeCollisions(arm.model, data, shapes, found, configuration(arm.model, rest), False)
     touching = [
@@ -125,6 +113,6 @@ def _drop_touching(arm: Arm, shapes: pinocchio.GeometryModel, rest: np.ndarray) 
 
 
 def _names(shapes: pinocchio.GeometryModel, pair: pinocchio.CollisionPair) -> str:
-    """Names of both links; Pinocchio numbers a link's shapes."""
+    """Names of both links, without Pinocchio's numbers of their shapes."""
     names = [shapes.geometryObjects[place].name.rsplit("_", 1)[0] for place in (pair.first, pair.second)]
     return " and ".join(names)

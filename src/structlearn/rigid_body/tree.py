@@ -1,8 +1,8 @@
 """Kinematic tree and link inertias of a robot, read from its URDF.
 
 Pinocchio reads the file and merges links at fixed joints; what comes out are plain arrays, so that torch and
-numba need no Pinocchio. Joint i moves link i; the joint frame is fixed to the link and stands, at zero
-position, as `rotation` and `translation` say in the frame of the parent joint.
+numba need no Pinocchio. Joint i moves link i; the joint frame is fixed to the link; `rotation` and
+`translation` are its pose in the frame of the parent joint at zero position.
 """
 
 import warnings
@@ -25,46 +25,34 @@ Array = TypeVar("Array", np.ndarray, "Tensor")
 
 @dataclass(frozen=True)
 class KinematicTree:
-    """What is known of a robot before its inertias: n joints, each after its parent.
+    """Kinematics of a robot: n joints, each after its parent."""
 
-    Attributes:
-        names: of the joints.
-        parents: (n,) index of the parent joint, -1 for the base; smaller than the joint's own index.
-        rotation: (n, 3, 3) joint frame in the parent's at position zero.
-        translation: (n, 3) m, its origin in the parent's frame.
-        axis: (n, 3) unit vector, in the joint frame.
-        prismatic: (n,) bool; the others turn.
-        lower: (n,) rad or m; -inf for continuous joints.
-        upper: (n,) rad or m; inf for continuous joints.
-        velocity: (n,) limit in rad/s or m/s.
-        gravity: (3,) m/s^2, acceleration of free fall in the base frame.
-    """
+    names: tuple[str, ...]  # of the joints
+    parents: np.ndarray  # (n,) index of the parent joint, smaller than the joint's; -1 for the base
+    rotation: np.ndarray  # (n, 3, 3) joint frame in the parent's at position zero
+    translation: np.ndarray  # (n, 3) m, its origin in the parent's frame
+    axis: np.ndarray  # (n, 3) unit vector, in the joint frame
+    prismatic: np.ndarray  # (n,) bool; the others turn
+    lower: np.ndarray  # (n,) rad or m; -inf for continuous joints
+    upper: np.ndarray  # (n,) rad or m; inf for continuous joints
+    velocity: np.ndarray  # (n,) limit in rad/s or m/s
+    gravity: np.ndarray  # (3,) m/s^2, acceleration of free fall in the base frame
 
-    names: tuple[str, ...]
-    parents: np.ndarray
-    rotation: np.ndarray
-    translation: np.ndarray
-    axis: np.ndarray
-    prismatic: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    velocity: np.ndarray
-    gravity: np.ndarray
+    @property
+    def ranges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper limits (n,); a joint without limits turns half a circle either way."""
+        limits = ((self.lower, -np.pi), (self.upper, np.pi))
+        lower, upper = (np.where(np.isfinite(limit), limit, other) for limit, other in limits)
+        return lower, upper
 
 
 @dataclass(frozen=True)
 class LinkInertias(Generic[Array]):
-    """Inertial parameters of n links in their joint frames; arrays or tensors, leading axes are models.
+    """Inertial parameters of n links in their joint frames; arrays or tensors, leading axes are models."""
 
-    Attributes:
-        mass: (..., n) kg.
-        first_moment: (..., n, 3) kg m, mass times centre of mass.
-        inertia: (..., n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame.
-    """
-
-    mass: Array
-    first_moment: Array
-    inertia: Array
+    mass: Array  # (..., n) kg
+    first_moment: Array  # (..., n, 3) kg m, mass times centre of mass
+    inertia: Array  # (..., n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame
 
     def of(self, model: int) -> "LinkInertias[np.ndarray]":
         """Those of one model."""
@@ -87,19 +75,12 @@ class LinkInertias(Generic[Array]):
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot as its URDF describes it.
-
-    Attributes:
-        name: of the robot in its URDF.
-        tree: kinematics.
-        inertias: of the moving links, with what is fixed to them.
-        model: Pinocchio's, with the same joints in the same order.
-    """
+    """A robot as its URDF describes it."""
 
     name: str
     tree: KinematicTree
-    inertias: LinkInertias[np.ndarray]
-    model: pinocchio.Model
+    inertias: LinkInertias[np.ndarray]  # of the moving links, with everything that is fixed to them
+    model: pinocchio.Model  # with the same joints in the same order
 
 
 def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
@@ -124,8 +105,7 @@ def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
 def read_model(path: str | Path, locked: Sequence[str] = ()) -> pinocchio.Model:
     """Pinocchio's model of a robot with a fixed base; its links need neither mass nor inertia.
 
-    Raises:
-        InputError: see `read_urdf`, but for what is said of masses and inertias.
+    Raises InputError as `read_urdf` does, but for masses and inertias.
     """
     check_urdf(path, locked)
     try:
@@ -151,11 +131,9 @@ def configuration(model: pinocchio.Model, joints: np.ndarray) -> np.ndarray:
 
 
 def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -> np.ndarray:
-    """Columns of a log in the order of the robot's joints: `log[:, order]`.
+    """Columns of a log in the order of the robot's joints: `log[:, order]`; other joints are left out.
 
-    Raises:
-        InputError: a joint of the robot is not among the log's names, or stands twice; `source` is for the
-            message. Joints that the robot lacks are left out.
+    Raises InputError, which names `source`: a joint of the robot is missing from the log, or is there twice.
     """
     names = list(names)
     if missing := [name for name in tree.names if name not in names]:
@@ -210,9 +188,9 @@ def _inertias(model: pinocchio.Model) -> LinkInertias[np.ndarray]:
 
 
 def _check_inertias(robot: Robot, path: str | Path) -> None:
-    """What Pinocchio merged at fixed joints must have mass and inertia; single links need not.
+    """Links as Pinocchio merged them at fixed joints must have mass and inertia.
 
-    Moments that no body has are so common in makers' files that they are only told of.
+    Moments that no body has are so common in makers' files that they only cause a warning.
     """
     moments = np.linalg.eigvalsh(robot.inertias.inertia)
     for name, mass, moment in zip(robot.tree.names, robot.inertias.mass, moments[:, 0], strict=True):

@@ -1,4 +1,4 @@
-"""What a URDF says before it becomes a robot: mistakes that Pinocchio passes over, moving joints, hands.
+"""URDF files as XML: checks that Pinocchio does not make, joints and hands, and writing identified inertias.
 
 Pinocchio 4 reads a link whose `<inertial>` is absent, incomplete or no number as massless, a negative mass as
 it stands, limits without bounds as [0, 0] and an axis of zeros as it stands. Dynamics of such a robot are
@@ -9,23 +9,25 @@ import math
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
+
+import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.readers.computed_pose import robot_element
 
+if TYPE_CHECKING:
+    from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+
 MOVING = ("revolute", "continuous", "prismatic")
 
 _LIMITS = ("lower", "upper", "velocity", "effort")
-_INERTIA_ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
 def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
-    """Refuse a file that is no URDF of a robot with one degree of freedom per joint and limits on each.
-
-    Raises:
-        InputError: see `structlearn.rigid_body.tree.read_urdf`.
-    """
+    """Raise InputError unless every joint of a URDF has one degree of freedom and limits, see `read_urdf`."""
     root = robot_element(Path(path))
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed"}
@@ -73,7 +75,7 @@ def _check_inertial(inertial: ElementTree.Element, where: str) -> None:
     (value,) = _numbers([mass.get("value", "")], f"{where}: mass")
     if value < 0.0:
         raise InputError(f"{where}: mass {value:g} kg is negative")
-    _numbers([inertia.get(entry, "") for entry in _INERTIA_ENTRIES], f"{where}: inertia")
+    _numbers([inertia.get(entry, "") for entry in INERTIA_ENTRIES], f"{where}: inertia")
 
 
 def _numbers(texts: Sequence[str], where: str) -> list[float]:
@@ -87,15 +89,11 @@ def _numbers(texts: Sequence[str], where: str) -> list[float]:
 
 
 HANDS = re.compile(r"tcp|tool|grasp|gripper|hand|ee$|end_?effector|flange", re.IGNORECASE)
-"""What links and frames of a hand are mostly called."""
+"""Usual names of links and frames of a hand."""
 
 
 def moving_joints(path: str | Path) -> list[str]:
-    """Names of all joints that are not fixed, in the order of the file.
-
-    Raises:
-        InputError: the file is missing or no URDF.
-    """
+    """Names of all joints that are not fixed, in the order of the file; InputError where it is no URDF."""
     return [name for name, (kind, _, _) in _joints(path).items() if kind != "fixed"]
 
 
@@ -105,13 +103,10 @@ def moved_link(path: str | Path, joint: str) -> str:
 
 
 def tips(path: str | Path, joints: Collection[str]) -> list[str]:
-    """Links at the ends of what some joints move, the likeliest for the hand first.
+    """Links at the ends of the chains of some joints, the likeliest for the hand first.
 
-    They carry none of the others: those called like a hand first, then those behind more joints. What joints
-    not named move is left out, e.g. fingers.
-
-    Raises:
-        InputError: the file is missing or no URDF.
+    Those with the name of a hand come first, then those behind more joints. Links moved by other joints, e.g.
+    fingers, are left out. Raises InputError: the file is missing or no URDF.
     """
     found = _joints(path)
     carried = {child: (name, kind, parent) for name, (kind, parent, child) in found.items()}
@@ -142,3 +137,111 @@ def _joints(path: str | Path) -> dict[str, tuple[str, str, str]]:
     if not found:
         raise InputError(f"{path}: not a URDF of a robot: it has no joints")
     return found
+
+
+def write_urdf(
+    source: str | Path,
+    target: str | Path,
+    tree: "KinematicTree",
+    inertias: "LinkInertias[np.ndarray]",
+    viscous: np.ndarray | None = None,
+    coulomb: np.ndarray | None = None,
+) -> None:
+    """Write a robot with identified inertias and friction as a URDF. The caller publishes the file.
+
+    Whatever is fixed to a link, or was locked when the file was read, is part of what was identified: its
+    inertia becomes zero, written out, since simulators take a link without one for 1 kg. Shapes from mesh
+    files are left out: PyBullet refuses a robot whose meshes it does not find beside the file.
+
+    Args:
+        source: the URDF that `tree` was read from; joints that are not among the tree's become fixed.
+        target: the file to write; its folder exists.
+        tree: n joints.
+        inertias: mass (n,) positive, of each moving link with what is fixed to it.
+        viscous: (n,) N m s/rad, joints' `damping`; None: as in the source.
+        coulomb: (n,) N m, joints' `friction`; None: as in the source.
+
+    Raises:
+        InputError: a joint of the tree is not in the source.
+    """
+    root = ElementTree.parse(source).getroot()
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    if missing := [name for name in tree.names if name not in joints]:
+        raise InputError(f"{source}: lacks the joints {', '.join(missing)}")
+    links = {link.get("name"): link for link in root.findall("link")}
+    moved: dict[str | None, int] = {
+        _end(joints[name], "child"): place for place, name in enumerate(tree.names)
+    }
+    base = _fixed_to_base(root, joints, tree.names)
+    for name, link in links.items():
+        _without_meshes(link)
+        if name in base and link.find("inertial") is not None:
+            continue  # nothing can be learned of what does not move
+        old = link.find("inertial")
+        if old is not None:
+            link.remove(old)
+        link.append(_inertial(inertias, moved.get(name)))
+    for name, joint in joints.items():
+        if name not in tree.names:
+            joint.set("type", "fixed")
+    for place, name in enumerate(tree.names):
+        _set_friction(joints[name], viscous, coulomb, place)
+    ElementTree.indent(root)
+    ElementTree.ElementTree(root).write(target, encoding="utf-8", xml_declaration=True)
+
+
+def _end(joint: ElementTree.Element, which: str) -> str:
+    element = joint.find(which)
+    return "" if element is None else element.get("link", "")
+
+
+def _fixed_to_base(
+    root: ElementTree.Element, joints: dict[str | None, ElementTree.Element], moving: tuple[str, ...]
+) -> set[str]:
+    """Links that no joint moves."""
+    parents = {_end(joint, "child"): (name, _end(joint, "parent")) for name, joint in joints.items()}
+
+    def moves(link: str) -> bool:
+        while link in parents:
+            name, link = parents[link]
+            if name in moving:
+                return True
+        return False
+
+    return {name for link in root.findall("link") if not moves(name := link.get("name", ""))}
+
+
+def _without_meshes(link: ElementTree.Element) -> None:
+    for kind in ("visual", "collision"):
+        for shape in link.findall(kind):
+            if shape.find("geometry/mesh") is not None:
+                link.remove(shape)
+
+
+def _inertial(inertias: "LinkInertias[np.ndarray]", place: int | None) -> ElementTree.Element:
+    """`<inertial>` of a moving link, with all digits; zeros where there is no place."""
+    mass, centre, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+    if place is not None:
+        mass, inertia = float(inertias.mass[place]), inertias.inertia[place]
+        centre = inertias.first_moment[place] / mass
+    element = ElementTree.Element("inertial")
+    ElementTree.SubElement(element, "origin", xyz=" ".join(map(repr, centre.tolist())), rpy="0 0 0")
+    ElementTree.SubElement(element, "mass", value=repr(mass))
+    values = {name: repr(float(inertia[entry])) for name, entry in INERTIA_ENTRIES.items()}
+    ElementTree.SubElement(element, "inertia", values)
+    return element
+
+
+def _set_friction(
+    joint: ElementTree.Element, viscous: np.ndarray | None, coulomb: np.ndarray | None, place: int
+) -> None:
+    found = {
+        name: values for name, values in (("damping", viscous), ("friction", coulomb)) if values is not None
+    }
+    if not found:
+        return
+    dynamics = joint.find("dynamics")
+    if dynamics is None:
+        dynamics = ElementTree.SubElement(joint, "dynamics")
+    for name, values in found.items():
+        dynamics.set(name, repr(float(values[place])))

@@ -1,6 +1,6 @@
 """Demonstrations cut into primitives: zero-velocity crossing, time warping, weighted least squares (IV.5).
 
-What users import stands in the stub beside this file, and is loaded when it is first used.
+The public names are in the stub beside this file; their modules load on first use.
 """
 
 import lazy_loader

@@ -1,20 +1,22 @@
 """Start and end of every primitive by zero-velocity crossing, before refinement.
 
-There are two ways. Where each primitive has an axis of its own and a threshold, it is the largest movement
-along its axis after the one before, demonstration by demonstration, and the first demonstration is the
-reference. Otherwise runs of motion are assigned to the primitives by one choice over all demonstrations
-(`run_assignment`), which chooses the reference too.
+If each primitive has a different axis and a threshold, it is the largest movement along its axis after the
+previous one, demonstration by demonstration, and the first demonstration is the reference. Otherwise runs of
+motion are assigned to the primitives by one choice over all demonstrations (`run_assignment`), which chooses
+the reference too.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from structlearn.core import signals
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import motion_runs, run_assignment
 from structlearn.segmentation.motion_runs import Candidates, Motion, Search, moving_interval
+from structlearn.segmentation.onsets import movement_ends
 from structlearn.segmentation.parameters import BETWEEN, Axis, PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.run_assignment import Chosen
 
@@ -51,15 +53,41 @@ def find_crossings(
     if parameters.reference not in (None, *names):
         raise InputError(f"segment.reference: there is no demonstration named '{parameters.reference}'")
     named = None if parameters.reference is None else names.index(parameters.reference)
-    if parameters.assigns_runs:
-        return _assigned(demonstrations, parameters, named)
     found: list[Crossings | InputError] = []
-    for demonstration in demonstrations:
-        try:
-            found.append(_largest(demonstration, parameters))
-        except InputError as error:
-            found.append(error)
-    return named or 0, found
+    if parameters.assigns_runs:
+        place, found = _assigned(demonstrations, parameters, named)
+    else:
+        place = named or 0
+        for demonstration in demonstrations:
+            try:
+                found.append(_largest(demonstration, parameters))
+            except InputError as error:
+                found.append(error)
+    if parameters.ends == "onset":
+        found = [
+            crossings
+            if isinstance(crossings, InputError)
+            else _at_onsets(demonstration, crossings, parameters)
+            for demonstration, crossings in zip(demonstrations, found, strict=True)
+        ]
+    return place, found
+
+
+def _at_onsets(
+    demonstration: Demonstration, crossings: Crossings, parameters: SegmentParameters
+) -> Crossings:
+    """Crossings with their ends moved to where the movements begin and come to rest (`onsets`)."""
+    axes = {primitive.name: primitive.shown_by for primitive in _with_axis(parameters)}
+    dt, found, before = demonstration.dt, list(crossings.values()), 0
+    for place, (name, one) in enumerate(crossings.items()):
+        smooth = signals.low_pass(motion_runs.path(demonstration, axes[name]), dt, parameters.cut_cutoff_hz)
+        after = min([one.latest, *(later.start for later in found[place + 1 : place + 2])])
+        limits = (max(one.earliest, before), after)
+        start, end = movement_ends(smooth, dt, (one.start, one.end), limits)
+        start, end = one.start if one.start_known else start, one.end if one.end_known else end
+        found[place] = replace(one, start=start, end=end)
+        before = end
+    return dict(zip(crossings, found, strict=True))
 
 
 def _largest(demonstration: Demonstration, parameters: SegmentParameters) -> Crossings:

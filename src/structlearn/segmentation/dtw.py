@@ -18,7 +18,7 @@ def correspondences(reference: np.ndarray, guess: np.ndarray, one_scale: bool = 
     is followed back until either signal is at its first sample, so the pair (0, 0) is not listed.
 
     `reference`: (N,) or (N, D) samples. `guess`: (M,) or (M, D) samples. `one_scale`: standardise all columns
-    by their common variance, so that one that hardly moves is no more than its noise; else each by its own.
+    by their common variance, so that the noise of one that hardly moves stays small; else each separately.
     Returns (K, 2) indices into reference and guess, both strictly increasing.
     """
     return warping(reference, guess, one_scale)[0]

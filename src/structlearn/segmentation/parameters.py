@@ -96,6 +96,9 @@ class SegmentParameters(Parameters):
     crossing_weight: float = Field(ge=0)
     crossing_tolerance_s: float = Field(gt=0)
     skip_failures: bool
+    # where a movement starts and ends: at its zero-velocity crossing, as published, or at its extrapolated
+    # onset (`onsets`), the choice for tasks on recorded data
+    ends: Literal["crossing", "onset"] = "crossing"
 
     @model_validator(mode="after")
     def _between_has_neighbours(self) -> "SegmentParameters":
@@ -109,10 +112,10 @@ class SegmentParameters(Parameters):
 
     @property
     def assigns_runs(self) -> bool:
-        """Whether primitives are told apart by the order of the runs of motion (`run_assignment`).
+        """Whether primitives are found by the order of the runs of motion (`run_assignment`).
 
-        They need not be where each has an axis of its own and its threshold is given: there it is the largest
-        movement along its axis after the one before.
+        Otherwise each has a different axis and a threshold, and is the largest movement along its axis after
+        the previous one.
         """
         moving = [primitive for primitive in self.primitives if primitive.axis != BETWEEN]
         axes = {primitive.axis for primitive in moving}

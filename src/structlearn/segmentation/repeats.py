@@ -159,7 +159,7 @@ def _repeats(one: Candidates, pattern: Pattern) -> np.ndarray:
 
 
 def _with_rests(one: Candidates, chain: np.ndarray, moved: float, most: int) -> tuple[int, int]:
-    """First and last sample of a repeat with half the rest on either side, but at most so many samples."""
+    """First and last sample of a repeat with half the rest, at most `most` samples, on either side."""
     first, last = int(one.first[chain[0]]), int(one.last[chain[-1]])
     runs = one.runs[one.travelled[one.runs[:, 1]] - one.travelled[one.runs[:, 0]] > moved]
     earlier, later = runs[runs[:, 1] <= first, 1], runs[runs[:, 0] >= last, 0]
@@ -169,7 +169,7 @@ def _with_rests(one: Candidates, chain: np.ndarray, moved: float, most: int) -> 
 
 
 def _part(recording: Demonstration, name: str, first: int, last: int) -> Demonstration:
-    """Samples of a recording, both included, as a demonstration of their own."""
+    """Samples first..last of a recording as a demonstration."""
     here, time = slice(first, last + 1), recording.time[[first, last]]
     signals = {
         signal: values[here] for signal in SIGNAL_UNITS if (values := getattr(recording, signal)) is not None

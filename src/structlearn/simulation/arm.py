@@ -1,7 +1,7 @@
-"""What an arm of the simulations is made of: any URDF's kinematics, and what may differ from that URDF.
+"""Simulated arms: the kinematics of any URDF, and inertias, friction and payloads that may differ from it.
 
-A compiled loop moves it (`compiled_arm`); PyBullet (`bullet_arm`) is the oracle in tests and in the
-stage `engines`.
+A compiled loop moves them (`compiled_arm`); PyBullet (`bullet_arm`) is the oracle in tests and in the stage
+`engines`.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
 
 @dataclass(frozen=True)
 class Mechanics:
-    """What moves, beside the kinematics: n links and joints."""
+    """Inertias and drives of an arm with n joints."""
 
     inertias: LinkInertias  # of the links, those of real bodies
     viscous: np.ndarray  # (n,) N m s/rad
@@ -29,17 +29,17 @@ class Mechanics:
 
 
 def ideal(inertias: LinkInertias) -> Mechanics:
-    """An arm with these inertias and nothing else: no friction, no ripple, no latency."""
+    """Mechanics without friction, ripple and latency."""
     zero = np.zeros(len(inertias.mass))
     return Mechanics(inertias, viscous=zero, coulomb=zero, ripple=zero)
 
 
 @dataclass(frozen=True)
 class Payload:
-    """A body that the last link takes hold of."""
+    """A body that the last link carries."""
 
-    mass_kg: float  # its mass
-    point_m: tuple[float, float, float]  # (3,) its centre of mass in the last joint's frame
+    mass_kg: float
+    point_m: tuple[float, float, float]  # centre of mass in the last joint's frame
     radius_m: float  # of gyration, equal about all axes
 
     @property
@@ -49,7 +49,7 @@ class Payload:
 
 
 def carrying(inertias: LinkInertias, payload: Payload) -> LinkInertias:
-    """Inertias of links of which the last one carries a payload (parallel axes)."""
+    """Inertias of links with a payload on the last one (parallel axis theorem)."""
     mass, moment, inertia = inertias.mass.copy(), inertias.first_moment.copy(), inertias.inertia.copy()
     point = np.array(payload.point_m)
     apart = point - moment[-1] / mass[-1]
@@ -61,24 +61,18 @@ def carrying(inertias: LinkInertias, payload: Payload) -> LinkInertias:
 
 
 class ArmParameters(Parameters):
-    """Which arm."""
+    """URDF of an arm."""
 
     urdf: str = Field(min_length=1)
     locked_joints: tuple[str, ...]
 
     def read(self) -> Robot:
-        """The arm.
-
-        Raises InputError: there is no such file, or it is no URDF of an arm (see `read_urdf`).
-        """
+        """The arm; an InputError if there is no such file, or it is no URDF of an arm (see `read_urdf`)."""
         return read_urdf(urdf_path(self.urdf), self.locked_joints)
 
 
 def urdf_path(name: str) -> Path:
-    """The URDF of a name: a path, or a file of `pybullet_data`, e.g. `kuka_iiwa/model.urdf`.
-
-    Raises InputError: neither exists.
-    """
+    """A path, or a file of `pybullet_data` such as `kuka_iiwa/model.urdf`; an InputError if missing."""
     for path in (Path(name), Path(pybullet_data.getDataPath()) / name):
         if path.is_file():
             return path

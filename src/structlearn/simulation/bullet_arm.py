@@ -1,13 +1,9 @@
 """Any arm in PyBullet: torques in, motion out.
 
-The body that PyBullet simulates is written anew from the kinematic tree and the inertias of its links, so
-what moves is by construction what Pinocchio and our own dynamics compute with: locked joints are merged,
-a "true" arm may differ from its URDF, and there is nothing that could collide.
-
-Coulomb friction is Bullet's own: a motor that holds speed zero with bounded torque, solved implicitly. As an
-explicit torque it would let a light wrist rattle at any step that is fast enough to be of use.
-
-`differences` says how far two engines are apart that run the same.
+PyBullet loads a URDF that is written from the kinematic tree and the inertias of its links, so it simulates
+the same arm as Pinocchio and our own dynamics: locked joints are merged, a "true" arm may differ from its
+original URDF, and there are no collisions. Coulomb friction is Bullet's own, a motor that holds speed zero
+with bounded torque, solved implicitly (see `compiled_arm`).
 """
 
 import tempfile
@@ -23,7 +19,6 @@ from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 from structlearn.simulation.arm import Payload
 
 _PAYLOAD = "payload"
-
 SOLVER_ITERATIONS = 1000  # for friction; Bullet's 50 stop early
 
 
@@ -38,11 +33,7 @@ class BulletArm:
         dt: float,
         payload: Payload | None = None,
     ) -> None:
-        """Load the arm.
-
-        `coulomb` (n,) N m of friction; `dt`: s per physics step; `payload`: what `take_payload` will take;
-        the arm starts without.
-        """
+        """Load the arm; `coulomb` (n,) N m of friction; `dt`: s; `payload`: for `take_payload`."""
         self._payload = payload
         self._client = pybullet.connect(pybullet.DIRECT)
         self._id = {"physicsClientId": self._client}
@@ -89,12 +80,12 @@ class BulletArm:
             pybullet.resetJointState(self._body, joint, position, velocity, **self._id)
 
     def take_payload(self) -> None:
-        """From now on the last link carries the payload."""
+        """Attach the payload to the last link."""
         assert self._payload is not None, "the arm was made without one"
         self._set_inertia(self._payload_link, self._payload.mass_kg, [self._payload.inertia] * 3)
 
     def step(self, torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities (n,) after a step with torques (n,) in N m on the joints."""
+        """Positions and velocities (n,) after a step with torques (n,) in N m."""
         pybullet.setJointMotorControlArray(
             self._body, self._joints, pybullet.TORQUE_CONTROL, forces=torques.tolist(), **self._id
         )
@@ -108,13 +99,10 @@ class BulletArm:
 
 
 def arm_urdf(tree: KinematicTree, inertias: LinkInertias, payload: Payload | None = None) -> str:
-    """URDF of an arm without shapes and limits, numbers with all their digits, masses and moments all one.
+    """URDF of an arm without shapes and limits, with unit masses and moments, which are set after loading.
 
-    Inertias have the frames of their principal axes: Bullet's own diagonalisation is good to six digits only.
-    They are set later, for Bullet's reader takes moments that no body can have for zero. Bullet solves a
-    constraint for every joint with limits in every step; whoever moves the arm watches them. `inertias`: of
-    the links, whose axes and centres of mass count; `payload`: adds a body of this payload's place to the
-    last link.
+    Inertial frames are principal axes, since Bullet diagonalises to six digits only; its reader replaces
+    moments that no body can have by zero. Joint limits would add a constraint each to every step.
     """
     parts = [_link("base", np.zeros(3), np.eye(3))]
     for number in range(len(tree.names)):
@@ -176,24 +164,18 @@ def _numbers(values: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-LARGEST = {
-    "joint position (rad)": 1e-7,
-    "hand position (m)": 1e-6,
-    "joint torque (N m)": 1e-3,
-    "electrodes (counts)": 1.0,
-}
-"""What is allowed. They agree to 1e-13 m and 1e-11 N m; a contact may magnify how another processor rounds,
-and a count then falls to the other side."""
+LARGEST = {"joint position (rad)": 1e-7, "hand position (m)": 1e-6}
+LARGEST |= {"joint torque (N m)": 1e-3, "electrodes (counts)": 1.0}
+"""Allowed differences. The engines agree to 1e-13 m and 1e-11 N m; contact may magnify another processor's
+rounding, up to a count."""
 
 
 def differences(
     run: str, compiled: Mapping[str, np.ndarray], pybullet: Mapping[str, np.ndarray]
 ) -> pd.DataFrame:
-    """Largest differences between a run of the compiled engine and the same one in PyBullet.
+    """Largest differences between signals (T, n) of the compiled engine and of PyBullet, a row per signal.
 
-    `compiled`: signals (T, n) by name, some of `LARGEST`. Returns a row per signal: `run`, `signal`,
-    `largest_difference`, `allowed`. Raises RuntimeError: a difference is larger than allowed, or one engine
-    stopped earlier.
+    Raises RuntimeError: one is larger than allowed by `LARGEST`, or one engine stopped earlier.
     """
     rows = []
     for signal, one in compiled.items():

@@ -13,35 +13,48 @@ one, and this ends there (Murty 1974). Mostly the guess is right, and a step cos
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.compilation import compiled_inside, numba
 from structlearn.rigid_body.compiled_chain import Workspace, factorise, solve
 
 TIE = 1e-9
-"""Relative; a joint held by friction slides when it needs so much more than there is. Keeps round-off from
-letting a joint change between both for ever."""
+"""Relative excess of force at which a held joint slides; keeps round-off from alternating between both."""
 
 
 @numba.njit(cache=True)
 def step(
     coulomb: np.ndarray, torques: np.ndarray, dt: float, work: Workspace, q: np.ndarray, qd: np.ndarray
 ) -> None:
-    """Move q and qd (n,) on by dt.
+    """Move q and qd (n,) on by dt, in place; a joint that friction holds has exactly zero velocity.
 
-    `coulomb` (n,) N m of friction; `torques` (n,) N m on the joints, without this friction; `dt`: s; `work`:
-    of `compiled_chain.dynamics` at q and qd; of its mass matrix the lower triangle is used; `q` (n,) rad;
-    changed; `qd` (n,) rad/s; changed. A joint that friction holds has exactly zero.
+    `coulomb` (n,) N m of friction; `torques` (n,) N m without it; `work`: of `compiled_chain.dynamics` at q
+    and qd, of whose mass matrix the lower triangle is used.
     """
-    count = len(q)
+    count, mass = len(q), work.mass_matrix
     impulse, slides, change = np.empty(count), np.empty(count), np.empty(count)
     matrix = np.empty((count, count))
     for i in range(count):
         impulse[i] = dt * (torques[i] - work.bias[i])
         slides[i] = np.sign(qd[i])
-    wrong = 0
-    while wrong >= 0:
-        _slide(coulomb, dt, impulse, slides, qd, work.mass_matrix, matrix, change)
-        wrong = _put_right(coulomb, dt, impulse, slides, qd, work.mass_matrix, change)
+    wrong = True
+    while wrong:
+        _slide(coulomb, dt, impulse, slides, qd, mass, matrix, change)
+        wrong = False
+        for i in range(count):  # correct the guess of the first joint that contradicts it
+            if coulomb[i] == 0.0:
+                continue
+            if slides[i] != 0.0:
+                if slides[i] * (qd[i] + change[i]) < 0.0:
+                    slides[i] = 0.0
+                    wrong = True
+                    break
+            else:
+                needed = -impulse[i]
+                for j in range(count):
+                    needed += mass[max(i, j), min(i, j)] * change[j]
+                if abs(needed) > dt * coulomb[i] * (1.0 + TIE):
+                    slides[i] = -np.sign(needed)
+                    wrong = True
+                    break
     for i in range(count):
         qd[i] = qd[i] + change[i]
         q[i] += dt * qd[i]
@@ -63,7 +76,7 @@ def _slide(
     matrix: np.ndarray,
     change: np.ndarray,
 ) -> None:
-    """Write the changes (n,) of velocity if joints slide (-1, 1) and are held (0) as guessed."""
+    """Compute changes (n,) of velocity if joints slide (-1, 1) or are held (0) as guessed."""
     count = len(qd)
     for i in range(count):
         if _held(coulomb, slides, i):
@@ -85,31 +98,3 @@ def _slide(
                 matrix[j, i] = 1.0 if i == j else 0.0
     factorise(matrix)
     solve(matrix, change)
-
-
-@compiled_inside
-def _put_right(
-    coulomb: np.ndarray,
-    dt: float,
-    impulse: np.ndarray,
-    slides: np.ndarray,
-    qd: np.ndarray,
-    mass: np.ndarray,
-    change: np.ndarray,
-) -> int:
-    """Correct the guess of the first joint that contradicts it; return which, -1 if none does."""
-    for i in range(len(qd)):
-        if coulomb[i] == 0.0:
-            continue
-        if slides[i] != 0.0:
-            if slides[i] * (qd[i] + change[i]) < 0.0:
-                slides[i] = 0.0
-                return i
-        else:
-            needed = -impulse[i]
-            for j in range(len(qd)):
-                needed += mass[max(i, j), min(i, j)] * change[j]
-            if abs(needed) > dt * coulomb[i] * (1.0 + TIE):
-                slides[i] = -np.sign(needed)
-                return i
-    return -1

@@ -1,4 +1,4 @@
-"""What electrodes under a skin count when a place of it is pressed; the same for every testbed with touch.
+"""Counts of electrodes under a skin that is pressed at a place, for every testbed with touch.
 
 The model has the known effects of a fluid-filled finger (Wettels et al. 2008, Biomimetic tactile sensor
 array, Advanced Robotics 22; Lin et al. 2013, ICRA) with a silicone skin (Case et al. 2015, Soft Robotics 2;
@@ -9,8 +9,8 @@ Romano et al. 2024, Soft Science 4:31):
     -> thinner fluid over the pressed electrodes, bulge elsewhere          (static map)
     -> lag of the fluid, offsets; noise and rounding are up to the caller
 
-What tells one electrode from another belongs to the sensor. Drift with temperature is left out: in the
-recorded runs of 10 s quiet electrodes do not move beyond their noise.
+Parameters of single electrodes belong to the sensor. Drift with temperature is left out: in the recorded runs
+of 10 s quiet electrodes do not move beyond their noise.
 """
 
 from typing import NamedTuple
@@ -23,18 +23,15 @@ from structlearn.core.params import Parameters
 
 
 class ResponseParameters(Parameters):
-    """Electrodes of a finger: reasons and sources; what each value is stands in `params.yaml`.
+    """Electrodes of a finger: reasons and sources of the values in `params.yaml`.
 
-    Where a value rests on the recorded scraping execution of the public data (`clmc`), the calibration report
-    shows both beside each other.
+    The calibration report compares values from the recorded scraping execution (`clmc`) with the data.
     """
 
     # spatial resolution is below 2 mm (Wettels et al. 2008); contact then moves as few electrodes as recorded
     width_mm: float = Field(gt=0)
     hertz_mm_n: float = Field(ge=0)  # grows with the cube root of the load (Hertz)
-    # fluid cannot be thinner than nothing, and impedance rises from 5 to 1000 kOhm over 0.1 to 30 N (Wettels
-    # et al. 2008), less than the load
-    saturation_1_n: float = Field(ge=0)
+    saturation_1_n: float = Field(ge=0)  # 5 to 1000 kOhm over 0.1 to 30 N (Wettels et al. 2008)
     counts_per_n: float = Field(lt=0)  # moves the strongest electrode as recorded (130 and 430 counts)
     bulge: float = Field(ge=0)  # the fluid's volume stays: distant electrodes move the other way
     bulge_n: float = Field(gt=0)
@@ -57,8 +54,7 @@ class ResponseParameters(Parameters):
     noise_counts: float = Field(ge=0)  # before rounding; recorded 0.45 to 0.7 with it
 
 
-PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])
-"""Thresholds of the play operators on the load, in steps of about three."""
+PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])  # thresholds of the play operators on the load
 
 
 class Response(NamedTuple):
@@ -86,14 +82,13 @@ def draw_response(
     rng: np.random.Generator,
     rate_hz: float,
 ) -> Response:
-    """Sensors with individual electrodes.
-
-    `electrodes_mm` (E, 3) mm; `fingers`: F; `rate_hz`: of the samples.
-    """
+    """F sensors with individual electrodes at (E, 3) mm, sampled at `rate_hz`."""
     size = (fingers, len(electrodes_mm))
-    gain = parameters.counts_per_n * np.exp(parameters.gain_spread * rng.standard_normal(size))
-    width = parameters.width_mm * np.exp(parameters.width_spread * rng.standard_normal(size))
-    bulge = parameters.bulge * np.exp(parameters.bulge_spread * rng.standard_normal(size))
+    means = (parameters.counts_per_n, parameters.width_mm, parameters.bulge)
+    spreads = (parameters.gain_spread, parameters.width_spread, parameters.bulge_spread)
+    gain, width, bulge = (
+        mean * np.exp(spread * rng.standard_normal(size)) for mean, spread in zip(means, spreads, strict=True)
+    )
     offset = parameters.offset_counts * rng.standard_normal(size)
     distance = np.linalg.norm(electrodes_mm[:, None] - electrodes_mm, axis=2)
     talk = parameters.cross_talk * np.exp(-distance / parameters.cross_talk_mm)
@@ -117,10 +112,7 @@ def draw_response(
 
 @numba.njit(cache=True)
 def played(value: float, thresholds: np.ndarray, share: float, state: np.ndarray) -> float:
-    """Prandtl-Ishlinskii hysteresis: a sum of play operators, which follow only when pushed; from rest.
-
-    `thresholds` (K,) of the operators, unit of the value; `state` (K,) moves on.
-    """
+    """Prandtl-Ishlinskii hysteresis, a sum of play operators with `thresholds` (K,); updates `state` (K,)."""
     total = 0.0
     for k in range(len(thresholds)):
         state[k] = min(max(state[k], value - thresholds[k]), value + thresholds[k])
@@ -132,8 +124,8 @@ def played(value: float, thresholds: np.ndarray, share: float, state: np.ndarray
 def crept(value: float, shares: np.ndarray, keeps: np.ndarray, settled: bool, state: np.ndarray) -> float:
     """Creep compliance 1 + sum_m share_m (1 - exp(-t / tau_m)), scaled to 1 at the end.
 
-    `shares` (M,) that come late; `keeps` (M,) share of the state that stays over one sample; `settled`:
-    False: the first sample finds everything at its end; `state` (M,) moves on.
+    `keeps` (M,): share of the state that remains after one sample; `settled` False: the first sample is at
+    the end; updates `state` (M,).
     """
     late = 0.0
     total = 0.0
@@ -169,7 +161,7 @@ def static_counts(load: float, place: np.ndarray, finger: int, response: Respons
 
 @numba.njit(cache=True)
 def lagged(signal: np.ndarray, keep: float, settled: bool, state: np.ndarray) -> None:
-    """First-order lag: `state` (E,) moves on towards the signal (E,); the first sample is met at once."""
+    """First-order lag: updates `state` (E,) towards the signal (E,); the first sample is met at once."""
     for electrode in range(len(signal)):
         left = keep * (state[electrode] - signal[electrode]) if settled else 0.0
         state[electrode] = signal[electrode] + left

@@ -1,4 +1,4 @@
-"""Two BioTac-like fingers that pinch a tool: what their electrodes count, sample by sample.
+"""Two BioTac-like fingers that pinch a tool: counts of their electrodes, sample by sample.
 
 The model goes from the wrench of the tool on the hand to 38 counts:
 
@@ -6,8 +6,8 @@ The model goes from the wrench of the tool on the hand to 38 counts:
                  -> what the electrodes count                                  (see `electrode_response`)
                  -> noise, whole counts
 
-What tells one electrode from another belongs to the sensor and is drawn from the sensor's seed; grip force
-and where the tool sits belong to the grasp and are drawn from the trial's generator.
+Parameters of single electrodes are drawn from the sensor's seed; grip force and the place of the tool belong
+to the grasp and are drawn from the trial's generator.
 """
 
 from typing import NamedTuple
@@ -31,31 +31,24 @@ from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 CHANNELS = 2 * len(ELECTRODES_MM)
 
 PAD_DISTANCE_MM = 10.0  # half the distance between the pads, d: a tool 20 mm thick
-
-HOME_MM = (-2.0, -3.0)
-"""Contact centre of the left and the right finger along the finger when nothing pulls at the tool, from the
-start of the round tip; chosen where the flat of the pad is."""
-
-HOME_ACROSS_MM = (0.0, 1.0)  # the same across the finger; chosen since two fingers never meet exactly
+HOME_MM = (-2.0, -3.0)  # unloaded contact centres along the fingers, from the tip's start: the pad's flat
+HOME_ACROSS_MM = (0.0, 1.0)  # the same across the fingers; chosen since two fingers never meet exactly
 
 
 class TouchParameters(ResponseParameters):
-    """The two fingers; reasons as in `ResponseParameters`, which says what electrodes count."""
+    """Two fingers that pinch a tool."""
 
     grip_n: float = Field(gt=0)  # so that a 60 g tool pushed with 1 N does not slip at friction 0.5
-    grip_spread: float = Field(ge=0)  # chosen as what a force-controlled gripper repeats
+    grip_spread: float = Field(ge=0)  # chosen: repeatability of a force-controlled gripper
     slip_mm: float = Field(ge=0)  # chosen small: the hand keeps the tool between runs, only slip moves it
-    # as if the skin were a layer of 500 N/m: contact and scraping move electrodes as far as recorded
-    shear_mm_n: float = Field(ge=0)
+    shear_mm_n: float = Field(ge=0)  # a skin of 500 N/m: contact moves electrodes as far as recorded
     rolling_mm_rad: float = Field(ge=0)  # pads d off the axis take up most of d per radian by rolling
-    # across the finger; recorded, the drag of the scraped edge moves electrodes far less than contact
-    twist_mm_n_m: float = Field(ge=0)
+    twist_mm_n_m: float = Field(ge=0)  # recorded, drag of the edge moves electrodes less than contact
 
 
 PLAY_MM = np.array([0.03, 0.1, 0.3, 1.0])
-"""Thresholds of the play operators on the contact centre: in steps of about three from what can just be felt
-to the largest displacement, so that a loop's width stays about the same share of its length (as rubber's
-loss does) whatever its size."""
+"""Thresholds of the play operators on the contact centre, in steps of about three up to the largest
+displacement, so that the relative width of a loop depends little on its size (as loss in rubber)."""
 
 
 class FingerPair:
@@ -68,10 +61,9 @@ class FingerPair:
     def __init__(
         self, parameters: TouchParameters, sensor_seed: int, trial: np.random.Generator, rate_hz: float
     ) -> None:
-        """Take a grasp.
+        """Grasp a tool; `sensor_seed`: of single electrodes; `trial`: of grip, place of the tool and noise.
 
-        `sensor_seed`: of what tells one electrode from another; the same for all runs of a robot; `trial`: of
-        grip, seat of the tool and noise. Raises ValueError: the rate is not positive.
+        Raises ValueError: the rate is not positive.
         """
         if not rate_hz > 0:
             raise ValueError(f"rate must be positive, is {rate_hz} Hz")
@@ -91,16 +83,15 @@ class FingerPair:
         )
 
     def read(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """The next sample.
+        """The next sample, (38,) counts, left finger first; a ValueError if a number is not finite.
 
-        `force` (3,) N that the tool exerts on the hand, hand frame; `torque` (3,) N m about the grasp's
-        centre, the same; `turn` (3,) rad, rotation vector of the tool in the grasp, hand frame. Returns (38,)
-        whole counts, left finger first. Raises ValueError: a number is not finite.
+        `force` (3,) N and `torque` (3,) N m about the grasp's centre: of the tool on the hand; `turn` (3,):
+        rotation vector in rad of the tool in the grasp; all in the hand frame.
         """
         return self.trace(*(np.asarray(part, dtype=float)[None] for part in (force, torque, turn)))[0]
 
     def trace(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """The next T samples at once, (T, 3) each, the same numbers as `read` one by one: (T, 38) counts."""
+        """The next T samples, (T, 3) each, as `read` gives them one by one: (T, 38) counts."""
         samples = np.hstack([force, torque, turn]).astype(float)
         if not np.isfinite(samples).all():
             raise ValueError("fingers: force, torque and turn must be finite")
@@ -108,7 +99,7 @@ class FingerPair:
         return np.rint(_respond(samples, self._grasp, self._pads, self._response, self._memory) + noise)
 
     def readings(self, count: int) -> "Readings":
-        """The next readings, for a compiled loop that takes them with `take`; the same numbers as `read`."""
+        """The next readings, for a compiled loop that calls `take`; the same numbers as `read`."""
         return Readings(self._grasp, self._pads, self._response, self._memory, self._noise(count))
 
     def _noise(self, count: int) -> np.ndarray:
@@ -116,14 +107,14 @@ class FingerPair:
 
 
 class _Pads(NamedTuple):
-    """How a wrench on the tool loads the pads; stays with the robot."""
+    """Constants by which a wrench on the tool loads the pads."""
 
     statics: np.ndarray  # (4,) 1 / (2 d) in 1/m, shear mm/N, rolling mm/rad, twist mm/(N m)
     play: np.ndarray  # (3, K) thresholds in N, mm, mm
 
 
 class _Memory(NamedTuple):
-    """State between samples, changed in place; quantities: load N, along mm, across mm."""
+    """State between samples, updated in place; quantities: load N, along mm, across mm."""
 
     play: np.ndarray  # (2, 3, K)
     creep: np.ndarray  # (2, 3, M)
@@ -132,7 +123,7 @@ class _Memory(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """Readings of a pair of fingers that are still to be taken; noise (S, 38) in counts."""
+    """Next readings of a pair of fingers; noise (S, 38) in counts."""
 
     grasp: np.ndarray
     pads: _Pads
@@ -143,19 +134,15 @@ class Readings(NamedTuple):
 
 @numba.njit(cache=True)
 def take(readings: Readings, number: int, sample: np.ndarray, counts: np.ndarray) -> None:
-    """Write a reading (38,): of a sample (9,), force and torque on the hand and turn as in `FingerPair.read`.
-
-    What is not finite makes counts that are not.
-    """
-    felt = _respond(
-        sample.reshape((1, 9)), readings.grasp, readings.pads, readings.response, readings.memory
-    )[0]
+    """Write a reading (38,) of a sample (9,): force, torque and turn as in `FingerPair.read`; NaN allowed."""
+    sample = sample.reshape((1, 9))
+    felt = _respond(sample, readings.grasp, readings.pads, readings.response, readings.memory)[0]
     for channel in range(len(counts)):
         counts[channel] = np.rint(felt[channel] + readings.noise[number, channel])
 
 
 def _grasp(parameters: TouchParameters, rng: np.random.Generator) -> np.ndarray:
-    """Load N, along mm, across mm of both pads with nothing pulling at the tool: (2, 3)."""
+    """Load N, along mm, across mm of both pads of an unloaded tool: (2, 3)."""
     grip = parameters.grip_n * np.exp(parameters.grip_spread * rng.standard_normal())
     seat = np.column_stack([HOME_MM, HOME_ACROSS_MM])
     return np.column_stack([[grip, grip], seat + parameters.slip_mm * rng.standard_normal((2, 2))])
@@ -165,7 +152,7 @@ def _grasp(parameters: TouchParameters, rng: np.random.Generator) -> np.ndarray:
 def _respond(
     samples: np.ndarray, grasp: np.ndarray, pads: _Pads, response: Response, memory: _Memory
 ) -> np.ndarray:
-    """Counts before noise, (T, 38), of samples (T, 9); `memory` moves on."""
+    """Counts before noise, (T, 38), of samples (T, 9); updates `memory`."""
     electrodes = len(response.electrodes)
     counts = np.empty((len(samples), 2 * electrodes))
     settled = memory.settled[0]

@@ -15,11 +15,10 @@ BOARD_HOLDS = 0.3  # what remains of the noise along z while the board carries t
 def hand_noise(
     velocity: np.ndarray, contact: np.ndarray, noise_mm: float, rate_hz: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Noise of a hand that holds and moves a tool; both parts are proportional to `noise_mm`.
+    """Noise of a hand that holds and moves a tool: position (T, 3) m, rotation vectors (T, 3) rad.
 
-    `velocity` (T, 3) m/s, of the intended movement; `contact` (T,) 0 in the air, 1 with the tool on the
-    board, which holds it along z; `rate_hz`: samples per second; `rng`: source of randomness; the draws do
-    not depend on `noise_mm`. Returns `position` (T, 3) m; `orientation` (T, 3) rotation vectors in rad.
+    `velocity` (T, 3) m/s of the intended movement; `contact` (T,) 0 in the air, 1 with the tool on the board,
+    which holds it along z. Both parts are proportional to `noise_mm`, on which draws do not depend.
     """
     speed = np.linalg.norm(velocity, axis=1)
     envelope = speed / np.sqrt(np.mean(speed**2))  # unit power over the trial

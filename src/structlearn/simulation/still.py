@@ -1,7 +1,4 @@
-"""A still of a simulated scene, drawn without a display: what a page shows of its robot.
-
-PyBullet's software renderer draws the same pixels every time on one machine.
-"""
+"""Stills of simulated scenes by PyBullet's software renderer, deterministic on one machine."""
 
 import os
 import sys
@@ -13,18 +10,16 @@ from typing import Any
 import numpy as np
 
 SIZE = (1000, 620)  # pixels of the picture
-OVERSAMPLING = 2  # drawn larger by this and averaged, so that edges are smooth
-
+OVERSAMPLING = 2  # for smooth edges
 FIELD_OF_VIEW_DEG = 32.0
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A solid that stands in the scene."""
+    """A solid in the scene."""
 
     kind: str  # `box`, `sphere` or `cylinder`
-    # half extents of a box (3,); radius of a sphere (1,); radius and length of a cylinder (2,)
-    size_m: Sequence[float] | np.ndarray
+    size_m: Sequence[float] | np.ndarray  # half extents (3,); radius (1,); radius and length (2,)
     position: Sequence[float] | np.ndarray  # (3,) m
     orientation: Sequence[float] | np.ndarray = (1.0, 0.0, 0.0, 0.0)  # (4,) w, x, y, z
     colour: Sequence[float] = (0.7, 0.7, 0.72, 1.0)  # red, green, blue, opacity from 0 to 1
@@ -32,7 +27,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A curved surface that stands in the scene; it is seen from outside only."""
+    """A curved surface in the scene, visible from outside only."""
 
     points: np.ndarray  # (A, B, 3) m, on a grid; seen from outside, B is to the left of A
     normals: np.ndarray  # (A, B, 3) unit, outwards
@@ -41,7 +36,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class View:
-    """From where the scene is seen: the point looked at (m), distance (m), yaw and pitch in degrees."""
+    """Camera: the point looked at (m), distance (m), yaw and pitch in degrees."""
 
     target: Sequence[float]
     distance: float
@@ -57,13 +52,12 @@ def still(
     sheets: Sequence[Sheet] = (),
     size: tuple[int, int] = SIZE,
 ) -> np.ndarray:
-    """Draw a scene.
+    """Draw a scene, (H, W, 3) bytes.
 
-    `urdf`: of a robot, a path or a file of pybullet_data; none where it is empty; `angles` (J,) of its
-    movable joints in rad, in the order of the URDF; `size`: width W and height H of the picture in pixels.
-    Returns (H, W, 3) bytes.
+    `urdf`: of a robot, a path or a file of pybullet_data; none if empty; `angles` (J,) of its movable joints
+    in rad, in the order of the URDF; `size`: (W, H) pixels.
     """
-    with _muted():  # it tells when it was built, and with which arguments it runs
+    with _muted():  # it prints its build time and arguments
         import pybullet
         import pybullet_data
         from pybullet_utils.bullet_client import BulletClient
@@ -77,10 +71,8 @@ def still(
             _add_sheet(client, sheet)
         if urdf:
             robot = client.loadURDF(urdf, useFixedBase=True)
-            joints = range(client.getNumJoints(robot))
-            movable = [
-                joint for joint in joints if client.getJointInfo(robot, joint)[2] != client.JOINT_FIXED
-            ]
+            kinds = [client.getJointInfo(robot, one)[2] for one in range(client.getNumJoints(robot))]
+            movable = [joint for joint, kind in enumerate(kinds) if kind != client.JOINT_FIXED]
             for joint, angle in zip(movable, angles, strict=False):
                 client.resetJointState(robot, joint, float(angle))
         return _drawn(client, view, size)
@@ -90,7 +82,7 @@ def still(
 
 @contextmanager
 def _muted() -> Iterator[None]:
-    """Nothing that C code prints comes through."""
+    """Suppress what C code prints."""
     sys.stdout.flush()
     nowhere, kept = os.open(os.devnull, os.O_WRONLY), {stream: os.dup(stream) for stream in (1, 2)}
     for stream in kept:
@@ -105,14 +97,13 @@ def _muted() -> Iterator[None]:
 
 
 def _add(client: Any, solid: Solid) -> None:
+    size = list(map(float, solid.size_m))
     sizes = {
-        "box": lambda size: {"shapeType": client.GEOM_BOX, "halfExtents": size},
-        "sphere": lambda size: {"shapeType": client.GEOM_SPHERE, "radius": size[0]},
-        "cylinder": lambda size: {"shapeType": client.GEOM_CYLINDER, "radius": size[0], "length": size[1]},
+        "box": {"shapeType": client.GEOM_BOX, "halfExtents": size},
+        "sphere": {"shapeType": client.GEOM_SPHERE, "radius": size[0]},
+        "cylinder": {"shapeType": client.GEOM_CYLINDER, "radius": size[0], "length": size[-1]},
     }
-    shape = client.createVisualShape(
-        **sizes[solid.kind](list(map(float, solid.size_m))), rgbaColor=list(solid.colour)
-    )
+    shape = client.createVisualShape(**sizes[solid.kind], rgbaColor=list(solid.colour))
     w, *vector = map(float, solid.orientation)
     client.createMultiBody(
         baseVisualShapeIndex=shape,
@@ -141,14 +132,7 @@ def _drawn(client: Any, view: View, size: tuple[int, int]) -> np.ndarray:
         list(view.target), view.distance, view.yaw_deg, view.pitch_deg, 0.0, 2
     )
     lens = client.computeProjectionMatrixFOV(FIELD_OF_VIEW_DEG, width / height, 0.05, 10.0)
-    _, _, colours, *_ = client.getCameraImage(
-        width,
-        height,
-        camera,
-        lens,
-        lightDirection=[1.0, -1.5, 3.0],
-        shadow=1,
-        renderer=client.ER_TINY_RENDERER,
-    )
+    light = {"lightDirection": [1.0, -1.5, 3.0], "shadow": 1, "renderer": client.ER_TINY_RENDERER}
+    _, _, colours, *_ = client.getCameraImage(width, height, camera, lens, **light)
     pixels = np.reshape(colours, (size[1], OVERSAMPLING, size[0], OVERSAMPLING, 4))[..., :3]
     return np.round(pixels.astype(float).mean(axis=(1, 3))).astype(np.uint8)

@@ -8,9 +8,9 @@ inflated segment, so both touch where segment and core are closest. One step of 
     signal, memory = touch(contact.load[None], contact.point[None], finger, memory)
     counts = read_out(signal[0], finger, rng)
 
-The skin gives way against the load as in Hertz's law. What the electrodes count is as for the fingers that
-pinch a tool (`electrode_response`), with hysteresis and creep of the load; the place of the contact is where
-it is, since an object that slides or rolls over the skin does not stick to it.
+The skin dents by Hertz's law. Counts are as for the fingers that pinch a tool (`electrode_response`), with
+hysteresis and creep of the load, but not of the place: an object that slides or rolls over the skin does not
+stick to it.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.core import quaternion
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.core.params import Parameters
 from structlearn.simulation.electrode_response import (
     PLAY_N,
@@ -41,27 +40,27 @@ NEWTON_STEPS = 8  # enough for the exact closest point: the derivative has at mo
 class FingerParameters(ResponseParameters):
     """A finger that touches; `width_mm` is that of an object, not of a tool's edge."""
 
-    # standard deviation of the pressure under a point contact; wider than for a scraped edge, since a handle
-    # is round. With it p = -mean(s) rises with the load everywhere on the skin
+    # of the pressure under a point contact (std); wider than for an edge, since a handle is round: with it
+    # p = -mean(s) rises with the load everywhere on the skin
     width_mm: float = Field(gt=0)
     stiffness_n_mm: float = Field(gt=0)  # load in N at 1 mm of indentation, K in F = K d^1.5
 
 
 class TouchFingerParameters(Parameters):
-    """What of a finger depends on what it touches; the attributes are those of `FingerParameters`."""
+    """The parameters of `FingerParameters` that depend on the object."""
 
     width_mm: float = Field(gt=0)
     stiffness_n_mm: float = Field(gt=0)
 
     def with_electrodes_of(self, other: ResponseParameters) -> FingerParameters:
-        """The finger whose electrodes respond as another's but for the width."""
+        """A finger with the electrodes of another, but the width of this one."""
         shared = {name: getattr(other, name) for name in ResponseParameters.model_fields}
         return FingerParameters(**shared | self.model_dump())
 
 
 @dataclass(frozen=True)
 class Handle:
-    """A round bar with round ends; one of no length is a knob."""
+    """A round bar with round ends, or a knob if its length is zero."""
 
     centre: np.ndarray  # (3,) m, base frame
     axis: np.ndarray  # (3,) unit, base frame
@@ -71,7 +70,7 @@ class Handle:
 
 @dataclass(frozen=True)
 class Finger:
-    """A skin, what its electrodes count, and how it gives way."""
+    """A skin with its electrodes and its stiffness."""
 
     skin: Skin  # with E electrodes
     response: Response  # of one finger
@@ -79,12 +78,12 @@ class Finger:
     noise_counts: float  # standard deviation of the white noise before rounding
 
     def indentation(self, load: np.ndarray) -> np.ndarray:
-        """By how much a load (...) in N dents the skin, (...) m."""
+        """Indentation (...) in m by a load (...) in N."""
         return (np.asarray(load) / self.stiffness) ** (2 / 3)
 
 
 class Contact(NamedTuple):
-    """What B fingers feel of the handle."""
+    """Contact of B fingers with the handle."""
 
     point: np.ndarray  # (B, 3) m on the skin, frame of the finger: where the handle is closest
     load: np.ndarray  # (B,) N, zero in the air
@@ -109,22 +108,17 @@ def make_finger(parameters: FingerParameters, skin: Skin, sensor_seed: int, rate
 def moved(
     position: np.ndarray, orientation: np.ndarray, velocity: np.ndarray, dt: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poses after a step with a velocity of the finger in its own frame.
-
-    `position` (B, 3) m, base frame; `orientation` (B, 4) finger to base; `velocity` (B, 6) m/s and rad/s,
-    frame of the finger at the start of the step; `dt`: s; short enough that the finger turns little.
-    """
+    """Poses (B, 3) m, (B, 4) after dt s of a velocity (B, 6) m/s, rad/s in the finger's own frame."""
     step = dt * velocity
     turn = quaternion.from_rotation_vector(step[:, 3:])
     return _moved(position, orientation, step, turn)
 
 
 def touching(position: np.ndarray, orientation: np.ndarray, handle: Handle, finger: Finger) -> Contact:
-    """Where and how hard fingers touch the handle.
+    """Contact of fingers at (B, 3) m, (B, 4) finger to base, with the handle.
 
     The squared distance of core and segment is convex in the place on the segment, its derivative piecewise
-    linear and rising: Newton's method ends at the root. `position` (B, 3) m, base frame; `orientation` (B, 4)
-    finger to base.
+    linear and rising: Newton's method ends at the root.
     """
     skin = finger.skin
     on_bar = _closest(
@@ -137,7 +131,7 @@ def touching(position: np.ndarray, orientation: np.ndarray, handle: Handle, fing
 
 
 def rested(fingers: int, finger: Finger) -> Memory:
-    """Memory of fingers that nothing has touched for long."""
+    """Memory of fingers at rest."""
     electrodes, shares = len(finger.skin.electrodes), len(finger.response.creep)
     return Memory(
         np.zeros((fingers, len(PLAY_N))), np.zeros((fingers, shares)), np.zeros((fingers, electrodes))
@@ -145,10 +139,9 @@ def rested(fingers: int, finger: Finger) -> Memory:
 
 
 def touch(load: np.ndarray, point: np.ndarray, finger: Finger, memory: Memory) -> tuple[np.ndarray, Memory]:
-    """The next T samples of B fingers before noise.
+    """Counts (T, B, E) before noise, and the memory after them.
 
-    `load` (T, B) N; `point` (T, B, 3) m on the skin, frame of the finger; `memory`: of the B fingers; it is
-    not changed. Returns (T, B, E) counts, and the memory after them.
+    `load` (T, B) N; `point` (T, B, 3) m on the skin, frame of the finger; `memory` is not changed.
     """
     after = Memory(*(values.copy() for values in memory))
     return _touch(load, 1e3 * point, finger.response, PLAY_N, after), after
@@ -228,7 +221,7 @@ def _closest(
 def _touch(
     load: np.ndarray, point: np.ndarray, response: Response, play: np.ndarray, memory: Memory
 ) -> np.ndarray:
-    """Counts (T, B, E) at points in mm; `memory` moves on."""
+    """Counts (T, B, E) at points in mm; updates `memory`."""
     counts = np.empty((*load.shape, len(response.electrodes)))
     for t in range(load.shape[0]):
         for b in range(load.shape[1]):

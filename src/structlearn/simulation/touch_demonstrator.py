@@ -2,7 +2,7 @@
 
 Two parts, each over several areas of the skin. Rotation: touch, turn about the finger's x axis one way, lift,
 touch, turn back, lift. Translation: touch, swipe along x forwards, lift, touch, swipe backwards, lift, and
-all of it once more. The person presses as hard as feels right that time and wavers while moving.
+all of it once more. The person's force differs between contacts and varies during each.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from pydantic import Field
 import structlearn
 from structlearn.core import minimum_jerk, quaternion
 from structlearn.core.params import Parameters
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.demonstration import Recording, Stream
 from structlearn.simulation.hand_noise import hand_noise
 from structlearn.simulation.touch import (
     Finger,
@@ -37,18 +37,10 @@ SLIDES: dict[Motion, tuple[int, ...]] = {"rotation": (1, -1), "translation": (1,
 """Directions of the contacts of a demonstration."""
 
 SAMPLED_EVERY = 3  # robot ticks per sample of the electrodes: 100 Hz at 300 Hz
-
-APPROACH_S, PRESS_S = 0.5, 0.35
-"""How long it takes to come down and to press; the same to release and to rise."""
-
+APPROACH_S, PRESS_S = 0.5, 0.35  # durations of coming down and of pressing; the same to release and to rise
 WAVER_S = 0.25  # width of the Gaussian that smooths the force a person holds; chosen: it wavers below 1 Hz
-
-AREA_SPREAD_MM = 0.7
-"""Standard deviation of where a contact begins within its area: chosen so that areas adjoin."""
-
-DRIFT_MM = 0.4
-"""Standard deviation per second of how a contact strays sideways; chosen: a hand does not follow a ruler."""
-
+AREA_SPREAD_MM = 0.7  # std of a contact's start within its area; chosen so that areas adjoin
+DRIFT_MM = 0.4  # std per second of a contact's sideways drift; chosen: a hand does not follow a ruler
 RISE_MM = 8.0  # height of the finger over the handle in the air: clear of it, whatever the sway of the hand
 STAMP_JITTER_S = 2e-4  # standard deviation of the electrodes' stamps, for they have a clock of their own
 TRUTH = ("trial", "time_s", "x_m", "y_m", "z_m", "load_n")  # columns of `true_contacts`
@@ -56,7 +48,7 @@ CLOCK_START_NS = 10**9  # stamp of the first sample
 
 
 class ToucherParameters(Parameters):
-    """The person who demonstrates touch; `params.yaml` asks for about as many samples as the text has."""
+    """A person who demonstrates touch; `params.yaml` gives about as many samples as the dissertation has."""
 
     skin: Literal["biotac", "flat_pad", "sphere"]
     seed: int = Field(ge=0)
@@ -81,10 +73,10 @@ class ToucherParameters(Parameters):
 
 @dataclass(frozen=True)
 class TouchRun:
-    """A demonstration as it was, T ticks of the robot and S samples of the electrodes."""
+    """A demonstration with its true contacts, T ticks of the robot and S samples of the electrodes."""
 
-    name: str  # of the demonstration
-    motion: Motion  # what was demonstrated
+    name: str
+    motion: Motion
     position: np.ndarray  # (T, 3) m, finger in the base frame
     orientation: np.ndarray  # (T, 4) finger to base
     counts: np.ndarray  # (S, E) whole counts
@@ -105,7 +97,7 @@ def demonstrate(person: ToucherParameters, parameters: FingerParameters) -> Iter
 
 
 def recorded(run: TouchRun, person: ToucherParameters) -> Recording:
-    """A demonstration as robot and sensor record it: poses at the robot's rate, electrodes slower."""
+    """The recording of a demonstration: poses at the robot's rate, electrodes slower."""
     rng = np.random.default_rng((person.seed, len(run.position)))
     ticks = CLOCK_START_NS + np.round(np.arange(len(run.position)) * 1e9 / person.rate_hz).astype(np.int64)
     step = 1 / person.rate_hz
@@ -128,7 +120,7 @@ def recorded(run: TouchRun, person: ToucherParameters) -> Recording:
 
 
 def true_contacts(run: TouchRun, person: ToucherParameters) -> pd.DataFrame:
-    """What no sensor sees: `trial`, `time_s`, `x_m`, `y_m`, `z_m` of the contact in the finger, `load_n`."""
+    """Ground truth: `trial`, `time_s`, `x_m`, `y_m`, `z_m` of the contact in the finger, `load_n`."""
     time = np.arange(len(run.load)) * SAMPLED_EVERY / person.rate_hz
     numbers = np.column_stack([time, run.contact_point, run.load]).astype(np.float32)
     columns = (np.full(len(time), run.name), *numbers.T)
@@ -150,13 +142,11 @@ def held_on_handle(
     finger: Finger,
     tilt: tuple[float | np.ndarray, float | np.ndarray] = (0.0, 0.0),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poses of a finger that rests on a handle with places of its skin, its x axis across the handle.
+    """Poses (B, 3) m, (B, 4) of a finger on a horizontal handle, its x axis across it, at places of its skin.
 
-    Held askew, it touches a little beside them: by the product of both angles. `along` (B,) m, surface
-    coordinates of the places; see `Skin.surface`; `across` (B,) m; `load` (B,) N; `handle`: with its axis
-    horizontal; the finger lies on it from above; `tilt`: pitch about the handle and yaw about the vertical in
-    rad, () or (B,) each, by which it is held askew. Returns position (B, 3) m and orientation (B, 4), base
-    frame.
+    `along`, `across` (B,) m: coordinates of the places (`Skin.surface`); `load` (B,) N; `tilt`: pitch about
+    the handle and yaw about the vertical in rad, () or (B,) each. Tilted by both, the finger touches beside
+    the places by the product of both angles.
     """
     skin = finger.skin
     point = skin.surface(along, across)
@@ -245,7 +235,7 @@ def _held_by_hand(
     person: ToucherParameters,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The intended path as a hand follows it, with sway, motor noise and tremor."""
+    """The intended path with a hand's sway, motor noise and tremor."""
     velocity = np.gradient(position, 1 / person.rate_hz, axis=0)
     off, turned = hand_noise(velocity, contact.astype(float), person.noise_mm, person.rate_hz, rng)
     held = quaternion.product(quaternion.from_rotation_vector(turned), orientation)
@@ -253,12 +243,12 @@ def _held_by_hand(
 
 
 def _between(low: float, high: float, swept: Swept) -> Swept:
-    """Where something is that sweeps from -1, the low end, to 1."""
+    """Place of a sweep from -1, the low end, to 1."""
     return 0.5 * (low + high) + 0.5 * (high - low) * swept
 
 
 def _steady(samples: int) -> np.ndarray:
-    """Fraction of the way, (samples,), at a speed that is constant but for its beginning and end."""
+    """Fraction of the way, (samples,), at constant speed apart from ramps at both ends."""
     edge = max(samples // 5, 1)
     speed = np.minimum(1.0, np.minimum(np.arange(1, samples + 1), np.arange(samples, 0, -1)) / edge)
     return np.cumsum(speed) / speed.sum()

@@ -1,6 +1,6 @@
 """Touch on a skin with electrodes: samples, contact points, geodesics, latent space and its dynamics.
 
-What users import stands in the stub beside this file, and is loaded when it is first used.
+Public names are listed in the stub beside this file and loaded on first use.
 """
 
 import lazy_loader

@@ -1,17 +1,14 @@
 """Skins with electrodes: where the electrodes are, and the surface that is touched.
 
-Every skin here is a core inflated by a radius: the core is a segment (BioTac), a rectangle (flat pad) or a
-point (sphere), in general an axis-parallel box. Nothing downstream asks which skin it has.
+Every skin is a core inflated by a radius: a segment (BioTac), a rectangle (flat pad) or a point (sphere), in
+general an axis-parallel box.
 
 Frame of a finger: origin where the round tip begins, x towards the tip, z into the finger; objects touch from
 -z. Two surface coordinates name a point of a skin: arc lengths along the finger (x) and across it.
-
-The loss of a latent map knows distances only, so the map may lie in any direction until it is laid on the
-skin.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,9 +43,8 @@ NORMALS /= np.linalg.norm(NORMALS, axis=1, keepdims=True)
 
 SKIN_RADIUS_MM = 7.0  # of the outer skin: half cylinder behind the tip (x <= 0), quarter sphere at the tip
 SKIN_LENGTH_MM = 15.0  # of the cylinder that has electrodes under it
-
+# m from the surface to the electrodes: fluid and skin of the BioTac, whose core has a radius of 5.08 mm
 DEPTH = 1.92e-3
-"""m from the surface to the electrodes: fluid and skin of the BioTac, whose core has a radius of 5.08 mm."""
 
 SEGMENTS = 16  # of a shortest path; over a quarter of a circle, chords are 0.04 % too short
 ROUNDS = 300  # of shortening; the longest wave of a path of 16 segments falls to 1/e in 50
@@ -72,11 +68,7 @@ class Skin:
         return np.clip(points, self.core_low, self.core_high)
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Nearest points of the surface, seen from the core.
-
-        `points` (..., 3) m, not on the core itself. Returns (..., 3) m; a point on the core, from which no
-        direction leads out, gives NaN.
-        """
+        """Points (..., 3) m projected to the surface, away from the core; points on the core give NaN."""
         core = self.core(points)
         outwards = points - core
         with np.errstate(invalid="ignore"):
@@ -87,14 +79,9 @@ class Skin:
         return (points - self.core(points)) / self.radius
 
     def surface(self, along: np.ndarray | float, across: np.ndarray | float) -> np.ndarray:
-        """Points of the surface at two surface coordinates.
-
-        `along` (...) m, arc length along the finger from its origin; `across` (...) m, arc length across it
-        at the flat of the skin. Returns (..., 3) m.
-        """
+        """Points (..., 3) m of the surface at surface coordinates (...) m along the finger and across it."""
         along, across = np.broadcast_arrays(np.asarray(along, dtype=float), across)
-        core = np.stack([along, across, np.zeros_like(along)], axis=-1)
-        core = self.core(core)
+        core = self.core(np.stack([along, across, np.zeros_like(along)], axis=-1))
         over = (along - core[..., 0]) / self.radius
         around = (across - core[..., 1]) / self.radius
         normal = np.stack(
@@ -112,9 +99,9 @@ class Skin:
 
     def holds(self, points: np.ndarray) -> np.ndarray:
         """Whether points (..., 3) m of the surface are within the ranges of the skin. Shape (...)."""
-        along, across = self.coordinates(points)
-        inside = (self.along[0] <= along) & (along <= self.along[1])
-        return inside & (self.across[0] <= across) & (across <= self.across[1])
+        found = np.stack(self.coordinates(points), axis=-1)
+        low, high = np.transpose([self.along, self.across])
+        return ((low <= found) & (found <= high)).all(axis=-1)
 
 
 def biotac() -> Skin:
@@ -134,55 +121,37 @@ def biotac() -> Skin:
 
 def flat_pad() -> Skin:
     """A flat pad of 20 x 14 mm with a grid of 5 x 4 electrodes, as deep under the skin as the BioTac's."""
-    along, across = np.meshgrid(np.linspace(-0.018, 0.0, 5), np.linspace(-0.006, 0.006, 4), indexing="ij")
-    return _over_core("flat_pad", (-0.019, -0.007, 0.0), (0.001, 0.007, 0.0), 2e-3, along, across, 0.0)
+    grid = np.meshgrid(np.linspace(-0.018, 0.0, 5), np.linspace(-0.006, 0.006, 4), indexing="ij")
+    low, high = np.array([-0.019, -0.007, 0.0]), np.array([0.001, 0.007, 0.0])
+    return _over_core("flat_pad", low, high, 2e-3, grid, 0.0)
 
 
 def sphere() -> Skin:
     """Half a sphere of 10 mm radius; electrodes on a grid of its surface coordinates."""
     radius = 10e-3
-    along, across = np.meshgrid(
-        radius * np.linspace(-1.0, 1.0, 5), radius * np.linspace(-1.0, 1.0, 4), indexing="ij"
-    )
-    return _over_core("sphere", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), radius, along, across, 0.5 * np.pi * radius)
+    grid = np.meshgrid(radius * np.linspace(-1.0, 1.0, 5), radius * np.linspace(-1.0, 1.0, 4), indexing="ij")
+    return _over_core("sphere", np.zeros(3), np.zeros(3), radius, grid, 0.5 * np.pi * radius)
 
 
 def _over_core(
-    name: str,
-    low: tuple[float, float, float],
-    high: tuple[float, float, float],
-    radius: float,
-    along: np.ndarray,
-    across: np.ndarray,
-    beyond: float,
+    name: str, low: np.ndarray, high: np.ndarray, radius: float, grid: Sequence[np.ndarray], beyond: float
 ) -> Skin:
-    """A skin whose electrodes lie `DEPTH` under these surface coordinates; it ends `beyond` past the core."""
-    bare = Skin(
-        name=name,
-        electrodes=np.empty((0, 3)),
-        normals=np.empty((0, 3)),
-        core_low=np.array(low),
-        core_high=np.array(high),
-        radius=radius,
-        along=(low[0] - beyond, high[0] + beyond),
-        across=(low[1] - beyond, high[1] + beyond),
-    )
-    points = bare.surface(along.ravel(), across.ravel())
+    """A skin that ends `beyond` past its core; electrodes `DEPTH` under a grid of surface coordinates."""
+    along, across = ((start - beyond, end + beyond) for start, end in zip(low[:2], high[:2], strict=True))
+    none = np.empty((0, 3))
+    bare = Skin(name, none, none, low, high, radius, along, across)
+    points = bare.surface(*(values.ravel() for values in grid))
     normals = bare.normal(points)
-    fields = vars(bare) | {"electrodes": points - DEPTH * normals, "normals": normals}
-    return Skin(**fields)
+    return replace(bare, electrodes=points - DEPTH * normals, normals=normals)
 
 
 SKINS: Mapping[str, Skin] = {skin.name: skin for skin in (biotac(), flat_pad(), sphere())}
-"""All skins by name."""
 
 
 def skin_distance(first: np.ndarray, second: np.ndarray, skin: Skin) -> np.ndarray:
-    """Length of the shortest path on a skin between points of it.
+    """Length (B,) m of the shortest path on a skin between its points `first` and `second`, (B, 3) m.
 
-    This is what a servoed contact could have travelled. A path of points is pulled taut: every point moves to
-    the middle of its neighbours and back to the skin. `first` (B, 3) m, on the skin; `second` (B, 3) m, on
-    the skin. Returns (B,) m.
+    A path of points is pulled taut: every point moves to the middle of its neighbours and back to the skin.
     """
     part = np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None, None]
     path = skin.project((1 - part) * first + part * second)  # (SEGMENTS + 1, B, 3)
@@ -198,11 +167,11 @@ def path_length(path: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class MapLaying:
-    """A turn, maybe with a mirror image, and a shift in the plane; distances stay."""
+    """An isometry of the plane: rotation, possibly reflection, and shift."""
 
     centre: np.ndarray  # (2,) of the map
     turn: np.ndarray  # (2, 2) orthogonal
-    place: np.ndarray  # (2,) where the centre comes to lie
+    place: np.ndarray  # (2,) of the centre afterwards
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 2) of the map, laid down."""
@@ -210,10 +179,10 @@ class MapLaying:
 
 
 def map_laying(points: np.ndarray, places: np.ndarray) -> MapLaying:
-    """The laying with the least squared distances (orthogonal Procrustes).
+    """Isometry of a latent map with least squared distances to the skin (orthogonal Procrustes).
 
-    `points` (N, 2) of the map, in the unit of the places; `places` (N, 2) where they should lie, e.g. surface
-    coordinates.
+    The loss of a map contains distances only, so its orientation is arbitrary. `points` (N, 2) of the map, in
+    the unit of the `places` (N, 2), e.g. surface coordinates.
     """
     centre, place = points.mean(axis=0), places.mean(axis=0)
     left, _, right = np.linalg.svd((points - centre).T @ (places - place))

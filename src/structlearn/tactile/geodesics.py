@@ -1,12 +1,12 @@
 """Geodesic distances on a skin, from contact points alone (II.3.3, eq. II.3).
 
-The skin is known only by the points where it was touched: nearest neighbours are joined by straight edges,
-and the shortest path over edges is the distance. Nothing of the skin's shape is assumed. A matrix for all
-samples would be too large, so they are split into random bins, each with a matrix of its own.
+Nearest neighbours among the points of contact are joined by straight edges, and the shortest path over edges
+is the distance; nothing is assumed of the skin's shape. A matrix for all samples would be too large, so they
+are split into random bins, each with its own matrix.
 
 All pairs are wanted and edges are short, so points are eliminated one by one along the skin: a point leaves
-edges between its neighbours ahead, as long as the way over it. They are about a hundred, and a row of
-distances is the least of their rows, each shifted by an edge. Dijkstra's searches take five times as long.
+edges between its about a hundred neighbours ahead, as long as the way over it, and a row of distances is the
+minimum of their rows, each shifted by an edge. Dijkstra's algorithm takes five times as long.
 """
 
 from dataclasses import dataclass
@@ -24,11 +24,8 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.parallel import parallel_map
 from structlearn.tactile.latent_parameters import GeodesicParameters
 
-FILE_UNIT = 1e-6
-"""m per whole number in a file: 16 bits hold 65 mm, in half the space and with half the pairs of float32."""
-
-SHORTEST_EDGE = 1e-9
-"""m; two samples at the same point are neighbours too, and a sparse matrix takes zero for no edge."""
+FILE_UNIT = 1e-6  # m per unit of a file: 16 bits hold 65 mm, in half the space of float32
+SHORTEST_EDGE = 1e-9  # m, between samples at the same point: in a sparse matrix zero means no edge
 
 
 @dataclass(frozen=True)
@@ -40,11 +37,10 @@ class Geodesics:
 
 
 def geodesics(points: np.ndarray, parameters: GeodesicParameters) -> Geodesics:
-    """Distances between contact points, bin by bin over the cores.
+    """Distances between contact points (N, 3) m; fewer points than a bin make one smaller bin.
 
-    `points` (N, 3) m; fewer points than a bin make one smaller bin. Raises InputError: a point is NaN or
-    infinite. Raises MissingInputError: a bin has no more points than neighbours, or patches of it lie farther
-    apart than `bridge_mm`.
+    Raises InputError: a point is NaN or infinite. Raises MissingInputError: a bin has no more points than
+    neighbours, or patches of it lie farther apart than `bridge_mm`.
     """
     if not np.isfinite(points).all():
         raise InputError(f"touch: contact point {np.argwhere(~np.isfinite(points))[0][0]} is not finite")
@@ -59,11 +55,10 @@ def geodesics(points: np.ndarray, parameters: GeodesicParameters) -> Geodesics:
 
 
 def graph_distances(points: np.ndarray, neighbours: int, bridge: float) -> np.ndarray:
-    """Lengths of the shortest paths over edges between neighbours.
+    """Lengths (N, N) float32 m of the shortest paths over edges between points (N, 3) m.
 
-    `points` (N, 3) m; `neighbours`: M nearest of every point; an edge joins two points of which either is the
-    other's; `bridge`: m; patches of points without an edge between them are joined by their shortest edge if
-    it is no longer than this. Returns (N, N) float32 m. Raises MissingInputError: patches lie farther apart.
+    An edge joins two points if either is among the `neighbours` nearest of the other. Unconnected patches are
+    joined by their shortest edge; raises MissingInputError if it is longer than `bridge`, m.
     """
     length, near = cKDTree(points).query(points, k=neighbours + 1)
     source = np.repeat(np.arange(len(points)), neighbours)
@@ -81,11 +76,7 @@ def graph_distances(points: np.ndarray, neighbours: int, bridge: float) -> np.nd
 
 
 def write_geodesics(geodesics: Geodesics, path: str | Path) -> None:
-    """Publish the distances, upper triangles in whole micrometres.
-
-    Raises:
-        ValueError: a distance does not fit the format.
-    """
+    """Publish upper triangles in whole micrometres; raises ValueError if a distance does not fit."""
     upper = _upper(geodesics.rows.shape[1])
     packed = np.empty((len(geodesics.rows), upper.sum()), dtype=np.uint16)
     for place, matrix in enumerate(geodesics.distance):
@@ -98,11 +89,7 @@ def write_geodesics(geodesics: Geodesics, path: str | Path) -> None:
 
 
 def read_geodesics(path: str | Path) -> Geodesics:
-    """Read the distances.
-
-    Raises:
-        InputError: the file is missing, damaged or holds something else.
-    """
+    """Read distances; raises InputError if the file is missing, damaged or holds something else."""
     tensors = read_tensors(path)
     if set(tensors) != {"rows", "upper_um"}:
         raise InputError(f"{path}: holds no geodesics")
@@ -116,7 +103,7 @@ def read_geodesics(path: str | Path) -> Geodesics:
 
 
 def _bridged(graph: csr_matrix, points: np.ndarray, bridge: float) -> csr_matrix:
-    """The graph with its patches joined, the nearest to the first one first."""
+    """The graph with its patches joined, first the one nearest to the first patch."""
     graph = graph.tolil()
     count, label = connected_components(graph, directed=False)
     while count > 1:
@@ -136,7 +123,7 @@ def _bridged(graph: csr_matrix, points: np.ndarray, bridge: float) -> csr_matrix
 
 
 def _upper(size: int) -> np.ndarray:
-    """Mask (size, size) of what is above the diagonal; its indices would take sixteen times the memory."""
+    """Mask (size, size) above the diagonal; indices would take sixteen times the memory."""
     return np.triu(np.ones((size, size), dtype=bool), k=1)
 
 

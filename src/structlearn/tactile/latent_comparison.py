@@ -1,14 +1,12 @@
 """Training and evaluation of all latent spaces and dynamics, over seeds (II.4.2 to II.4.5).
 
-The seeds are spread over a few stacks, one process each, always the same seeds together: what comes out does
-not depend on the number of cores.
-
-Every error is normalised, so that latent spaces of different scales compare. Tables are long, one row per
-model and quantity; `structure` and `seed` name the latent space.
+The seeds are spread over a few stacks, one process each, always the same seeds together, so that results do
+not depend on the number of cores. Every error is normalised, so that latent spaces of different scales
+compare. Tables are long, one row per model and quantity; `structure` and `seed` name the latent space.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
@@ -32,13 +30,12 @@ from structlearn.tactile.latent_parameters import (
 )
 from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
-    Pairs,
-    TrainingData,
+    LatentData,
     best_start,
     draw_pairs,
     encoded,
+    latent_data,
     train,
-    training_data,
 )
 from structlearn.tactile.touch_dataset import (
     LINEAR,
@@ -48,21 +45,19 @@ from structlearn.tactile.touch_dataset import (
     TRAIN,
     Chains,
     TouchDataset,
-    TouchSamples,
     TouchUnits,
     chains,
     touch_units,
 )
 
+# parts of an action whose directions are compared
 PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
-"""Parts of an action whose directions are compared."""
-
-SHORTEST = 1e-9  # floor of a norm by which is divided
+SHORTEST = 1e-9  # floor of a norm in a denominator
 
 
 @dataclass(frozen=True)
 class SplitData:
-    """Samples and pairs of one split, in the networks' units."""
+    """Samples and pairs of one split in the networks' units, to test latent spaces on."""
 
     signals: Tensor  # (N, E)
     pressure: Tensor  # (N,)
@@ -72,47 +67,37 @@ class SplitData:
 
 
 @dataclass(frozen=True)
-class ChainData:
-    """Chains to test the dynamics on, in the networks' units."""
-
-    signals: Tensor  # (N, E) of all samples
-    rows: Tensor  # (L, C + 1) of the samples
-    actions: Tensor  # (L, C, 6)
-    time_step: Tensor  # (L,) s
-
-
-@dataclass(frozen=True)
 class LatentComparison:
-    """What came out.
+    """Trained models and their scores.
 
-    Tables are `latent`, `forward`, `decoded` and `directions`, see the functions `..._errors`, all but the
-    first on the test split; `latent_map`, see the function; and `curve`, key figures of the three while they
+    Tables: `latent`, `forward`, `decoded` and `directions`, see the functions `..._errors`, all but the first
+    on the test split; `latent_map`, see the function; `curve`, key figures of the first three while they
     trained, on the test split: `step`, `structure`, `seed`, `quantity`, `value`.
     """
 
     models: LatentModels  # all of them, of all seeds
-    units: TouchUnits  # that they see touch in
+    units: TouchUnits
     tables: Mapping[str, pd.DataFrame]  # by name
 
 
 def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
     """Train all models and evaluate them.
 
-    `dataset`: samples of touch. Raises InputError: a split or a bin has too few samples, no contact is long
-    enough for a chain to train on or to test on, or a signal never changes.
+    Raises InputError: a split or a bin has too few samples, no contact is long enough for a chain to train on
+    or to test on, or a signal never changes.
     """
     rng = np.random.default_rng(parameters.training.seed)
     taught = _chains(dataset, CHAIN_STEPS, STRIDES, "train")
     units = touch_units(dataset, taught, parameters.map_unit_m)
-    pairs = draw_pairs(dataset, geodesics, TRAIN, parameters.pair_pool, rng)
-    data = training_data(dataset, pairs, taught, units)
-    splits = {}
-    for name, split in SPLITS.items():
-        compared = draw_pairs(dataset, geodesics, split, parameters.evaluation_pairs, rng)
-        splits[name] = asked_of(units, dataset, compared, split)
+    pairs = draw_pairs(dataset.split, geodesics, TRAIN, parameters.pair_pool, rng)
+    data = latent_data(dataset, pairs, taught, units)
+    splits = {
+        name: split_data(units, dataset, geodesics, split, parameters.evaluation_pairs, rng)
+        for name, split in SPLITS.items()
+    }
     found = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
     actions, time_step = as_tensor(found.actions / units.action_scale), as_tensor(found.time_step)
-    tested = ChainData(data.signals, torch.from_numpy(found.rows), actions, time_step)
+    tested = replace(data, chains=torch.from_numpy(found.rows), actions=actions, time_step=time_step)
     groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
     seeds = [tuple(group.tolist()) for group in groups]
     learned = partial(_learned, data=data, splits=splits, tested=tested, units=units, parameters=parameters)
@@ -125,9 +110,9 @@ def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParamet
 
 def _learned(
     seeds: tuple[int, ...],
-    data: TrainingData,
+    data: LatentData,
     splits: Mapping[str, SplitData],
-    tested: ChainData,
+    tested: LatentData,
     units: TouchUnits,
     parameters: LatentParameters,
 ) -> tuple[LatentModels, dict[str, pd.DataFrame]]:
@@ -153,7 +138,7 @@ def _learned(
     return models.detached(), tables
 
 
-def _point(models: LatentModels, split: SplitData, tested: ChainData, penalty: float) -> pd.DataFrame:
+def _point(models: LatentModels, split: SplitData, tested: LatentData, penalty: float) -> pd.DataFrame:
     """Key figures of a stack on the test split: `structure`, `seed`, `quantity`, `value`."""
     keys, names = ["structure", "seed"], ["reconstruction", "distances", "pressure"]
     latent = latent_errors(models, {"test": split}).melt(keys, names, "quantity")
@@ -168,7 +153,7 @@ def _point(models: LatentModels, split: SplitData, tested: ChainData, penalty: f
 
 
 def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: str) -> Chains:
-    """Chains of a split, of which there must be some."""
+    """Chains of a split; raises InputError if there are none."""
     found = chains(dataset, length, strides, SPLITS[split])
     if not len(found):
         needed = length * min(strides) / float(dataset.rate_hz)
@@ -179,35 +164,31 @@ def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: s
     return found
 
 
-def seen_in(
-    units: TouchUnits, samples: TouchDataset, geodesics: Geodesics, split: int, pairs: int
+def split_data(
+    units: TouchUnits,
+    samples: TouchDataset,
+    geodesics: Geodesics,
+    split: int,
+    count: int,
+    rng: np.random.Generator,
 ) -> SplitData:
-    """Samples and random pairs of one split, to test latent spaces on (`latent_errors`).
-
-    `split`: which samples. Raises InputError: a bin has fewer than two samples of the split.
-    """
-    found = draw_pairs(samples, geodesics, split, pairs, np.random.default_rng(split))
-    return asked_of(units, samples, found, split)
-
-
-def asked_of(units: TouchUnits, samples: TouchSamples, found: Pairs, split: int) -> SplitData:
-    """Samples and given pairs of one split, in the networks' units."""
-    rows = samples.split == split
-    signals = units.signals(samples.signals)
+    """Samples and random pairs of one split; raises InputError if a bin has fewer than two such samples."""
+    pairs = draw_pairs(samples.split, geodesics, split, count, rng)
+    rows, signals = samples.split == split, units.signals(samples.signals)
     return SplitData(
         signals=as_tensor(signals[rows]),
         pressure=as_tensor(units.pressure(samples.pressure[rows])),
-        first=as_tensor(signals[found.first]),
-        second=as_tensor(signals[found.second]),
-        geodesic=as_tensor(found.distance / units.length),
+        first=as_tensor(signals[pairs.first]),
+        second=as_tensor(signals[pairs.second]),
+        geodesic=as_tensor(pairs.distance / units.length),
     )
 
 
 @torch.no_grad()
 def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.DataFrame:
-    """Normalised mean squared errors of the autoencoders.
+    """NMSE of the autoencoders.
 
-    Returns `structure`, `seed`, `split`, `reconstruction` (mean over electrodes), `worst_electrode` (their
+    Columns: `structure`, `seed`, `split`, `reconstruction` (mean over electrodes), `worst_electrode` (their
     largest), `distances` (map against geodesic), `pressure`.
     """
     spaces = models.autoencoders
@@ -230,12 +211,12 @@ def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.D
 
 
 @torch.no_grad()
-def forward_errors(models: LatentModels, data: ChainData) -> pd.DataFrame:
-    """Normalised mean squared error of chained predictions, meant over latent dimensions (figure II.4).
+def forward_errors(models: LatentModels, data: LatentData) -> pd.DataFrame:
+    """NMSE of chained predictions, mean over latent dimensions (figure II.4).
 
-    Returns `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`, and its
-    parts: `plane`, of the first two dimensions, and `third`, of the third, which with structure are the map
-    and the pressure. Rows with the forward model `UNCHANGED` hold that of the prediction that nothing moves.
+    Columns: `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`, and its
+    parts: `plane`, of the first two dimensions, and `third`, which with structure are the map and the
+    pressure. The forward model `UNCHANGED` predicts that nothing moves.
     """
     latents, predictions = _predictions(models, data)
     tables = []
@@ -248,12 +229,11 @@ def forward_errors(models: LatentModels, data: ChainData) -> pd.DataFrame:
 
 
 @torch.no_grad()
-def decoded_errors(models: LatentModels, data: ChainData, units: TouchUnits) -> pd.DataFrame:
-    """Errors of the touch that predictions are decoded to: one yardstick for all latent spaces.
+def decoded_errors(models: LatentModels, data: LatentData, units: TouchUnits) -> pd.DataFrame:
+    """NMSE of decoded predictions against measured touch: comparable between all latent spaces.
 
-    Without structure a latent state is any three numbers that the readings can be decoded from, and its NMSE
-    is of these; what is decoded can be held against what was measured. Returns `structure`, `seed`,
-    `forward`, `trained_with`, `steps`; NMSE of `electrodes` (mean over these) and of `pressure` p = -mean(s).
+    Columns: `structure`, `seed`, `forward`, `trained_with`, `steps`; NMSE of `electrodes` (mean over these)
+    and of `pressure` p = -mean(s).
     """
     _, predictions = _predictions(models, data)
     scale, mean = (torch.from_numpy(values).float() for values in (units.signal_scale, units.signal_mean))
@@ -264,7 +244,7 @@ def decoded_errors(models: LatentModels, data: ChainData, units: TouchUnits) -> 
     tables = []
     for (forward, way), predicted in predictions.items():
         for steps, found in enumerate(predicted, start=1):
-            measured = data.signals[data.rows[:, steps]].T
+            measured = data.signals[data.chains[:, steps]].T
             decoded = models.autoencoders.decoder.forward(found)
             errors = {
                 "electrodes": _nmse(decoded, measured.expand_as(decoded)).mean(dim=1),
@@ -275,14 +255,13 @@ def decoded_errors(models: LatentModels, data: ChainData, units: TouchUnits) -> 
 
 
 @torch.no_grad()
-def direction_errors(models: LatentModels, data: ChainData, penalty: float) -> pd.DataFrame:
+def direction_errors(models: LatentModels, data: LatentData, penalty: float) -> pd.DataFrame:
     """Cosine distances of the inverse models, weighted by the norm of the true action (figure II.5).
 
-    Asked for the action from the second to the third sample of each chain. An action has to lead to
-    `forward`, what the forward model predicts for the true action, or to `encoder`, the latent state that
-    followed; both are compared with the true action, and in `agreement` with each other. `data`: chains of at
-    least two actions; `penalty`: beta of the inverse models. Returns `structure`, `seed`, `inverse`,
-    `trained_with`, `comparison`, `part`, `distance` (0 to 2).
+    The action is from the second to the third sample of each chain. Its target is `forward`, what the forward
+    model predicts for the true action, or `encoder`, the latent state that followed; both actions are
+    compared with the true one, and in `agreement` with each other. `penalty`: beta of the inverse models.
+    Columns: `structure`, `seed`, `inverse`, `trained_with`, `comparison`, `part`, `distance` (0 to 2).
     """
     latents, actions, time_step = _along_chains(models, data, samples=3)
     step = LatentStep(latents[1], latents[0], actions[0], time_step)
@@ -310,10 +289,10 @@ def direction_errors(models: LatentModels, data: ChainData, penalty: float) -> p
 
 @torch.no_grad()
 def latent_map(models: LatentModels, signals: Tensor, dataset: TouchDataset) -> pd.DataFrame:
-    """Where the samples lie in the latent space of the first seed that has structure (figure II.3).
+    """Samples in the latent space of the first seed with structure (figure II.3).
 
-    `signals` (N, E) of all samples, in the networks' units; `dataset`: the samples. Returns `x`, `y`, `z` in
-    the networks' units; `electrode` (1 to E) with the largest negative change, `split`.
+    `signals` (N, E) in the networks' units. Columns: `x`, `y`, `z` in the networks' units; `electrode` (1 to
+    E) with the largest negative change, `split`.
     """
     first = models.autoencoders.encoder.part(slice(0, 1))
     latent = first.forward(signals.T[None])[0].numpy()
@@ -322,13 +301,13 @@ def latent_map(models: LatentModels, signals: Tensor, dataset: TouchDataset) -> 
 
 
 def _by_model(models: LatentModels, errors: Mapping[str, Tensor], **keys: str | int) -> pd.DataFrame:
-    """A row per autoencoder: `structure`, `seed`, the keys, and errors (M,) by name."""
+    """A row per autoencoder: `structure`, `seed`, the keys, and errors (M,)."""
     columns = keys | {name: values.tolist() for name, values in errors.items()}
     return pd.DataFrame(models.keys(), columns=["structure", "seed"]).assign(**columns)
 
 
-def _predictions(models: LatentModels, data: ChainData) -> tuple[Tensor, dict[tuple[str, str], Tensor]]:
-    """Latent states (C + 1, M, 3, B), and what forward models predict of those after the first, by kind."""
+def _predictions(models: LatentModels, data: LatentData) -> tuple[Tensor, dict[tuple[str, str], Tensor]]:
+    """Latent states (C + 1, M, 3, B), and predictions of all but the first by each forward model."""
     latents, actions, time_step = _along_chains(models, data)
     predictions = {(UNCHANGED, NO_INVERSE): latents[:1].expand_as(latents[1:])}
     for forward, ways in TRAINED_WITH.items():
@@ -339,10 +318,10 @@ def _predictions(models: LatentModels, data: ChainData) -> tuple[Tensor, dict[tu
 
 
 def _along_chains(
-    models: LatentModels, data: ChainData, samples: int | None = None
+    models: LatentModels, data: LatentData, samples: int | None = None
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Latent states (C + 1, M, 3, B), actions (C, M, 6, B) and time steps (B,) of the first samples."""
-    rows = data.rows[:, :samples]
+    rows = data.chains[:, :samples]
     latents = encoded(models, data.signals, rows.expand(len(models.seeds), -1, -1))
     actions = data.actions[:, : rows.shape[1] - 1].permute(1, 2, 0)[:, None]
     return latents, actions.expand(-1, len(models), -1, -1), data.time_step

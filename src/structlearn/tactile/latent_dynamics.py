@@ -60,7 +60,7 @@ class LocallyLinearDynamics(StackedDynamics):
     def initial(
         cls, models: int, hidden: Sequence[int], generator: torch.Generator, actions: int = ACTION
     ) -> Self:
-        """Models to be trained, with a network of these hidden layers, for actions of K components."""
+        """Untrained models with these hidden layers, for actions of K components."""
         sizes = (LATENT, *hidden, LATENT * (LATENT + actions + 1))
         return cls(StackedLayers.initial(models, sizes, generator))
 
@@ -86,7 +86,7 @@ class NonLinearDynamics(StackedDynamics):
 
     @classmethod
     def initial(cls, models: int, hidden: int, generator: torch.Generator, actions: int = ACTION) -> Self:
-        """Models to be trained, with so many nodes in the hidden layer, for actions of K components."""
+        """Untrained models with this number of hidden nodes, for actions of K components."""
         sizes = (LATENT + actions, hidden, LATENT)
         return cls(StackedLayers.initial(models, sizes, generator))
 
@@ -100,10 +100,9 @@ class NonLinearDynamics(StackedDynamics):
         return self.network.forward(torch.cat([latent, action], dim=1))
 
     def jacobians(self, latent: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
-        """Jacobians of zd with respect to the latent state and to the action (eq. II.15).
+        """Jacobians J_z (M, 3, 3, B) and J_a (M, 3, K, B) of zd at (M, 3, B) and (M, K, B) (eq. II.15).
 
-        J = W_2 diag(1 - h^2) W_1 is linear in 1 - h^2, so all its entries are one matrix product. `latent`
-        (M, 3, B); `action` (M, K, B). Returns `J_z` (M, 3, 3, B); `J_a` (M, 3, K, B).
+        J = W_2 diag(1 - h^2) W_1 is linear in 1 - h^2, so all its entries are one matrix product.
         """
         first, second = self.network.weights
         slope = 1.0 - self.network.activations(torch.cat([latent, action], dim=1))[-1].square()
@@ -116,10 +115,9 @@ ForwardDynamics = LocallyLinearDynamics | NonLinearDynamics
 
 
 def chained(dynamics: ForwardDynamics, latent: Tensor, actions: Tensor, time_step: Tensor) -> Tensor:
-    """Latent states predicted one from the other (II.3.4).
+    """Latent states (C, M, 3, B) predicted from (M, 3, B) by successive actions (C, M, K, B) (II.3.4).
 
-    `latent` (M, 3, B) at the start; `actions` (C, M, K, B) successive actions; `time_step` (B,) s or (M, 1,
-    B) s, per step. Returns (C, M, 3, B) after each action.
+    `time_step` (B,) or (M, 1, B) s, per step.
     """
     predicted = []
     for action in actions:
@@ -135,7 +133,7 @@ def applied(matrix: Tensor, vector: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class LatentStep:
-    """Where an action is asked for, and how the touch got there."""
+    """State at which an action is chosen, and the step before."""
 
     latent: Tensor  # (M, 3, B) z_t
     previous_latent: Tensor  # (M, 3, B) z_t-1
@@ -146,10 +144,10 @@ class LatentStep:
 def inferred_action(
     inverse: str, dynamics: ForwardDynamics, step: LatentStep, target: Tensor, penalty: float
 ) -> Tensor:
-    """Action (M, K, B) of one of the inverse models (eq. II.21).
+    """Action (M, K, B) of an inverse model for a target z_T (M, 3, B) (eq. II.21).
 
-    `inverse`: `LOCALLY_LINEAR`, `NEGATIVE_GRADIENT` or `JACOBIAN`; `dynamics`: locally linear models for the
-    first, non-linear models for the others; `target` (M, 3, B) z_T; `penalty`: beta > 0; NG has none.
+    `inverse`: `LOCALLY_LINEAR`, of locally linear dynamics; `NEGATIVE_GRADIENT` or `JACOBIAN`, of non-linear
+    ones; `penalty`: beta > 0, not of NG.
     """
     if inverse == NEGATIVE_GRADIENT:
         assert isinstance(dynamics, NonLinearDynamics)
@@ -158,7 +156,7 @@ def inferred_action(
 
 
 def affine_dynamics(dynamics: ForwardDynamics, step: LatentStep) -> AffineDynamics:
-    """What `LOCALLY_LINEAR` or `JACOBIAN` take the forward model for at a step."""
+    """Affine model that `LOCALLY_LINEAR` or `JACOBIAN` use at a step."""
     if isinstance(dynamics, LocallyLinearDynamics):
         return dynamics.affine(step.latent)
     return linearised(dynamics, step)
@@ -169,8 +167,7 @@ def optimal_action(
 ) -> Tensor:
     """Appendix A: a = B^T (B B^T + penalty / dt^2 1)^-1 ((z_T - z) / dt - A z - c) (eq. II.13, II.19, II.20).
 
-    `latent` (M, 3, B) z; `target` (M, 3, B) z_T; `time_step` (B,) or (M, 1, B) s; `penalty`: beta > 0, of the
-    squared action beside the squared distance to the target. Returns (M, K, B) actions.
+    `latent` z, `target` z_T (M, 3, B); `time_step` (B,) or (M, 1, B) s. Returns actions (M, K, B).
     """
     wanted = (target - latent) / time_step - applied(dynamics.state, latent) - dynamics.constant
     gram = (dynamics.action[:, :, None] * dynamics.action[:, None]).sum(dim=3)  # (M, 3, 3, B)
@@ -180,12 +177,12 @@ def optimal_action(
 
 
 def linearised(dynamics: NonLinearDynamics, step: LatentStep) -> AffineDynamics:
-    """The non-linear model linearised about the previous step, with the rate that was seen there.
+    """The non-linear model linearised about the previous step, with the rate observed there.
 
         zd = (z_t - z_t-1) / dt + J_z (z - z_t-1) + J_a (a - a_t-1)                (eq. II.16)
 
-    At z = z_t this is eq. II.17 and II.18, whose A = 1 / dt + J_z also holds the first term. Written so, it
-    holds at later states too, as a longer horizon needs.
+    At z = z_t this is eq. II.17 and II.18, whose A = 1 / dt + J_z contains the first term. This form is also
+    valid at later states, as a longer horizon needs.
     """
     by_latent, by_action = dynamics.jacobians(step.previous_latent, step.previous_action)
     rate = (step.latent - step.previous_latent) / step.time_step
@@ -196,10 +193,7 @@ def linearised(dynamics: NonLinearDynamics, step: LatentStep) -> AffineDynamics:
 def negative_gradient(
     dynamics: NonLinearDynamics, latent: Tensor, target: Tensor, time_step: Tensor
 ) -> Tensor:
-    """-d |f(z, a) - z_T|^2 / da at a = 0 (eq. II.14); its scale is the caller's matter.
-
-    `latent` (M, 3, B) z; `target` (M, 3, B) z_T; `time_step` (B,) or (M, 1, B) s. Returns (M, K, B).
-    """
+    """-d |f(z, a) - z_T|^2 / da (M, K, B) at a = 0, unscaled (eq. II.14)."""
     rest = latent.new_zeros(latent.shape[0], dynamics.actions, latent.shape[-1])
     _, by_action = dynamics.jacobians(latent, rest)
     missing = target - latent - dynamics.rate(latent, rest) * time_step
@@ -211,10 +205,9 @@ def receding_horizon_action(
 ) -> Tensor:
     """First action of the optimal sequence for several steps; with one step it is `optimal_action`.
 
-    Minimises sum_k |z_T - z_k|^2 / 2 + penalty sum_k |a_k|^2 / 2 over k = 1..H steps of the affine dynamics.
+    Minimises sum_k |z_T - z_k|^2 / 2 + penalty sum_k |a_k|^2 / 2 over k = 1..H steps of the same dynamics.
     The states are an affine function of all actions, z = free + G a, so the solution has the form of
-    appendix A: a = G^T (G G^T + penalty 1)^-1 (z_T - free). `dynamics` at the latent states is kept for all
-    steps; `latent`, `target` (M, 3, B); `time_step` s; `horizon`: steps H. Returns (M, K, B) actions.
+    appendix A: a = G^T (G G^T + penalty 1)^-1 (z_T - free). `latent`, `target` (M, 3, B); `time_step` s.
     """
     state = dynamics.state.permute(0, 3, 1, 2) * time_step + torch.eye(LATENT, dtype=latent.dtype)
     action = dynamics.action.permute(0, 3, 1, 2) * time_step  # (M, B, 3, K)
@@ -237,7 +230,7 @@ def receding_horizon_action(
 
 
 def _solved(matrix: Tensor, vector: Tensor) -> Tensor:
-    """S^-1 v by cofactors, for symmetric (M, 3, 3, B) and (M, 3, B): the library's solver is slow."""
+    """S^-1 v by cofactors, for symmetric (M, 3, 3, B) and (M, 3, B): faster than the library's solver."""
     first, second, third = matrix.unbind(dim=1)
     pairs = ((second, third), (third, first), (first, second))
     cofactors = [torch.linalg.cross(*pair, dim=1) for pair in pairs]

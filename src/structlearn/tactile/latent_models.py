@@ -1,8 +1,8 @@
-"""The models that are compared: latent space with and without structure, forward models, ways to train them.
+"""Latent spaces with and without structure, and their dynamics: stacks of networks and their files.
 
-A stack holds all of them for some seeds. Its autoencoders run over structures, and within each over the
-seeds. Each forward model has one stack: over the ways to train it, and within each over the autoencoders.
-Their file holds the units that they see touch in as well.
+A stack holds all models of some seeds. Its autoencoders run over structures, and within each over the seeds.
+Each forward model has one stack: over the ways to train it, and within each over the autoencoders. A file
+also holds the units of the networks.
 
 The autoencoders' code is a flat map of the skin and the pressure (II.3.2, II.3.3):
 
@@ -56,11 +56,7 @@ class StackedAutoencoders:
 
     @classmethod
     def initial(cls, models: int, electrodes: int, hidden: Sequence[int], generator: torch.Generator) -> Self:
-        """Autoencoders to be trained.
-
-        `models`: number of autoencoders M; `electrodes`: number of signals E; `hidden`: nodes of the
-        encoder's hidden layers; the decoder mirrors them.
-        """
+        """Untrained autoencoders of E signals; the decoder mirrors the encoder's `hidden` layers."""
         return cls(
             StackedLayers.initial(models, (electrodes, *hidden, LATENT), generator, normalised=True),
             StackedLayers.initial(models, (LATENT, *hidden[::-1], electrodes), generator, normalised=True),
@@ -73,9 +69,9 @@ class StackedAutoencoders:
 
 @dataclass(frozen=True)
 class LatentLosses:
-    """The three losses of a batch, meant over its samples, per model (M,)."""
+    """The three losses of a batch, means over its samples, per model (M,)."""
 
-    reconstruction: Tensor  # L_AER (eq. II.5), meant over electrodes too
+    reconstruction: Tensor  # L_AER (eq. II.5), mean over electrodes too
     distances: Tensor  # L_MDS (eq. II.3)
     pressure: Tensor  # L_CDP (eq. II.4)
 
@@ -85,8 +81,8 @@ def latent_losses(
 ) -> LatentLosses:
     """Losses of a batch of pairs, for training.
 
-    `signals` (M, E, 2 B) the pairs' first samples, then their second ones; `pressure` (M, 2 B) their contact
-    pressures; `geodesic` (M, B) distance on the skin between the two of a pair.
+    `signals` (M, E, 2 B): first samples of the pairs, then second ones; `pressure` (M, 2 B) of these;
+    `geodesic` (M, B): distances of the pairs on the skin.
     """
     latent = autoencoders.encoder.forward(signals, training=True)
     decoded = autoencoders.decoder.forward(latent, training=True)
@@ -121,7 +117,7 @@ class LatentModels:
         generator: torch.Generator,
         actions: int = ACTION,
     ) -> Self:
-        """Models to be trained, of E electrodes or other channels, and of actions of K components."""
+        """Untrained models of E channels and of actions of K components."""
         count = len(STRUCTURES) * len(seeds)
         linear, nonlinear = (count * len(TRAINED_WITH[name]) for name in (LOCALLY_LINEAR, NONLINEAR))
         return cls(
@@ -137,22 +133,16 @@ class LatentModels:
     def joined(cls, stacks: Sequence[Self]) -> Self:
         """One stack of the seeds of several."""
         arrays = [stack.to_arrays() for stack in stacks]
+        shapes = [(-1, len(stack.seeds)) for stack in stacks]
         joined = {}
         for name in arrays[0]:
-            by_seed = [
-                found[name].unflatten(0, (-1, len(stack.seeds)))
-                for found, stack in zip(arrays, stacks, strict=True)
-            ]
+            by_seed = [its[name].unflatten(0, shape) for its, shape in zip(arrays, shapes, strict=True)]
             joined[name] = torch.cat(by_seed, dim=1).flatten(0, 1)
         return cls.from_arrays(sum((stack.seeds for stack in stacks), ()), joined)
 
     @classmethod
     def from_arrays(cls, seeds: Sequence[int], arrays: Mapping[str, Tensor]) -> Self:
-        """The inverse of `to_arrays`.
-
-        Raises:
-            KeyError: an array is missing.
-        """
+        """The inverse of `to_arrays`; raises KeyError if an array is missing."""
         encoder, decoder, *dynamics = (StackedLayers.from_arrays(arrays, f"{name}.") for name in NETWORKS)
         return cls(
             seeds=tuple(seeds),
@@ -163,19 +153,14 @@ class LatentModels:
 
     def to_arrays(self) -> dict[str, Tensor]:
         """All tensors by network, field and layer, e.g. `encoder.weights.0`; without gradients."""
-        networks = (
-            self.autoencoders.encoder,
-            self.autoencoders.decoder,
-            self.locally_linear.network,
-            self.nonlinear.network,
-        )
+        spaces, dynamics = self.autoencoders, (self.locally_linear.network, self.nonlinear.network)
         arrays: dict[str, Tensor] = {}
-        for name, network in zip(NETWORKS, networks, strict=True):
+        for name, network in zip(NETWORKS, (spaces.encoder, spaces.decoder, *dynamics), strict=True):
             arrays |= network.to_arrays(f"{name}.")
         return arrays
 
     def detached(self) -> Self:
-        """The same models, no longer to be trained."""
+        """The same models without gradients."""
         return self.from_arrays(self.seeds, self.to_arrays())
 
     def __len__(self) -> int:
@@ -195,16 +180,16 @@ class LatentModels:
         return values.repeat(len(STRUCTURES), *([1] * (values.dim() - 1)))
 
     def forward_stack(self, forward: str) -> ForwardDynamics:
-        """All models of one kind of forward dynamics, `LOCALLY_LINEAR` or `NONLINEAR`."""
+        """All models of `LOCALLY_LINEAR` or `NONLINEAR` dynamics."""
         return self.locally_linear if forward == LOCALLY_LINEAR else self.nonlinear
 
     def dynamics(self, forward: str, trained_with: str) -> ForwardDynamics:
-        """Those (M) of one kind that were trained in one way."""
+        """Forward models (M) of one kind, trained in one way."""
         first = TRAINED_WITH[forward].index(trained_with) * len(self)
         return self.forward_stack(forward).part(slice(first, first + len(self)))
 
     def dynamics_parameters(self) -> list[Tensor]:
-        """What the second optimiser trains."""
+        """Parameters of the second optimiser."""
         return self.locally_linear.network.parameters() + self.nonlinear.network.parameters()
 
 
@@ -221,8 +206,7 @@ def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> N
 def read_models(path: str | Path) -> tuple[LatentModels, TouchUnits]:
     """Read a stack of models and their units.
 
-    Raises:
-        InputError: the file is missing, damaged or holds something else.
+    Raises InputError: the file is missing, damaged or holds something else.
     """
     arrays = read_tensors(path)
     try:

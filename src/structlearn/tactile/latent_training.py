@@ -1,11 +1,11 @@
 """Training of latent spaces and their dynamics, all variants and seeds at once (II.3.5, II.4.1.3).
 
 Two optimisers run in parallel, step by step: one on the autoencoders (eq. II.23), one on the dynamics
-(eq. II.24), which see the encoders as they are at that step and do not change them. Every seed has batches of
-its own; the variants of one seed see the same batches, so that their differences are paired.
+(eq. II.24), which use the current encoders and do not change them. Every seed has its own batches; the
+variants of one seed have the same batches, so that their differences are paired.
 
-The learning rate falls to zero along half a cosine. The dissertation says nothing of a schedule; without one
-RMSProp's last steps are as large as its first, and the errors of one step are a matter of luck.
+The learning rate falls to zero along half a cosine. The dissertation gives no schedule; without one RMSProp's
+last steps are as large as its first, and errors vary at random from step to step.
 """
 
 from collections.abc import Iterator, Sequence
@@ -42,8 +42,8 @@ DRAWN_AT_ONCE = 100  # steps whose batches are drawn in one call
 COMPARED_PAIRS = 4096  # pairs by which starts are compared
 SHORTEST_ACTION = 1e-6  # floor of the length by which an action is divided, in the networks' units
 
+# with which dynamics are not trained
 NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
-"""Dynamics are not trained."""
 
 
 @dataclass(frozen=True)
@@ -56,15 +56,14 @@ class Pairs:
 
 
 def draw_pairs(
-    dataset: TouchSamples, geodesics: Geodesics, split: int, count: int, rng: np.random.Generator
+    splits: np.ndarray, geodesics: Geodesics, split: int, count: int, rng: np.random.Generator
 ) -> Pairs:
-    """Random pairs of one split; both of a pair are in the same bin, as their distance must be known.
+    """Random pairs within one of the samples' `splits` (N,); both of a pair are in the same bin of distances.
 
-    `dataset`: the samples; `split`: which samples. Raises InputError: a bin has fewer than two samples of the
-    split.
+    Raises InputError: a bin has fewer than two samples of the split.
     """
     bins = len(geodesics.rows)
-    members = [np.flatnonzero(dataset.split[rows] == split) for rows in geodesics.rows]
+    members = [np.flatnonzero(splits[rows] == split) for rows in geodesics.rows]
     if min(len(found) for found in members) < 2:
         raise InputError(f"geodesics: a bin has fewer than two samples of split {split}")
     parts = []
@@ -77,23 +76,23 @@ def draw_pairs(
 
 
 @dataclass(frozen=True)
-class TrainingData:
-    """What a stack trains on, in the networks' units."""
+class LatentData:
+    """Samples, pairs and chains in the networks' units, to train or to test on."""
 
     signals: Tensor  # (N, E) of all samples
     pressure: Tensor  # (N,) of all samples
     pairs: Tensor  # (K, 2) rows
     geodesic: Tensor  # (K,) distance of each pair
-    chains: Tensor  # (L, CHAIN_STEPS + 1) rows
-    actions: Tensor  # (L, CHAIN_STEPS, 6)
+    chains: Tensor  # (L, C + 1) rows, C = `CHAIN_STEPS` to train on
+    actions: Tensor  # (L, C, 6)
     time_step: Tensor  # (L,) s
 
 
-def training_data(dataset: TouchSamples, pairs: Pairs, chains: Chains, units: TouchUnits) -> TrainingData:
-    """Training samples in the networks' units; pairs and chains are of the training split."""
-    return TrainingData(
-        signals=as_tensor(units.signals(dataset.signals)),
-        pressure=as_tensor(units.pressure(dataset.pressure)),
+def latent_data(samples: TouchSamples, pairs: Pairs, chains: Chains, units: TouchUnits) -> LatentData:
+    """All samples in the networks' units, with pairs and chains of one split."""
+    return LatentData(
+        signals=as_tensor(units.signals(samples.signals)),
+        pressure=as_tensor(units.pressure(samples.pressure)),
         pairs=torch.from_numpy(np.stack([pairs.first, pairs.second], axis=1)),
         geodesic=as_tensor(pairs.distance / units.length),
         chains=torch.from_numpy(chains.rows),
@@ -102,11 +101,10 @@ def training_data(dataset: TouchSamples, pairs: Pairs, chains: Chains, units: To
     )
 
 
-def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingParameters) -> Iterator[int]:
-    """Train a stack in place; in the pauses the caller may evaluate it.
+def train(models: LatentModels, data: LatentData, parameters: LatentTrainingParameters) -> Iterator[int]:
+    """Train a stack in place, only its autoencoders if the data have no chains.
 
-    Without chains among the data the dynamics stay as they are. Yields steps done, every `evaluate_every` of
-    them and at the end.
+    Yields the number of steps, every `evaluate_every` of them and at the end, for evaluation between steps.
     """
     rngs = [np.random.default_rng([parameters.seed, seed]) for seed in models.seeds]
     descents = [
@@ -133,13 +131,12 @@ def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingPa
 
 
 def best_start(
-    draws: Sequence[LatentModels], data: TrainingData, parameters: LatentTrainingParameters, steps: int
+    draws: Sequence[LatentModels], data: LatentData, parameters: LatentTrainingParameters, steps: int
 ) -> LatentModels:
-    """Of several stacks the first, with the autoencoders that do best after a short training.
+    """The first of several stacks of the same seeds, with the autoencoders that are best after some training.
 
-    A map may start folded and stay so, for the loss of distances has local minima. It shows within some
-    hundred steps, in the loss on training pairs, which alone decides here. `draws`: stacks of the same seeds
-    with weights of their own.
+    A map may start folded and stay so, as the loss of distances has local minima. This shows within a few
+    hundred steps in the loss on training pairs, by which the autoencoders are chosen.
     """
     short = parameters.model_copy(update={"steps": steps, "evaluate_every": steps})
     alone = replace(data, chains=data.chains[:0])
@@ -159,10 +156,7 @@ def best_start(
 
 
 def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:
-    """Units of a set by its training samples; that of length is the root mean square distance on the skin.
-
-    Raises InputError: as `touch_units`.
-    """
+    """Units of a set by its training samples; the length is the root mean square distance on the skin."""
     length = float(np.sqrt(np.mean(np.square(geodesics.distance, dtype=float))))
     return touch_units(samples, chains(samples, CHAIN_STEPS, split=TRAIN), length)
 
@@ -172,39 +166,30 @@ def learn_spaces(
 ) -> LatentModels:
     """Train autoencoders of all seeds, with and without structure, on the training samples of a set.
 
-    Returns the stack; its dynamics are as they were drawn. Raises InputError: a bin has fewer than two
-    training samples.
+    Raises InputError: a bin has fewer than two training samples.
     """
     rng = np.random.default_rng(parameters.training.seed)
-    pairs = draw_pairs(samples, geodesics, TRAIN, parameters.pair_pool, rng)
-    return learn_from(samples, pairs, NO_CHAINS, units, parameters)
+    pairs = draw_pairs(samples.split, geodesics, TRAIN, parameters.pair_pool, rng)
+    return learn_from(latent_data(samples, pairs, NO_CHAINS, units), parameters)
 
 
-def learn_from(
-    samples: TouchSamples, pairs: Pairs, taught: Chains, units: TouchUnits, parameters: LatentSpaceParameters
-) -> LatentModels:
-    """Train models of all seeds, with and without structure, on pairs whose distances are known.
-
-    `pairs`: of training samples; `taught`: chains of training samples; without any, dynamics stay as they
-    were drawn.
-    """
-    training = parameters.training
-    data = training_data(samples, pairs, taught, units)
+def learn_from(data: LatentData, parameters: LatentSpaceParameters) -> LatentModels:
+    """Train models of all seeds, with and without structure; without chains, dynamics stay as drawn."""
     models = LatentModels.initial(
         range(parameters.seeds),
-        samples.signals.shape[1],
+        data.signals.shape[1],
         parameters.networks,
-        seeded(training.seed),
-        actions=taught.actions.shape[-1],
+        seeded(parameters.training.seed),
+        actions=data.actions.shape[-1],
     )
     with one_thread():
-        for _ in train(models, data, training):
+        for _ in train(models, data, parameters.training):
             pass  # only the end counts
     return models.detached()
 
 
 def autoencoder_losses(
-    models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
+    models: LatentModels, data: LatentData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
     """Loss of each autoencoder (M,) on pairs (S, B) (eq. II.23)."""
     rows = data.pairs[drawn].transpose(1, 2).flatten(1)  # (S, 2 B): all first ones, then all second ones
@@ -220,12 +205,9 @@ def autoencoder_losses(
 
 
 def dynamics_loss(
-    models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
+    models: LatentModels, data: LatentData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
-    """Loss of the dynamics (eq. II.11, II.24), summed over models.
-
-    `models`: the stack; nothing flows back into its encoders; `drawn` (S, B) numbers of chains, per seed.
-    """
+    """Loss of the dynamics (eq. II.11, II.24) on chains (S, B), summed over models."""
     latents = encoded(models, data.signals, data.chains[drawn])
     actions = models.for_all(data.actions[drawn].movedim(1, -1)).movedim(1, 0)  # (C, M, 6, B)
     time_step = models.for_all(data.time_step[drawn])[:, None]
@@ -248,10 +230,7 @@ def dynamics_loss(
 
 
 def encoded(models: LatentModels, signals: Tensor, rows: Tensor) -> Tensor:
-    """Latent states of chains by the encoders as they are, without gradient.
-
-    `signals` (N, E); `rows` (S, B, C + 1) per seed. Returns (C + 1, M, 3, B).
-    """
+    """Latent states (C + 1, M, 3, B), without gradient, of signals (N, E) in chains (S, B, C + 1) of rows."""
     flat = rows.transpose(1, 2)
     with torch.no_grad():
         found = signals.index_select(0, flat.flatten()).unflatten(0, (len(rows), -1)).transpose(1, 2)
@@ -260,9 +239,9 @@ def encoded(models: LatentModels, signals: Tensor, rows: Tensor) -> Tensor:
 
 
 def direction_loss(found: Tensor, action: Tensor) -> Tensor:
-    """L_ID (eq. II.22): squared distance to an action (M, 6, B), once the found one has its length.
+    """L_ID (eq. II.22): squared distance to an action (M, 6, B) of the found one scaled to its length.
 
-    It is meant over samples and summed over models.
+    Mean over samples, sum over models.
     """
     length = (found.square().sum(dim=1, keepdim=True) + SHORTEST_ACTION**2).sqrt()
     wanted = action.square().sum(dim=1, keepdim=True).sqrt()
@@ -272,7 +251,7 @@ def direction_loss(found: Tensor, action: Tensor) -> Tensor:
 def _batches(
     count: int, parameters: LatentTrainingParameters, rngs: Sequence[np.random.Generator]
 ) -> Iterator[Tensor]:
-    """Batches (S, B) of random numbers below `count`, each seed's from its own generator."""
+    """Batches (S, B) of random numbers below `count`, by one generator per seed."""
     while True:
         shape = (DRAWN_AT_ONCE, parameters.batch_size)
         yield from torch.from_numpy(np.stack([rng.integers(0, count, shape) for rng in rngs], axis=1))

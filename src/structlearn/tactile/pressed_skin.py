@@ -1,83 +1,75 @@
-"""A flat skin that is pressed at known places: what latent spaces and their dynamics are learned from.
+"""Skins pressed at known places: samples for latent spaces, actions between presses, servoing on a table.
 
-Nothing slides here. A press is a sample of its own, and moving on from one press to another that lies near is
-an action: the displacement of the probe in one step. On a flat skin geodesics are straight, so that distances
-are those on the plate.
+A BioTac's electrodes fall under pressure and their mean tells how hard the skin is pressed. Other skins have
+signed channels with wide coupling: a magnetometer's axis may rise or fall, so the norm of all channels tells
+the pressure and their direction the place. A common gain, which drifts, changes the norm alone.
 
-A recording cannot be asked what the sensor would read elsewhere, but a dense one knows nearly everywhere. So
-a controller that was learned from one run can act on another run, without a robot: the press that was
-recorded nearest answers.
+Nothing slides here. A press is one sample, and moving on to another press nearby is an action: the
+displacement of the probe in one step. On a flat skin geodesics are straight, so distances are those on the
+plate. A controller learned from one run can act on another run without a robot: a dense recording holds the
+readings nearly everywhere, and the nearest press answers.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from structlearn.tactile.latent_parameters import SensorDescription
+from structlearn.core.errors import InputError
 from structlearn.tactile.latent_training import CHAIN_STEPS, Pairs
 from structlearn.tactile.servo_controller import TactileServo
-from structlearn.tactile.touch_dataset import TRAIN, Chains
+from structlearn.tactile.touch_dataset import TRAIN, Chains, TouchSamples
 
 STEP_S = 1.0  # an action's duration: a velocity in m/s is a displacement in m per step
-PLANE = 2  # of a place, the first so many components are on the plate; the third is the height of the probe
-
-STILL = 0.01
-"""A component of the action that is smaller than this share of the largest (root mean squares) is none."""
-
-
+PLANE = 2  # components of a place on the plate; the third is the height of the probe
+STILL = 0.01  # share of the largest component of the action (RMS) below which a component counts as none
 ROUNDING = 1e-3  # of a block's side: commanded places are exact to tenths of a micrometre only
+
+Change = Literal["falls", "rises", "either"]  # of readings under pressure
 
 
 @dataclass(frozen=True)
-class PressedSkin:
-    """N presses, as `touch_dataset.TouchSamples`."""
+class PressedSkin(TouchSamples):
+    """N presses at known places."""
 
-    signals: np.ndarray  # (N, E) as `SensorDescription.seen` gives them
-    pressure: np.ndarray  # (N,)
     place: np.ndarray  # (N, 3) m of the probe
-    split: np.ndarray  # (N,) `TRAIN` or `TEST`
 
 
-def pressed_skin(
-    sensor: SensorDescription,
-    counts: np.ndarray,
-    place: np.ndarray,
-    split: np.ndarray,
-    copies: int = 1,
-    rng: np.random.Generator | None = None,
-) -> PressedSkin:
-    """Presses as the sensor's description lets them be seen.
+def seen(counts: np.ndarray, change: Change, by_norm: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Signals for a latent space, and the contact pressure, of readings (N, E) less those at rest.
 
-    `counts` (N, E) readings; `place` (N, 3) m of the probe; `split` (N,) of each press; `copies`: times that
-    each press is there, from the second on with a gain that drifted. Raises InputError: see
-    `SensorDescription.seen`.
+    `by_norm`: readings are divided by their norm, whose logarithm is an additional channel. Returns signals
+    (N, E), or (N, E + 1) by norm; and pressure (N,): p = -mean(s) where readings fall (eq. II.1), mean(s)
+    where they rise, else the norm, or its logarithm by norm. Raises InputError: a row that is divided by its
+    norm is zero.
     """
-    if copies != 1:
-        assert rng is not None, "gains are drawn"
-        counts = sensor.drifted(counts, copies, rng)
-    signals, pressure = sensor.seen(counts)
-    return PressedSkin(signals, pressure, np.tile(place, (copies, 1)), np.tile(split, copies))
+    strength = np.linalg.norm(counts, axis=1)
+    pressure = {"falls": -counts.mean(axis=1), "rises": counts.mean(axis=1), "either": strength}[change]
+    if not by_norm:
+        return counts, pressure
+    if not strength.all():
+        raise InputError(f"sensor: row {int(np.argmin(strength))} is zero in all channels: nothing touches")
+    strength = strength[:, None]
+    signals = np.hstack([counts / strength, np.log(strength)])
+    return signals, signals[:, -1] if change == "either" else pressure
 
 
-def block_numbers(place: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks of a plate; what is left over at the far edges belongs to the last ones.
-
-    `place` (N, 2) m; `side`: m of a block. Returns (N,) column and (N,) row of each place's block, from 0.
-    """
-    start, extent = place.min(axis=0), np.ptp(place, axis=0)
-    count = np.maximum(np.floor(extent / side + ROUNDING), 1)
-    found = np.minimum(np.floor((place - start) / side + ROUNDING), count - 1).astype(int)
-    return found[:, 0], found[:, 1]
+def drifted(counts: np.ndarray, spread: float, copies: int, rng: np.random.Generator) -> np.ndarray:
+    """Readings (copies N, E): as they are, then copies, each with a gain of log-normal `spread`."""
+    gains = np.exp(spread * rng.standard_normal(((copies - 1) * len(counts), 1)))
+    return np.vstack([counts, np.tile(counts, (copies - 1, 1)) * gains])
 
 
 def held_out(place: np.ndarray, side: float, folds: int) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks and the folds that hold them out: no two neighbours at once, nor all corners.
+    """Blocks of a plate and the folds that hold them out: no two neighbours at once, nor all corners.
 
-    `place` (N, 2) m; `side`: m of a block; `folds`: F >= 4 keeps neighbours apart. Returns `block` (N,)
-    numbers; `fold` (N,) 0 to F - 1.
+    What is left over at the far edges belongs to the last blocks. `place` (N, 2) m; `side`: m of a block;
+    `folds`: F >= 4 keeps neighbours apart. Returns `block` (N,) numbers; `fold` (N,) 0 to F - 1.
     """
-    column, row = block_numbers(place, side)
+    start, extent = place.min(axis=0), np.ptp(place, axis=0)
+    count = np.maximum(np.floor(extent / side + ROUNDING), 1)
+    column, row = np.minimum(np.floor((place - start) / side + ROUNDING), count - 1).astype(int).T
     return column * (row.max() + 1) + row, (column + 2 * row) % folds
 
 
@@ -90,10 +82,9 @@ def plate_pairs(skin: PressedSkin, split: int, count: int, rng: np.random.Genera
 
 
 def walks(skin: PressedSkin, count: int, reach: float, rng: np.random.Generator) -> Chains:
-    """Random walks from training press to training press.
+    """Random walks between training presses, of `CHAIN_STEPS` displacements along axes where presses differ.
 
-    `reach`: m, of a step along each axis at most, but for the distance to the nearest press there. Returns:
-    Chains of `CHAIN_STEPS` displacements along those axes along which presses differ.
+    `reach`: largest step along an axis in m, apart from the distance to the nearest press there.
     """
     taught = np.flatnonzero(skin.split == TRAIN)
     tree = cKDTree(skin.place[taught])
@@ -127,12 +118,8 @@ class TableRuns:
 
     def length_ratio(self, arrival: np.ndarray) -> np.ndarray:
         """Way (S, T) until arrival over the straight one to where it arrived; NaN without arrival or way."""
-        done = np.vstack(
-            [
-                np.zeros((1, *arrival.shape)),
-                np.linalg.norm(np.diff(self.path, axis=0), axis=-1).cumsum(axis=0),
-            ]
-        )
+        steps = np.linalg.norm(np.diff(self.path, axis=0), axis=-1)
+        done = np.vstack([np.zeros((1, *arrival.shape)), steps.cumsum(axis=0)])
         step = np.maximum(arrival, 0)[None]
         way = np.take_along_axis(done, step, axis=0)[0]
         end = np.take_along_axis(self.path, step[..., None], axis=0)[0]
@@ -149,12 +136,11 @@ def servo_on_table(
     steps: int,
     map_alone: bool,
 ) -> TableRuns:
-    """Servo from presses to what other presses felt like.
+    """Servo from presses to the readings of other presses.
 
-    `servo`: learned from this skin, with one action per step; it moves along as many axes as its actions
-    have, the others stay as they were at the start. A probe at the edge of the table stays there; `starts`
-    (T,) rows of the table; `targets` (T,) rows of the table; `map_alone`: whether only the place on the map
-    is servoed to; the pressure is taken as it comes, as where no action changes it.
+    `servo`: of one action per step; it moves along as many axes as its actions have, the other coordinates
+    stay as at the start. The probe stays within the table. `starts`, `targets` (T,) rows of the table;
+    `map_alone`: servo to the place on the map only, as where no action changes the pressure.
     """
     tree = cKDTree(table.place)
     low, high = table.place.min(axis=0), table.place.max(axis=0)

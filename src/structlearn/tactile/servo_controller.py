@@ -9,23 +9,23 @@
 All seeds of a stack act at once, each on trials of its own: arrays are (S, T, ...), seeds and trials. Numbers
 go in and out as numpy arrays in SI units and counts; inside, everything is in double precision.
 
-`TactileServo` is as published: the inverse models ask the forward model for its value and its derivative at
-one action. It was trained on demonstrated actions, so both are good on average over these and may be anything
-in between: a person who sweeps steadily shows no slow moves, and hardly shows how pitch and yaw act. Hence
-`RestingServo` acts on what the forward model knows well, and on what is seen of the rest:
+`TactileServo` is as published: inverse models use the value and the derivative of the forward model at one
+action. It was trained on demonstrated actions, so both are good on average over these but may be poor
+elsewhere: a person who sweeps steadily shows no slow moves, and hardly shows the effects of pitch and yaw.
+`RestingServo` uses only what the forward model predicts well, and observations for the rest:
 
-    rest:           a finger at rest keeps its touch, zd(z, 0) = 0, whatever the model says of it
+    rest:           a finger at rest keeps its touch, zd(z, 0) = 0, whatever the model predicts
     likely actions: beta |a|^2 becomes beta |u|^2, u = a / s, s the root mean squares of demonstrated actions
     spread:         S = d zd / d u is the slope of the model between the actions -h s and h s, one at a time
-    correction:     S + E acts, where E is what the finger's own steps say that S is wrong by,
+    correction:     S + E is used, with E the error of S as observed in the finger's own steps,
                     E <- E + kappa ((z_t - z_t-1) / dt - (S + E) u_t-1) u_t-1^T / (1 + |u_t-1|^2)
 
-The last is the normalised least-mean-squares rule, or Broyden's update of a Jacobian, damped. It says nothing
-at rest, u = 0, and never takes E further from the true error for kappa <= 2 and slopes that stay the same.
-The inverse models stay what they are: LL and NJ solve appendix A's problem, NG goes down the gradient.
+The last is the normalised least-mean-squares rule, a damped Broyden update of a Jacobian. It changes nothing
+at rest, u = 0, and never increases the distance of E from the true error for kappa <= 2 and constant slopes.
+LL and NJ still solve the problem of appendix A, and NG still goes down the gradient.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -74,19 +74,20 @@ class ServoParameters(Parameters):
 class ServoMemory:
     """The step before, which NJ linearises about, in the networks' units.
 
-    Actions may come oftener than steps are long, W per step. A step before still lasts dt, as those that the
-    model learned from: z_t-1 is the latent state dt ago, a_t-1 the mean action since.
+    With W actions per step, a step before still lasts dt, as in training: z_t-1 is the latent state dt ago,
+    a_t-1 the mean action since.
     """
 
     latent: np.ndarray  # (W, S, T, 3) when the last actions were chosen, oldest first
     action: np.ndarray  # (W, S, T, K) that were chosen then
+    error: Tensor | None = None  # E, (S, 3, K, T), of the model's slopes; of `RestingServo`
 
 
 class TactileServo:
     """Controllers of all seeds of a stack, for latent spaces with or without structure.
 
-    `units`: that the models see touch in; `rate_hz`: steps of prediction per second, the models were trained
-    for about 3; `actions_per_step`: W. Raises InputError: NG has no longer horizon.
+    `units`: of the models; `rate_hz`: steps of prediction per second, about 3 in training;
+    `actions_per_step`: W. Raises InputError: NG has no longer horizon.
     """
 
     def __init__(
@@ -132,10 +133,9 @@ class TactileServo:
     def act(
         self, latent: np.ndarray, target: np.ndarray, memory: ServoMemory
     ) -> tuple[np.ndarray, ServoMemory]:
-        """The next action.
+        """Actions (S, T, K), m/s and rad/s in the frame of the finger, and the memory for the next step.
 
-        `latent` (S, T, 3) z_t; `target` (S, T, 3) z_T; `memory`: of the step before, W actions long. Returns
-        actions (S, T, K), m/s and rad/s in the frame of the finger, and the memory for the next step.
+        `latent` z_t, `target` z_T: (S, T, 3); `memory`: of the step before.
         """
         chosen, step, goal = self.parameters, self._step(latent, memory), as_states(target)
         if chosen.horizon > 1:
@@ -150,13 +150,14 @@ class TactileServo:
         return LatentStep(as_states(latent), as_states(before), as_states(since), self._time_step)
 
     def _done(self, found: Tensor, latent: np.ndarray, memory: ServoMemory) -> tuple[np.ndarray, ServoMemory]:
-        """The action (M, K, B) that was found, shortened and in SI units, and the memory after it."""
+        """A found action (M, K, B), bounded and in SI units, and the memory after it."""
         action = _array(found)
         length = np.linalg.norm(action, axis=-1, keepdims=True)
         bounded = action * np.minimum(1.0, self.parameters.largest_action / np.maximum(length, 1e-12))
-        after = ServoMemory(
-            np.concatenate([memory.latent[1:], latent[None]]),
-            np.concatenate([memory.action[1:], bounded[None]]),
+        after = replace(
+            memory,
+            latent=np.concatenate([memory.latent[1:], latent[None]]),
+            action=np.concatenate([memory.action[1:], bounded[None]]),
         )
         return bounded * self.units.action_scale, after
 
@@ -176,20 +177,8 @@ class Caution:
     correction: float  # kappa; 0: the model is never corrected
 
 
-@dataclass(frozen=True)
-class RestingMemory:
-    """What a finger remembers of its own steps."""
-
-    before: ServoMemory  # the last step
-    error: Tensor  # E, (S, 3, K, T), by which the model's slopes are wrong
-
-
 class RestingServo(TactileServo):
-    """Controllers as `TactileServo`, with a memory of their own.
-
-    NG takes the step along its gradient that is best for the slope. `caution`: how far the forward model is
-    trusted.
-    """
+    """Controllers that correct their model; NG takes the best step along its gradient for the slope."""
 
     def __init__(
         self,
@@ -208,24 +197,24 @@ class RestingServo(TactileServo):
         likely = likely if caution.by_likelihood else np.ones_like(likely)
         self._likely = torch.from_numpy(likely)[:, None]  # (K, 1)
 
-    def start(self, latent: np.ndarray) -> RestingMemory:  # type: ignore[override]  # it takes its own memory
-        """As `TactileServo.start`; nothing is known yet of the model's errors."""
+    def start(self, latent: np.ndarray) -> ServoMemory:
+        """As `TactileServo.start`, with no error known yet."""
         seeds, trials = latent.shape[:2]
         unknown = torch.zeros(seeds, LATENT, len(self._likely), trials, dtype=torch.float64)
-        return RestingMemory(super().start(latent), unknown)
+        return replace(super().start(latent), error=unknown)
 
     @torch.no_grad()
-    def act(  # type: ignore[override]  # likewise
-        self, latent: np.ndarray, target: np.ndarray, memory: RestingMemory
-    ) -> tuple[np.ndarray, RestingMemory]:
+    def act(
+        self, latent: np.ndarray, target: np.ndarray, memory: ServoMemory
+    ) -> tuple[np.ndarray, ServoMemory]:
         """As `TactileServo.act`."""
-        step = self._step(latent, memory.before)
+        assert memory.error is not None
+        step = self._step(latent, memory)
         slope = action_slope(self._dynamics, step.latent, self._likely, self.caution.spread)
         slope = slope * self._likely.T[..., None]
         error = corrected(memory.error, slope, step, self._likely, self.caution.correction)
         found = self._towards(as_states(target), step, slope + error)
-        action, before = self._done(found * self._likely, latent, memory.before)
-        return action, RestingMemory(before, error)
+        return self._done(found * self._likely, latent, replace(memory, error=error))
 
     def _towards(self, target: Tensor, step: LatentStep, slope: Tensor) -> Tensor:
         """Likely actions (M, K, B) that lead to a target."""
@@ -237,10 +226,9 @@ class RestingServo(TactileServo):
 
 
 def corrected(error: Tensor, slope: Tensor, step: LatentStep, likely: Tensor, rate: float) -> Tensor:
-    """What the last step says that slopes are wrong by.
+    """E (M, 3, K, B) after the last step, from `error` E before and `slope` S of the model per likely action.
 
-    `error` (M, 3, K, B) E before; `slope` (M, 3, K, B) S of the model, per likely action; `likely` (K, 1)
-    scales of likely actions; `rate`: kappa. Returns (M, 3, K, B) E.
+    `likely` (K, 1) scales of likely actions; `rate`: kappa.
     """
     action = step.previous_action / likely
     seen = (step.latent - step.previous_latent) / step.time_step
@@ -249,10 +237,10 @@ def corrected(error: Tensor, slope: Tensor, step: LatentStep, likely: Tensor, ra
 
 
 def action_slope(dynamics: ForwardDynamics, latent: Tensor, likely: Tensor, spread: float) -> Tensor:
-    """By how much an action changes the rate of the latent state.
+    """Slopes (M, 3, K, B) of the rate of the latent state (M, 3, B) by action.
 
-    `latent` (M, 3, B); `likely` (K, 1) scales of likely actions; `spread`: half the distance over which
-    slopes are taken, in these scales; 0: derivatives at rest. Returns (M, 3, K, B).
+    `likely` (K, 1) scales of likely actions; `spread`: half the distance over which slopes are taken, in
+    these scales; 0: derivatives at rest.
     """
     rest = latent.new_zeros(latent.shape[0], dynamics.actions, latent.shape[-1])
     if isinstance(dynamics, LocallyLinearDynamics):
@@ -269,9 +257,9 @@ def action_slope(dynamics: ForwardDynamics, latent: Tensor, likely: Tensor, spre
 
 
 def steepest_action(slope: Tensor, missing: Tensor, ridge: Tensor) -> Tensor:
-    """Along the gradient at rest, as far as |missing - slope a|^2 + ridge |a|^2 falls.
+    """Minimum (M, K, B) of |missing - slope a|^2 + ridge |a|^2 along the gradient at rest.
 
-    `slope` (M, 3, K, B); `missing` (M, 3, B) wanted rate; `ridge` (1,) or (M, 1, B) >= 0. Returns (M, K, B).
+    `slope` (M, 3, K, B); `missing` (M, 3, B) wanted rate; `ridge` (1,) or (M, 1, B) >= 0.
     """
     downhill = applied(slope.transpose(1, 2), missing)
     squared = downhill.square().sum(dim=1, keepdim=True)

@@ -1,17 +1,16 @@
-"""What demonstrations of touch say about a skin: samples, and chains of actions between them (II.4.1).
+"""Samples of demonstrated touch, and chains of actions between them (II.4.1).
 
-Recordings of a finger that touches become samples by a low-pass, offsets, contacts and splits (`prepare`).
+Recordings of a finger become samples by a low-pass, offsets, contacts and splits (`prepare`).
 
-Networks see touch in units in which one loss, penalty or weight compares with another. The dissertation
-trains on raw counts and evens the losses out by weights (II.4.1.3). Here signals and pressure are
-standardised, map distances are divided by a length, and actions by one scale per kind of velocity: within
-linear and within angular velocity, directions stay what they are.
+Networks use units in which losses, penalties and weights are comparable. The dissertation trains on raw
+counts and balances the losses by weights (II.4.1.3). Here signals and pressure are standardised, map
+distances are divided by a length, and actions by one scale per kind of velocity: directions within linear and
+within angular velocity stay the same.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -27,17 +26,11 @@ TRAIN, VALIDATION, TEST = 0, 1, 2  # numbers of the splits
 SPLITS = {"train": TRAIN, "validation": VALIDATION, "test": TEST}  # splits by their names in tables
 ROTATION, TRANSLATION, OTHER = 0, 1, 2  # numbers of the motions that were demonstrated
 
-STRIDES = (29, 30, 31, 32, 33)
-"""Samples per step of prediction while learning: 100 Hz / 29 to 100 Hz / 33 (II.4.1.1)."""
-
-TEST_STRIDE = 31  # the same for evaluation
-
-ACTION_DIMENSIONS = 6
-
-LINEAR = 3  # the first so many components of an action are linear velocity, the others angular
-
+STRIDES = (29, 30, 31, 32, 33)  # samples per step in training: 100 Hz / 29 to 100 Hz / 33 (II.4.1.1)
+TEST_STRIDE = 31  # samples per step in evaluation
+LINEAR = 3  # the first components of an action are linear velocity, the others angular
+# by the `motion` in a recording's provenance; others are `OTHER`
 MOTIONS: Mapping[str | None, int] = {"rotation": ROTATION, "translation": TRANSLATION}
-"""Numbers of what a recording's provenance calls its `motion`; all else is `OTHER`."""
 
 
 class TouchDataParameters(Parameters):
@@ -60,32 +53,27 @@ class TouchDataParameters(Parameters):
         return self
 
 
-class TouchSamples(Protocol):
-    """N samples of any skin, as far as a latent space is learned from them."""
+@dataclass(frozen=True)
+class TouchSamples:
+    """N samples of any skin, as far as a latent space needs them; E channels."""
 
-    @property
-    def signals(self) -> np.ndarray:
-        """(N, E) of the channels."""
+    signals: np.ndarray  # (N, E); of a BioTac counts less their offset, after the low-pass, in float32
+    pressure: np.ndarray  # (N,) contact pressure; of a BioTac p = -mean of the signals, counts
+    split: np.ndarray  # (N,) `TRAIN`, `VALIDATION` or `TEST`
 
-    @property
-    def pressure(self) -> np.ndarray:
-        """(N,) contact pressure."""
-
-    @property
-    def split(self) -> np.ndarray:
-        """(N,) `TRAIN`, `VALIDATION` or `TEST`."""
+    def __len__(self) -> int:
+        """Number of samples N."""
+        return len(self.pressure)
 
 
 @dataclass(frozen=True)
-class TouchDataset:
-    """N samples with something on a skin of E electrodes, one contact after the other.
+class TouchDataset(TouchSamples):
+    """Samples of one contact after the other, which lies between touching and lifting; numbers are float32.
 
-    A contact is what lies between touching and lifting. Its rows are successive samples of a uniform clock.
-    Splits are by contact, so that no sample of a split has its neighbour in another.
+    Rows of a contact are successive samples of a uniform clock. Splits are by contact, so that neighbouring
+    samples are in the same split.
     """
 
-    signals: np.ndarray  # (N, E) counts less their offset, after the low-pass; float32, as all numbers here
-    pressure: np.ndarray  # (N,) counts, p = -mean of the signals
     contact_point: np.ndarray  # (N, 3) m, estimated from the signals, on the skin, frame of the finger
     velocity: np.ndarray  # (N, 6) of the finger in the base frame, m/s and rad/s, after the low-pass
     orientation: np.ndarray  # (N, 4) of the finger in the base frame, unit quaternions
@@ -94,21 +82,16 @@ class TouchDataset:
     trial: np.ndarray  # (N,) number of the demonstration
     time: np.ndarray  # (N,) s since its start
     motion: np.ndarray  # (N,) `ROTATION`, `TRANSLATION` or `OTHER`
-    split: np.ndarray  # (N,) `TRAIN`, `VALIDATION` or `TEST`
     rate_hz: np.ndarray  # () samples per second
-
-    def __len__(self) -> int:
-        """Number of samples N."""
-        return len(self.pressure)
 
 
 @dataclass(frozen=True)
 class Chains:
-    """K chains of C successive actions; a pair of the text (s_t-1, a_t-1, s_t, a_t, s_t+1) is of C = 2."""
+    """K chains of C successive actions; the text's (s_t-1, a_t-1, s_t, a_t, s_t+1) is a chain of C = 2."""
 
     rows: np.ndarray  # (K, C + 1) rows of the dataset; action c leads from row c to row c + 1
-    # (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start; a skin that is
-    # only pressed has fewer components
+    # (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start; fewer components
+    # for a skin that is only pressed
     actions: np.ndarray
     time_step: np.ndarray  # (K,) s per step
 
@@ -120,19 +103,16 @@ class Chains:
 def chains(
     dataset: TouchDataset, length: int, strides: Sequence[int] = STRIDES, split: int | None = None
 ) -> Chains:
-    """All chains within one contact whose samples are pressed (II.4.1.1, II.4.1.2).
+    """All chains of `length` C within one contact whose samples are pressed (II.4.1.1, II.4.1.2).
 
-    Velocities between two samples are averaged in the base frame, then turned into the frame of the finger
-    (eq. II.25). `length`: C, steps per chain; `strides`: samples per step, chains of all of them are put one
-    after the other; `split`: the only one; a contact is wholly in one. Raises ValueError: length or a stride
-    is below 1.
+    Velocities between two samples are averaged in the base frame, then rotated into the frame of the finger
+    (eq. II.25). `strides`: samples per step, their chains are concatenated; `split`: of a single split.
+    Raises ValueError: length or a stride is below 1.
     """
     if length < 1 or min(strides) < 1:
         raise ValueError(f"chains need positive lengths and strides, have {length} and {tuple(strides)}")
     found = [_chains(dataset, length, stride, split) for stride in strides]
-    return Chains(
-        *(np.concatenate([getattr(one, name) for one in found]) for name in ("rows", "actions", "time_step"))
-    )
+    return Chains(*(np.concatenate(its) for its in zip(*found, strict=True)))
 
 
 def write_dataset(dataset: TouchDataset, path: str | Path) -> None:
@@ -145,8 +125,7 @@ def write_dataset(dataset: TouchDataset, path: str | Path) -> None:
 def read_dataset(path: str | Path) -> TouchDataset:
     """Read the samples.
 
-    Raises:
-        InputError: the file is missing, damaged or holds something else.
+    Raises InputError: the file is missing, damaged or holds something else.
     """
     tensors = read_tensors(path)
     fields = set(TouchDataset.__dataclass_fields__)
@@ -155,7 +134,9 @@ def read_dataset(path: str | Path) -> TouchDataset:
     return TouchDataset(**tensors)
 
 
-def _chains(dataset: TouchDataset, length: int, stride: int, split: int | None) -> Chains:
+def _chains(
+    dataset: TouchDataset, length: int, stride: int, split: int | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     starts = np.arange(max(len(dataset) - length * stride, 0))
     rows = starts[:, None] + stride * np.arange(length + 1)
     kept = dataset.contact[rows[:, 0]] == dataset.contact[rows[:, -1]]
@@ -163,13 +144,12 @@ def _chains(dataset: TouchDataset, length: int, stride: int, split: int | None) 
     if split is not None:
         kept &= dataset.split[rows[:, 0]] == split
     rows = rows[kept]
-    total = np.vstack([np.zeros(ACTION_DIMENSIONS), np.cumsum(dataset.velocity, axis=0, dtype=float)])
+    total = np.vstack([np.zeros(2 * LINEAR), np.cumsum(dataset.velocity, axis=0, dtype=float)])
     mean = (total[rows[:, 1:]] - total[rows[:, :-1]]) / stride
     to_finger = quaternion.conjugate(dataset.orientation[rows[:, :-1]])
-    actions = np.concatenate(
-        [quaternion.rotate(to_finger, mean[..., :3]), quaternion.rotate(to_finger, mean[..., 3:])], axis=-1
-    )
-    return Chains(rows, actions.astype(np.float32), np.full(len(rows), stride / float(dataset.rate_hz)))
+    parts = [quaternion.rotate(to_finger, its) for its in np.split(mean, [LINEAR], axis=-1)]
+    actions = np.concatenate(parts, axis=-1).astype(np.float32)
+    return rows, actions, np.full(len(rows), stride / float(dataset.rate_hz))
 
 
 @dataclass(frozen=True)
@@ -182,8 +162,7 @@ class TouchUnits:
     pressure_scale: np.ndarray  # () counts
     length: np.ndarray  # () m on the skin per unit of the map
     action_scale: np.ndarray  # (K,) m/s up to three times, rad/s for the others; actions have no offset
-    # (K,) root mean squares of the demonstrated actions, m/s and rad/s by component
-    likely_action: np.ndarray
+    likely_action: np.ndarray  # (K,) root mean squares of the demonstrated actions, m/s and rad/s
 
     def signals(self, counts: np.ndarray) -> np.ndarray:
         """Standardised signals (..., E) of counts less their offset."""
@@ -195,11 +174,10 @@ class TouchUnits:
 
 
 def touch_units(dataset: TouchSamples, chains: Chains, length_m: float) -> TouchUnits:
-    """Units from the training samples.
+    """Units from the training samples, and from the actions of chains of the training split.
 
-    `dataset`: samples of touch; `chains`: of the training split; their actions give the scales and the likely
-    actions; `length_m`: m on the skin per unit of the map. Raises InputError: there is no training sample or
-    chain, or an electrode, the pressure or the velocity never changes.
+    `length_m`: m on the skin per unit of the map. Raises InputError: there is no training sample or chain, or
+    an electrode, the pressure or the velocity never changes.
     """
     rows = dataset.split == TRAIN
     if not rows.any() or not len(chains):
@@ -229,31 +207,29 @@ def prepare(
 ) -> TouchDataset:
     """Samples of all contacts of all demonstrations, in their order.
 
-    Splits are drawn by contact, evenly over the motions. `demonstrations`: with poses of the finger and
-    counts, all at `rate_hz`. Raises InputError: there is no pose or no touch in a demonstration, its channels
-    are not the skin's, it has another rate, nothing touches in it, it is shorter than the time in the air, or
-    there are fewer than three contacts in all; the message names the demonstration.
+    Demonstrations have poses of the finger and counts, all at `rate_hz`. Splits are drawn by contact, evenly
+    over the motions. Raises InputError, with the name of the demonstration: it has no pose or no touch, other
+    channels than the skin or another rate, nothing touches in it, it is shorter than the time in the air; or
+    there are fewer than three contacts in all.
     """
-    parts = []
-    count = 0
-    for trial, demonstration in enumerate(demonstrations):
-        for fields in _contacts(demonstration, skin, parameters):
-            size = len(fields["pressure"])
-            motion = MOTIONS.get(demonstration.provenance.get("motion"), OTHER)
-            labels = {"contact": count, "trial": trial, "motion": motion}
-            parts.append(fields | {name: np.full(size, value) for name, value in labels.items()})
-            count += 1
-    if count < 3:
-        raise InputError(f"touch: three splits need three contacts, the recordings have {count}")
+    parts, labels = [], []
+    for trial, one in enumerate(demonstrations):
+        contacts = _contacts(one, skin, parameters)
+        parts += contacts
+        labels += [(trial, MOTIONS.get(one.provenance.get("motion"), OTHER))] * len(contacts)
+    if len(parts) < 3:
+        raise InputError(f"touch: three splits need three contacts, the recordings have {len(parts)}")
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    motions = np.array([part["motion"][0] for part in parts])
-    numbers = {name: columns.pop(name) for name in ("contact", "trial", "motion")}
+    contact = np.repeat(np.arange(len(parts)), [len(part["pressure"]) for part in parts])
+    trials, motions = np.array(labels).T
     measured = columns | {"contact_point": contact_points(columns["signals"], skin)}
     return TouchDataset(
         **{name: values.astype(np.float32) for name, values in measured.items()},
-        **numbers,
+        contact=contact,
+        trial=trials[contact],
+        motion=motions[contact],
         pressed=columns["pressure"] >= parameters.pressed_counts,
-        split=splits(motions, parameters)[numbers["contact"]],
+        split=splits(motions, parameters)[contact],
         rate_hz=np.array(parameters.rate_hz),
     )
 
@@ -282,12 +258,7 @@ def _contacts(
     signal = signals.low_pass(tactile - offset, dt, cutoff)
     pressure = -signal.mean(axis=1)
     orientation = quaternion.normalised(signals.low_pass(quaternion.sign_continuous(turned), dt, cutoff))
-    velocity = np.hstack(
-        [
-            signals.derivative(signals.low_pass(demonstration.position, dt, cutoff), dt),
-            quaternion.angular_velocity(orientation, dt),
-        ]
-    )
+    linear = signals.derivative(signals.low_pass(demonstration.position, dt, cutoff), dt)
     touched = np.concatenate([[False], pressure >= parameters.touched_counts, [False]])
     edges = np.diff(touched.astype(int))
     starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
@@ -297,13 +268,9 @@ def _contacts(
             f"{demonstration.name}: nothing touches for {parameters.contact_s:g} s: the pressure, minus the "
             f"mean of the counts less their offset, is at most {pressure.max():.3g} counts"
         )
-    whole = {
-        "signals": signal,
-        "pressure": pressure,
-        "velocity": velocity,
-        "orientation": orientation,
-        "time": dt * np.arange(len(signal)),
-    }
+    whole = {"signals": signal, "pressure": pressure, "orientation": orientation}
+    whole |= {"velocity": np.hstack([linear, quaternion.angular_velocity(orientation, dt)])}
+    whole |= {"time": dt * np.arange(len(signal))}
     return [
         {name: values[start:end] for name, values in whole.items()}
         for start, end in zip(starts[long], ends[long], strict=True)
@@ -313,7 +280,7 @@ def _contacts(
 def _checked(
     demonstration: Demonstration, skin: Skin, parameters: TouchDataParameters
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Counts (T, E) and orientation (T, 4) of a demonstration that is fit for use."""
+    """Counts (T, E) and orientation (T, 4) of a demonstration, checked."""
     name = demonstration.name
     if demonstration.tactile is None:
         raise InputError(f"{name}: has no tactile signal; name its topic in the parameters")
@@ -337,13 +304,11 @@ def _checked(
 
 
 def contact_points(signals: np.ndarray, skin: Skin) -> np.ndarray:
-    """Points of contact, estimated from the electrodes (Lin et al. 2013, II.3.3).
+    """Contact points (N, 3) m, frame of the finger, from counts (N, E) less their offset (II.3.3).
 
-    Each is the centroid of the electrodes by their squared negative changes, projected to the skin. Only
-    electrodes whose counts fell take part: there the fluid is thinned; where it bulges counts rise. `signals`
-    (N, E) counts less their offset; `skin`: with the E electrodes. Returns (N, 3) m, frame of the finger.
-    Raises InputError: the number of channels is not that of the electrodes, a value is NaN or infinite, or no
-    electrode of a row fell, so that nothing touches; the message names the row, from 0.
+    After Lin et al. 2013: centroids of the electrodes, weighted by their squared negative changes, projected
+    to the skin; counts fall where the fluid is thinned and rise where it bulges. Raises InputError, with the
+    row from 0: other channels than electrodes, a value is NaN or infinite, or nothing touches.
     """
     if signals.ndim != 2 or signals.shape[1] != len(skin.electrodes):
         raise InputError(

@@ -19,8 +19,8 @@ from structlearn.core import minimum_jerk, quaternion
 from structlearn.core.frames import UP
 from structlearn.readers.bag import RawMessages, write_bag
 from structlearn.readers.bag_recording import to_metadata
+from structlearn.readers.demonstration import Kind, Recording, Stream
 from structlearn.readers.messages import joint_messages, to_messages
-from structlearn.readers.recording import Kind, Recording, Stream
 from structlearn.simulation.arm import urdf_path
 from structlearn.simulation.hand_noise import hand_noise
 
@@ -35,15 +35,14 @@ YAW_DEG = {"home": 0.0, "part": 25.0, "tray": -20.0, "above part": 25.0, "above 
 YAW_SCATTER_DEG = 3.0
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # the fingers point down
 
+# Moves of the task, by their number, and where each ends; all begin at home.
 MOVES = {
     2: {"reach": "part", "retreat": "home"},
     3: {"reach": "part", "carry": "tray", "retreat": "home"},
     5: {"reach": "part", "lift": "above part", "carry": "above tray", "lower": "tray", "retreat": "home"},
 }
-"""Moves of the task, by their number, and where each ends; all begin at home."""
 
-GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}
-"""After how many moves the gripper closes and opens."""
+GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}  # after how many moves the gripper closes and opens
 
 # Time: a move of 0.5 m takes about 2 s, a shorter one less, and no two are alike. At this pace the arm keeps
 # its limits also from and to the corners of the workspace (`make check TASK=pick`).
@@ -99,22 +98,16 @@ def takes(
     hesitation: bool = False,
     without: Mapping[str, str] | None = None,
 ) -> list[Take]:
-    """Demonstrations of one person.
+    """Demonstrations of one person, of 2, 3 or 5 moves (`MOVES`).
 
-    Args:
-        seed: of all randomness.
-        moves: 2, 3 or 5, see `MOVES`.
-        count: demonstrations.
-        twitch: one idle twitch in each, in one of its rests or pauses.
-        hesitation: one of the moves of each nearly comes to a halt on its way.
-        without: moves that are not made, by demonstration, e.g. `{"04": "carry"}`.
+    `twitch`: one idle twitch in each, in one of its rests or pauses; `hesitation`: one of the moves of each
+    nearly comes to a halt on its way; `without`: moves left out by demonstration, e.g. `{"04": "carry"}`.
     """
-    seeds = np.random.SeedSequence([seed, moves]).spawn(count)
-    found = []
-    for number, source in enumerate(seeds, 1):
-        left_out = (without or {}).get(f"{number:02d}")
-        goals = [(move, goal) for move, goal in MOVES[moves].items() if move != left_out]
-        found.append(_take(f"{number:02d}", seed, goals, [GRASP[moves]], twitch, hesitation, source))
+    found, skipped = [], without or {}
+    for number, source in enumerate(np.random.SeedSequence([seed, moves]).spawn(count), 1):
+        name = f"{number:02d}"
+        goals = [(move, goal) for move, goal in MOVES[moves].items() if move != skipped.get(name)]
+        found.append(_take(name, seed, goals, [GRASP[moves]], twitch, hesitation, source))
     return found
 
 
@@ -199,9 +192,8 @@ def _take(
             twitched = now
             now += lasts + again
         if place < len(goals):
-            duration = (SECONDS + SECONDS_PER_M * lengths[place]) * np.exp(
-                tempo + MOVE_SPREAD * rng.standard_normal()
-            )
+            longer = np.exp(tempo + MOVE_SPREAD * rng.standard_normal())
+            duration = (SECONDS + SECONDS_PER_M * lengths[place]) * longer
             made.append(_move(now, duration, place == hesitates, rng))
             now = made[-1].end
     time = np.arange(int(now * GRID_HZ)) / GRID_HZ

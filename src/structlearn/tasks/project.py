@@ -15,14 +15,15 @@ from structlearn.core.params import read_values
 from structlearn.core.source_closure import SourceTree
 from structlearn.core.stage import run
 
+PACKAGE = "structlearn.tasks"
 LAB = Path("structlearn.yaml")
 CLONE = Path("stages/tasks")
 PACKAGED = Path(__file__).parent / "stages"
 DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
 CODE = "data/code/tasks"
 
+# Stages that need the simulated testbeds, or a clone's sources.
 FOR_CLONES = ("code", "calibrate", "calibration_report", "recorded_report")
-"""Stages that need the simulated testbeds, or a clone's sources."""
 
 
 def is_lab() -> bool:
@@ -31,11 +32,7 @@ def is_lab() -> bool:
 
 
 def folder() -> Path:
-    """Folder of the pipeline of tasks.
-
-    Raises:
-        InputError: the working directory is no project.
-    """
+    """Folder of the pipeline of tasks. Raises InputError: the working directory is no project."""
     if not is_lab() and not CLONE.is_dir():
         raise InputError(f"{LAB}: no such file here; `structlearn new` makes a project")
     return Path() if is_lab() else CLONE
@@ -64,22 +61,16 @@ def lab_pipeline() -> dict[str, Any]:
 
     A stage depends on the code that it uses by the list that `code` writes, as in a clone.
     """
+    stages = read_values(PACKAGED / "dvc.yaml")["stages"].items()
+    packaged = {name: _from_package(stage) for name, stage in stages if name not in FOR_CLONES}
     code = {"cmd": f"python -m {__name__}", "always_changed": True, "outs": [CODE]}
-    stages = read_values(PACKAGED / "dvc.yaml")["stages"]
-    return {
-        "vars": [LAB.as_posix()],
-        "stages": {"code": code}
-        | {name: _from_package(stage) for name, stage in stages.items() if name not in FOR_CLONES},
-    }
+    return {"vars": [LAB.as_posix()], "stages": {"code": code} | packaged}
 
 
 def _from_package(stage: dict[str, Any]) -> dict[str, Any]:
     """A stage of all tasks of a kind, without what only a clone has."""
-    body = dict(stage["do"])
-    del body["wdir"]
-    body["cmd"] = re.sub(
-        r"^python stages/tasks/(\w+)\.py", r"python -m structlearn.tasks.stages.\1", body["cmd"]
-    )
+    body = {key: value for key, value in stage["do"].items() if key != "wdir"}
+    body["cmd"] = re.sub(r"^python stages/tasks/(\w+)\.py", rf"python -m {PACKAGE}.stages.\1", body["cmd"])
     body["deps"] = [path for path in body["deps"] if not path.startswith(CLONE.as_posix())]
     if "params" in body:
         body["params"] = [one for one in body["params"] if isinstance(one, dict)]
@@ -88,9 +79,8 @@ def _from_package(stage: dict[str, Any]) -> dict[str, Any]:
 
 def list_code() -> None:
     """List the code that each stage of a lab uses, with digests: another version reruns what it changes."""
-    sources = SourceTree(Path(__file__).parents[2])
     with publish(CODE) as target:
-        sources.write(sorted(PACKAGED.glob("*.py")), target)
+        SourceTree(Path(__file__).parents[2]).write(sorted(PACKAGED.glob("*.py")), target)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,8 @@
 """The page over all public sets: their verdicts side by side, and of each a sentence and its main figure."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import pandas as pd
 
 from structlearn.core.artefacts import read_csv
 from structlearn.core.params import read_values, value_at
@@ -13,35 +10,26 @@ from structlearn.reporting.claims import NOT_TESTED, Evidence, Judged, combined,
 from structlearn.reporting.document import Document, environment
 from structlearn.reporting.findings import Findings, read_findings, values_by_key
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.project import CLONE, OF_PUBLIC, pipeline
+from structlearn.tasks.project import CLONE, OF_PUBLIC, PACKAGE, pipeline
 from structlearn.tasks.task_entry import read_entries
 from structlearn.tasks.task_files import TaskFiles
 
-PACKAGE = "structlearn.tasks"
-REPORT = Path("reports/recorded")
-QUOTED = CLONE / "recorded.yaml"
+REPORT, QUOTED = Path("reports/recorded"), CLONE / "recorded.yaml"
 
 
 def publish_index() -> None:
-    """Publish the page with the verdicts on all public sets.
-
-    Raises:
-        InputError: the page of a set was not made.
-    """
+    """Publish the page with the verdicts on all public sets. Raises InputError: a set's page was not made."""
     names = [name for name, one in read_entries().items() if one.file.name == OF_PUBLIC]
     quoted: Mapping[str, Mapping[str, Any]] = read_values(QUOTED)
     sets = [{"name": name} | said_of(TaskFiles(name), quoted.get(name, {})) for name in names]
     judged = [claim for one in sets for claim in judged_again(one["name"], one["title"])]
     both = [one for one in judged if one.simulated not in ("", NOT_TESTED) and one.verdict != NOT_TESTED]
+    alike = sum(one.verdict == one.simulated for one in both)
     page = Document(
         template="recorded_index.html.jinja",
         package=PACKAGE,
         stage=f"{pipeline()}:recorded_report",
-        facts={
-            "sets": sets,
-            "in_both": len(both),
-            "alike": sum(one.verdict == one.simulated for one in both),
-        },
+        facts={"sets": sets, "in_both": len(both), "alike": alike},
         judged=judged,
         command="make recorded DATA=FOLDER",
     )
@@ -50,12 +38,13 @@ def publish_index() -> None:
 
 def said_of(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
     """`title`, `says`: a sentence, `figure`: files, `opening`: captions by file, `absent`, and `left_out`."""
-    says = environment(PACKAGE).from_string("" if files.absent else quoted.get("says", ""))
+    quoted = {} if files.absent else quoted
+    says = environment(PACKAGE).from_string(quoted.get("says", ""))
     return {
         "title": value_at(files.parameters, "entry.title") or files.name,
         "says": says.render(values_by_key(read_findings(files.report / "findings.csv"))),
-        "figure": () if files.absent else quoted.get("figure", ()),
-        "opening": {} if files.absent else quoted.get("opening", {}),
+        "figure": quoted.get("figure", ()),
+        "opening": quoted.get("opening", {}),
         "absent": bool(files.absent),
         "left_out": files.left_out().to_dict("records"),
     }
@@ -69,24 +58,24 @@ def judged_again(name: str, title: str) -> list[Judged]:
     table = read_csv(TaskFiles(name).report / "tables/claims.csv", keep_default_na=False)
     keys = table[["statement", "source", "evidence"]]
     rows = [its for _, its in table.groupby((keys != keys.shift()).any(axis=1).cumsum())]
-    plain = environment(PACKAGE).overlay(autoescape=False)
-    judged = []
+    plain, judged = environment(PACKAGE).overlay(autoescape=False), []
     for claim, its in zip(read_claims(path), rows, strict=True):
         texts = its.iloc[0][["statement", "source", "published"]].to_dict()
-        texts |= {"note": plain.from_string(claim.note).render()}
-        one = Judged(
-            claim.model_copy(update=texts),
-            tuple(its[["case", "here", "n", "verdict"]].itertuples(index=False, name=None)),
-            combined(list(its["verdict"])),
-            tuple(its["study"]),
-            tuple(its["would_decide"]),
-            title,
-        )
-        like = claim.simulated
+        like, simulated = claim.simulated, ""
         there = Path("reports", like.testbed if like else "", "tables/claims.csv")
         if like and there.exists():
-            one = replace(one, simulated=verdict_in(read_csv(there, keep_default_na=False), like))
-        judged.append(one)
+            simulated = verdict_in(read_csv(there, keep_default_na=False), like)
+        judged.append(
+            Judged(
+                claim.model_copy(update=texts | {"note": plain.from_string(claim.note).render()}),
+                tuple(its[["case", "here", "n", "verdict"]].itertuples(index=False, name=None)),
+                combined(list(its["verdict"])),
+                tuple(its["study"]),
+                tuple(its["would_decide"]),
+                title,
+                simulated,
+            )
+        )
     return judged
 
 
@@ -95,9 +84,9 @@ def headlines(quoted: Mapping[str, Mapping[str, Any]], names: Collection[str]) -
     find = Findings()
     for task in (task for task in quoted if task in names):
         table = read_findings(TaskFiles(task).report / "findings.csv")
+        table = table[(table["case"] == "") & table["value"].notna()]
         for key, name in quoted[task].get("headlines", {}).items():
-            for row in table[(table["name"] == name) & (table["case"] == "")].itertuples():
-                if pd.notna(row.value):
-                    found = Evidence(row.value, row.low, row.high, int(row.n))
-                    find.among(row.population).add(key, found, unit=row.unit, headline=True)
+            for row in table[table["name"] == name].itertuples():
+                found = Evidence(row.value, row.low, row.high, int(row.n))
+                find.among(row.population).add(key, found, unit=row.unit, headline=True)
     return find

@@ -4,6 +4,7 @@ import pandas as pd
 
 from structlearn.reporting.document import Table
 
+# By the end of a column's name: what is written instead in its heading, and how its numbers are written.
 UNITS = {
     "_n_m": (" (N m)", ".2f"),
     "_mm": (" (mm)", ".2f"),
@@ -17,10 +18,9 @@ UNITS = {
     "_share": (" (share)", ".1%"),
     "": ("", ".3g"),
 }
-"""By the end of a column's name: what is written instead in its heading, and how its numbers are written."""
 
+# Of columns' names, that a heading writes otherwise.
 WORDS = {"way": "model", "max": "largest", "nmse": "NMSE", "rms": "RMS"}
-"""Of columns' names, that a heading writes otherwise."""
 
 
 def shown(frame: pd.DataFrame, strong: frozenset[int] = frozenset(), /, **formats: str) -> Table:

@@ -11,6 +11,7 @@
 A part that an entry does not name (`PARTS`) is null, whatever its defaults are.
 """
 
+import itertools
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,8 +24,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
 from structlearn.core.reading import digest
 from structlearn.core.stage import run
-from structlearn.readers.source import ClockParameters, SourceParameters
-from structlearn.readers.topics import SceneTopicMap
+from structlearn.readers.source import ClockParameters, SceneTopicMap, SourceParameters
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
@@ -32,8 +32,8 @@ from structlearn.tasks.obstacles.coupling_representations import RepresentationP
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
+# Keys that a task has only if its entry names them.
 PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representations")
-"""Keys that a task has only if its entry names them."""
 
 
 class ObstacleEntry(SourceParameters, SceneLearningParameters):
@@ -46,10 +46,10 @@ class ObstacleEntry(SourceParameters, SceneLearningParameters):
     representations: RepresentationParameters | None
 
 
+# Kinds of data, as entries are grouped.
 KINDS: dict[str, type[SourceParameters]] = {
     entry.kind: entry for entry in (MovementEntry, MotionParameters, TouchParameters, ObstacleEntry)
 }
-"""Kinds of data, as entries are grouped."""
 
 
 class Entry(NamedTuple):
@@ -63,8 +63,7 @@ class Entry(NamedTuple):
 def read_entries(clone: Path | None = None) -> dict[str, Entry]:
     """All entries by name, of the project here or of a clone's folder.
 
-    Raises:
-        InputError: a file is not readable, has an unknown kind, or a name stands twice or is none.
+    Raises InputError: a file is not readable, has an unknown kind, or a name stands twice or is none.
     """
     found: dict[str, Entry] = {}
     for file in project.entry_files(clone):
@@ -80,9 +79,8 @@ def read_entries(clone: Path | None = None) -> dict[str, Entry]:
                 if not is_name(name):
                     raise InputError(f"{file}: {kind}: {name!r}: {NAME_RULE}")
                 if name in found:
-                    raise InputError(
-                        f"{file}: {kind}.{name}: the name is taken: {found[name].file}, {found[name].kind}"
-                    )
+                    taken = f"{found[name].file}, {found[name].kind}"
+                    raise InputError(f"{file}: {kind}.{name}: the name is taken: {taken}")
                 found[name] = Entry(file, kind, entry)
     return found
 
@@ -90,9 +88,8 @@ def read_entries(clone: Path | None = None) -> dict[str, Entry]:
 def read_task(name: str, clone: Path | None = None) -> Any:
     """The parameters of one task, as of its kind.
 
-    Raises:
-        InputError: as `read_entries`; there is no such task, or a value is missing, unknown or out of range;
-            the message names file and key.
+    Raises InputError: as `read_entries`; there is no such task, or a value is missing, unknown or out of
+    range; the message names file and key.
     """
     entries = read_entries(clone)
     if name not in entries:
@@ -109,8 +106,7 @@ def read_task(name: str, clone: Path | None = None) -> Any:
 
 def read_checked(path: Path) -> SourceParameters:
     """What `write_task` published."""
-    kind = value_at(path, "kind")
-    if kind not in KINDS:
+    if (kind := value_at(path, "kind")) not in KINDS:
         raise InputError(f"{path}: kind: there is no such kind among {', '.join(KINDS)}")
     return checked(value_at(path, "entry"), KINDS[kind], path, "entry")
 
@@ -126,8 +122,7 @@ def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:
 def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: Path) -> None:
     """Publish a task's parameters with the digests that its sources had before they were read.
 
-    Raises:
-        InputError: a source has changed since.
+    Raises InputError: a source has changed since.
     """
     for kind, now in source_digests(task).items():
         if changed := sorted({name for name, _ in now.items() ^ files[kind].items()}):
@@ -140,10 +135,7 @@ def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: P
 def file_digests(source: str) -> dict[str, str]:
     """SHA-256 of a file, or of all files below a folder but hidden ones, by their path as it is written.
 
-    A public set that is not here has none.
-
-    Raises:
-        InputError: there is no such file or folder.
+    A public set that is not here has none. Raises InputError: there is no such file or folder.
     """
     path = local_path(source)
     if is_public(source) and not path.exists():
@@ -165,21 +157,16 @@ def file_digests(source: str) -> dict[str, str]:
 def targets(which: str, name: str = "") -> list[str]:
     """Stages to ask DVC for, of one task or of all of a file; entries are checked first.
 
-    Raises:
-        InputError: an entry is not valid, or there is no public set.
+    Raises InputError: an entry is not valid, or there is no public set.
     """
     entries = {key: one for key, one in read_entries().items() if one.file.name == which}
-    if which == project.OF_PUBLIC and not any(
-        local_path(str(one.values.get("source"))).exists() for one in entries.values()
-    ):
-        raise InputError(
-            f"{local_path('$DATA')}: holds no public set; name their folder: make recorded DATA=FOLDER"
-        )
-    return [
-        f"{project.pipeline()}:{stage}_{read_task(one).kind}@{one}"
-        for one in ([name] if name else entries)
-        for stage in ("report", "view")
-    ]
+    sources = [local_path(str(one.values.get("source"))) for one in entries.values()]
+    if which == project.OF_PUBLIC and not any(source.exists() for source in sources):
+        folder = local_path("$DATA")
+        raise InputError(f"{folder}: holds no public set; name their folder: make recorded DATA=FOLDER")
+    kinds = {one: read_task(one).kind for one in ([name] if name else entries)}
+    pages = itertools.product(kinds.items(), ("report", "view"))
+    return [f"{project.pipeline()}:{stage}_{kind}@{one}" for (one, kind), stage in pages]
 
 
 if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none

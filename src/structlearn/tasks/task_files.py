@@ -3,31 +3,29 @@
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pandas as pd
 
-from structlearn.core.artefacts import publish, read_csv, read_table
+from structlearn.core.artefacts import publish, read_csv, read_table, write_table
 from structlearn.core.errors import InputError
 from structlearn.core.params import ParametersType, home_path, read_parameters, value_at
 from structlearn.core.stage import RUN_BY_DVC, run
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import Demonstration, read_runs
 from structlearn.segmentation.segments import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/tasks"), Path("reports/tasks")
 SKILL, ABSENT, LEFT_OUT = "skill.safetensors", "absent.txt", "left_out.csv"
 
+# A task's name is a folder's, and part of the names of its stages, in which DVC has signs of its own.
 NAME_RULE = (
     "a task's name has 1 to 60 lower-case letters, digits, - and _, and begins with a letter or a digit"
 )
-"""It is a folder's, and part of the names of its stages, in which DVC has signs of its own."""
-
+# Environment variable with the folder of public sets, `$DATA` in an entry; where it is if there is none.
 PUBLIC, PUBLIC_FOLDER = "RECORDED_DATA", "data/public"
-"""Environment variable with the folder of public sets, `$DATA` in an entry; where it is if there is none."""
 
 
 def is_name(name: object) -> bool:
@@ -83,9 +81,19 @@ class TaskFiles:
         """In order of time."""
         return read_primitives(self.folder / "primitives/primitives.safetensors")
 
+    def tables(self, part: str) -> dict[str, pd.DataFrame]:
+        """All tables of a part, by name."""
+        return {path.stem: read_table(path) for path in sorted((self.folder / part).glob("*.parquet"))}
+
     def table(self, name: str) -> pd.DataFrame:
         """A table by its path below the task's folder, without its ending."""
         return read_table(self.folder / f"{name}.parquet")
+
+
+def write_tables(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
+    """Write tables as Parquet files by name into a folder."""
+    for name, table in tables.items():
+        write_table(table, folder / f"{name}.parquet")
 
 
 def leave_out(folder: Path, reason: str) -> None:

@@ -11,6 +11,7 @@ where `entry` has the task's parameters, and `left_out[file] = reason` names wha
 """
 
 import importlib
+import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -27,13 +28,18 @@ from structlearn.core.artefacts import publish, write_csv, write_metrics, write_
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import home_path
 from structlearn.readers import Recording, read_recordings, synchronise
-from structlearn.readers.bag_files import recording_files
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.joint_log import JointLog, read_joint_logs, write_log_table
-from structlearn.readers.runs import write_runs, write_streams
-from structlearn.readers.source import ClockParameters, SourceParameters, setting_label
-from structlearn.readers.text_log import read_each
-from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
+from structlearn.readers.bag_recording import read_joint_logs
+from structlearn.readers.demonstration import Demonstration, write_runs, write_streams
+from structlearn.readers.foreign_tables import read_each
+from structlearn.readers.joint_log import JointLog, write_log_table
+from structlearn.readers.source import ClockParameters, SourceParameters, recording_files, setting_label
+from structlearn.readers.user_tables import (
+    TouchLog,
+    read_touch_table,
+    touch_of,
+    touch_tables,
+    write_touch_logs,
+)
 from structlearn.segmentation.repeats import split
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
@@ -42,30 +48,19 @@ from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
-WORDS = {
-    "joint_positions": "joint positions",
-    "joint_velocities": "joint velocities",
-    "joint_torques": "joint torques",
-    "tool_to_board": "tool to board",
-}
-"""What kinds of streams are called, where it is not their name."""
-
+# Readers elsewhere; `bags`: at the end of this module, for files of any format of `readers.source`.
 OTHERS = {"bags": __name__, "coupling_samples": "structlearn.tasks.obstacles.coupling_samples"}
-"""Readers elsewhere; `bags`: at the end of this module, for files of any format of `readers.bag_files`."""
 
-LeftOut = dict[str, str]
-"""Why files could not be read, by their names."""
+LeftOut = dict[str, str]  # why files could not be read, by their names
 
 
 def import_task(task: SourceParameters, target: Path) -> None:
     """Publish what was recorded in a folder, with `left_out.csv`.
 
     Of a public set that is missing or that cannot be read the folder says why, and the pipeline goes on.
-
-    Raises:
-        InputError: recordings of a lab cannot be read or fail their checks.
+    Raises InputError: recordings of a lab cannot be read or fail their checks.
     """
-    left_out: LeftOut = {}
+    left_out, public = LeftOut(), f"{local_path('$DATA')}/"
     with publish(target) as folder:
         folder.mkdir()
         try:
@@ -73,14 +68,12 @@ def import_task(task: SourceParameters, target: Path) -> None:
         except InputError as error:
             if not is_public(task.source):
                 raise
-            reason = str(error).replace(f"{local_path('$DATA')}/", "")
-            for path in folder.iterdir():  # parts of it
-                path.unlink()
-            folder.rmdir()
+            reason = str(error).replace(public, "")
+            shutil.rmtree(folder)  # parts of it
             leave_out(folder, reason)
             if not isinstance(error, MissingInputError):
                 left_out[""] = reason
-        rows = [(file, reason.replace(f"{local_path('$DATA')}/", "")) for file, reason in left_out.items()]
+        rows = [(file, reason.replace(public, "")) for file, reason in left_out.items()]
         write_csv(pd.DataFrame(rows, columns=["file", "reason"]), folder / LEFT_OUT)
     for _, reason in rows:
         print(f"{target}: left out: {reason}", file=sys.stderr)
@@ -89,8 +82,7 @@ def import_task(task: SourceParameters, target: Path) -> None:
 def reader(task: SourceParameters) -> Callable[[Path, Any, LeftOut], Any]:
     """The function of a task's reader for its kind of data.
 
-    Raises:
-        InputError: there is no such reader, or it does not read this kind.
+    Raises InputError: there is no such reader, or it does not read this kind.
     """
     name, function = task.reader, f"read_{task.kind}"
     modules = {one.name: f"{readers.__name__}.{one.name}" for one in iter_modules(readers.__path__)} | OTHERS
@@ -103,9 +95,7 @@ def reader(task: SourceParameters) -> Callable[[Path, Any, LeftOut], Any]:
 def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
     """What a task's reader finds in a file or folder.
 
-    Raises:
-        MissingInputError: of a public set, there is none.
-        InputError: it cannot be read.
+    Raises MissingInputError: of a public set, there is none. InputError: it cannot be read.
     """
     path = local_path(source)
     if is_public(source) and not path.exists():
@@ -118,9 +108,8 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
     recordings = {"demonstrations": read_source(task, task.source, left_out)}
     if task.feedback is not None:
         recordings["executions"] = read_source(task, task.feedback.executions, left_out)
-        for label, path in setting_folders(
-            local_path(task.feedback.corrections), task.feedback.settings
-        ).items():
+        corrections = setting_folders(local_path(task.feedback.corrections), task.feedback.settings)
+        for label, path in corrections.items():
             recordings[f"corrections/{label}"] = reader(task)(path, task, left_out)
     if task.corrections is not None:
         other = task.model_copy(update={"part": task.corrections.part})
@@ -149,11 +138,11 @@ def _logs(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
 def _touches(task: TouchParameters, folder: Path, left_out: LeftOut) -> None:
     """`touches`, or of a finger over time `streams`, since touch counts at the sensor's own rate."""
     found = read_source(task, task.source, left_out)
-    if not task.over_time:
+    if task.over_time:
+        checked = {one.name for one in _on_clock(task, found, None, left_out)}
+        write_streams([one for one in found if one.name in checked], folder / "streams.parquet")
+    else:
         write_touch_logs(found, folder / "touches.parquet")
-        return
-    checked = {one.name for one in _on_clock(task, found, None, left_out)}
-    write_streams([one for one in found if one.name in checked], folder / "streams.parquet")
 
 
 def _reaches(task: ObstacleEntry, folder: Path, left_out: LeftOut) -> None:
@@ -162,18 +151,18 @@ def _reaches(task: ObstacleEntry, folder: Path, left_out: LeftOut) -> None:
     if isinstance(found, RecordedSamples):
         write_table(to_table(found.samples), folder / "samples.parquet")
         write_metrics(found.provenance, folder / "provenance.json")
-        return
-    runs = _on_clock(task, found, task.clock, left_out, refuse_jumps=False)  # the protocol names them
-    write_runs(runs, folder / "reaches.parquet")
+    else:
+        runs = _on_clock(task, found, task.clock, left_out, refuse_jumps=False)  # the protocol names them
+        write_runs(runs, folder / "reaches.parquet")
 
 
+# By kind: reads with the task's reader, and writes into a folder.
 WRITERS: dict[str, Callable[[Any, Path, LeftOut], None]] = {
     "movement": _movements,
     "motion": _logs,
     "touch": _touches,
     "obstacles": _reaches,
 }
-"""By kind: reads with the task's reader, and writes into a folder."""
 
 
 def _on_clock(
@@ -201,28 +190,20 @@ def _on_clock(
 def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
     """Per recording: `set`, `recording`, `duration_s`, `pose_hz`, `largest_gap_ms`, `signals`, `stamps`."""
     rows = []
-    for kind, its in recordings.items():
-        for one in its:
-            pose = next(stream for stream in one.streams if stream.kind == "pose")
-            kinds = dict.fromkeys(stream.kind for stream in one.streams)
-            rows.append(
-                {
-                    "set": kind.replace("/", ", "),
-                    "recording": one.name,
-                    "duration_s": 1e-9 * float(pose.stamps[-1] - pose.stamps[0]),
-                    "pose_hz": 1.0 / np.median(1e-9 * np.diff(pose.stamps)),
-                    "largest_gap_ms": max(1e-6 * np.diff(stream.stamps).max() for stream in one.streams),
-                    "signals": ", ".join(WORDS.get(one, one) for one in kinds),
-                    "stamps": one.provenance.get("stamps", ""),
-                }
-            )
+    for name, one in ((name.replace("/", ", "), one) for name, its in recordings.items() for one in its):
+        pose = next(stream for stream in one.streams if stream.kind == "pose")
+        kinds = dict.fromkeys(stream.kind.replace("_", " ") for stream in one.streams)
+        row: dict[str, Any] = {"set": name, "recording": one.name}
+        row |= {"duration_s": 1e-9 * float(pose.stamps[-1] - pose.stamps[0])}
+        row |= {"pose_hz": 1.0 / np.median(1e-9 * np.diff(pose.stamps))}
+        row |= {"largest_gap_ms": max(1e-6 * np.diff(stream.stamps).max() for stream in one.streams)}
+        rows.append(row | {"signals": ", ".join(kinds), "stamps": one.provenance.get("stamps", "")})
     return pd.DataFrame(rows)
 
 
 def read_movement(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
     """Recordings with the signals of the entry's topics."""
-    paths = [file.path for file in recording_files(folder)]
-    skipped = left_out if _goes_on(entry) else None
+    paths, skipped = [file.path for file in recording_files(folder)], left_out if _goes_on(entry) else None
     return read_each(lambda path: read_recordings(path, entry.topics, entry.stamps)[0], paths, skipped)
 
 
@@ -242,9 +223,7 @@ def read_motion(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[JointLo
 
 def read_obstacles(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
     """Reaches of a folder, or of its sub-folders, one per person; else each is a person of its own."""
-    inside = sorted(folder.iterdir()) if folder.is_dir() else []
-    people = [path for path in inside if path.is_dir() and not path.name.startswith(".")]
-    people = [path for path in people if not (path / "metadata.yaml").exists()]  # those are bags
+    people = [path for path in subfolders(folder) if not (path / "metadata.yaml").exists()]  # no bag
     found = []
     for one in people or [folder]:
         for reach in read_recordings(one, entry.topics, entry.stamps):
@@ -270,20 +249,21 @@ def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]
     Raises InputError: there is no such folder, two of its folders are one setting, or one of those named is
     missing.
     """
-    source = home_path(source)
+    source, found = home_path(source), dict[str, Path]()
     if not source.is_dir():
         raise InputError(f"{source}: no such folder")
-    found: dict[str, Path] = {}
-    for path in sorted(source.iterdir()):
-        if path.is_dir() and not path.name.startswith("."):
-            label = setting_label(path.name)
-            if label in found:
-                raise InputError(f"{path}: the setting {label} has another folder, {found[label].name}, too")
-            found[label] = path
-    missing = [label for label in named if label not in found]
-    if missing:
-        raise InputError(
-            f"{source}: nothing was recorded in the setting {', '.join(missing)}; there are "
-            f"{', '.join(found) or 'none'}"
-        )
-    return {label: found[label] for label in (*named, *(one for one in found if one not in named))}
+    for path in subfolders(source):
+        label = setting_label(path.name)
+        if label in found:
+            raise InputError(f"{path}: the setting {label} has another folder, {found[label].name}, too")
+        found[label] = path
+    if missing := ", ".join(label for label in named if label not in found):
+        there = ", ".join(found) or "none"
+        raise InputError(f"{source}: nothing was recorded in the setting {missing}; there are {there}")
+    return {label: found[label] for label in dict.fromkeys((*named, *found))}
+
+
+def subfolders(source: Path) -> list[Path]:
+    """Folders inside a folder but hidden ones, in the order of their names."""
+    inside = sorted(source.iterdir()) if source.is_dir() else []
+    return [path for path in inside if path.is_dir() and not path.name.startswith(".")]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from structlearn.core.params import read_values
@@ -11,20 +12,13 @@ from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion import motion_section
-from structlearn.tasks.movement import (
-    check_section,
-    corrections_section,
-    cuts_section,
-    primitives_section,
-)
+from structlearn.tasks.movement import check_section, corrections_section, cuts_section, primitives_section
 from structlearn.tasks.obstacles import representations_section, scene_section
-from structlearn.tasks.project import CLONE, entry_files, is_lab, pipeline
+from structlearn.tasks.project import CLONE, PACKAGE, entry_files, is_lab, pipeline
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import read_checked
 from structlearn.tasks.task_files import TaskFiles, is_public
 from structlearn.tasks.touch import touch_section
-
-PACKAGE = "structlearn.tasks"
 
 SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "movement": (
@@ -44,23 +38,19 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "touch": (touch_section.section,),
     "obstacles": (scene_section.section, representations_section.section),
 }
-"""By kind: what makes each section, None where the task has no such part; in order."""
 
-STAGES = {"recorded": "import_movement", "segments": "segment"}
-STAGES |= {
-    name: name for name in ("primitives", "feedback", "skill", "check", "motion", "touch", "obstacles")
-}
+NAMED = ("primitives", "feedback", "skill", "check", "motion", "touch", "obstacles")
+STAGES = {"recorded": "import_movement", "segments": "segment"} | {name: name for name in NAMED}
 """By folder of a task's data: the stage that writes it."""
 
 
 def publish_page(files: TaskFiles) -> None:
     """Publish the page of a task with its figures, tables, claims and key figures."""
     kind, task, absent = files.kind, read_checked(files.parameters), files.absent
-    made = [(make(files), make.__module__) for make in (() if absent else SECTIONS[kind])]
-    sections = [_in_package(section, module) for section, module in made if section is not None]
+    sections = [] if absent else [one for make in SECTIONS[kind] if (one := _made(make, files)) is not None]
+    of_task = f"{pipeline()}:{{}}@{files.name}"
     sources = {
-        folder: Source(f"{files.folder}/{folder}", f"{pipeline()}:{stage}@{files.name}")
-        for folder, stage in STAGES.items()
+        name: Source(f"{files.folder}/{name}", of_task.format(stage)) for name, stage in STAGES.items()
     }
     sources |= dict.fromkeys(("recordings", "demonstrations"), sources["recorded"])
     find = Findings()
@@ -95,7 +85,7 @@ def publish_page(files: TaskFiles) -> None:
     page = Document(
         template="task.html.jinja",
         package=PACKAGE,
-        stage=f"{pipeline()}:report_{kind}@{files.name}",
+        stage=of_task.format(f"report_{kind}"),
         facts=facts,
         tables=tables,
         judged=judged(files.name, find, facts),
@@ -110,17 +100,24 @@ def publish_page(files: TaskFiles) -> None:
 
 
 def command(name: str, public: bool) -> str:
-    """What makes a task's results again."""
+    """Command that reproduces a task's results."""
     if public:
         return "make recorded DATA=FOLDER"
     return f"structlearn run {name}" if is_lab() else f"make own TASK={name}"
 
 
-def _in_package(section: Section, module: str) -> Section:
-    """A section whose templates are named from the package of tasks."""
-    folder = module.removeprefix(f"{PACKAGE}.").rpartition(".")[0].replace(".", "/")
-    lead = f"{folder}/{section.lead}" if section.lead else ""
-    return replace(section, template=f"{folder}/{section.template}", lead=lead)
+def _made(make: Callable[[TaskFiles], Section | None], files: TaskFiles) -> Section | None:
+    """A section, if the task has it, with templates named from the package of tasks."""
+    section = make(files)
+    if section is None:
+        return None
+    folder = Path(make.__module__.removeprefix(f"{PACKAGE}.").replace(".", "/")).parent
+    template, lead = section.template, section.lead
+    if not template:
+        template, lead = f"{section.name}.html.jinja", f"{section.name}_lead.html.jinja"
+        lead = lead if (Path(__file__).parent / folder / lead).exists() else ""
+    lead = (folder / lead).as_posix() if lead else ""
+    return replace(section, template=(folder / template).as_posix(), lead=lead)
 
 
 def judged(name: str, find: Findings, facts: Mapping[str, object]) -> list[Judged]:

@@ -13,9 +13,7 @@ from rerun.urdf import UrdfTree
 from structlearn.palette import AXIS_COLOURS
 from structlearn.viewer.rrd import entity, plot, rgba, scene_view, send_series, time_column
 
-PACKAGE = "package://"
-"""Before paths of meshes in URDFs for ROS; PyBullet takes them relative to the URDF, and so do we."""
-
+PACKAGE = "package://"  # prefix of mesh paths in URDFs for ROS, which are read relative to the URDF
 STICK_M = 0.025  # radius of a stick
 
 
@@ -27,16 +25,13 @@ def send_arm(
     times: rr.TimeColumn,
     positions: np.ndarray,
 ) -> None:
-    """Log an arm's meshes, and its joints over time; those that are not named stay at zero.
+    """Log an arm's meshes, and its joints over time, (T, n) rad or m; those that are not named stay at zero.
 
-    `name`: of the arm, without slashes; several arms in one recording have different names; `times`: T of
-    them; `positions` (T, n) of the joints, rad or m.
+    `name`: of the arm, without slashes, unique in the recording.
     """
     arm = _read(Path(urdf), name)
-    meshes = arm.stream(include_joint_transforms=False).filter(
-        content=f"/{name}/{arm.name}/visual_geometries/**"
-    )
-    stream.send_chunks(meshes)
+    shapes = f"/{name}/{arm.name}/visual_geometries/**"
+    stream.send_chunks(arm.stream(include_joint_transforms=False).filter(content=shapes))
     _send_joints(stream, name, arm, joints, times, positions)
 
 
@@ -49,22 +44,20 @@ def send_sticks(
     positions: np.ndarray,
     colours: tuple[str, str],
 ) -> float:
-    """As `send_arm`, for a URDF without meshes: a stick from every joint to the next ones, a ball at each.
+    """`send_arm` for a URDF without meshes: a ball at every joint, and sticks between them.
 
-    `times`: T of them; `positions` (T, n) of the joints, rad or m. Returns length of all sticks in m, which
-    the arm cannot reach beyond.
+    Returns the length of all sticks in m, a bound on the arm's reach.
     """
     arm = _read(Path(urdf), name)
     length = 0.0
     for joint in arm.joints():
         ends = np.array([[0.0, 0.0, 0.0], joint.origin_xyz])
         length += float(np.linalg.norm(joint.origin_xyz))
-        path = entity(name, "sticks", joint.name)
-        stream.log(path, rr.CoordinateFrame(f"{arm.frame_prefix}{joint.parent_link}"), static=True)
-        stream.log(path, rr.LineStrips3D([ends], colors=rgba(colours[:1]), radii=STICK_M), static=True)
-        balls = entity(name, "balls", joint.name)
-        stream.log(balls, rr.CoordinateFrame(f"{arm.frame_prefix}{joint.parent_link}"), static=True)
-        stream.log(balls, rr.Points3D(ends[1:], colors=rgba(colours[1:]), radii=1.6 * STICK_M), static=True)
+        frame = rr.CoordinateFrame(link_frame(name, joint.parent_link))
+        stick = rr.LineStrips3D([ends], colors=rgba(colours[:1]), radii=STICK_M)
+        ball = rr.Points3D(ends[1:], colors=rgba(colours[1:]), radii=1.6 * STICK_M)
+        for kind, shape in (("sticks", stick), ("balls", ball)):
+            stream.log(entity(name, kind, joint.name), frame, shape, static=True)
     _send_joints(stream, name, arm, joints, times, positions)
     return length
 
@@ -108,7 +101,7 @@ def arm_view(title: str, contents: Sequence[str], tool: np.ndarray) -> rrb.Spati
 
 
 def _read(urdf: Path, name: str) -> UrdfTree:
-    """The URDF with frames of its own; meshes of packages are looked for beside it."""
+    """The URDF with frames prefixed by the arm's name; meshes of packages are read relative to it."""
     options = {"entity_path_prefix": name, "frame_prefix": f"{name}/"}
     text = urdf.read_text()
     if PACKAGE not in text:
@@ -126,11 +119,9 @@ def send_followed(
     carried_kg: np.ndarray,
     colours: tuple[str, str, str],
 ) -> None:
-    """Log the lines.
+    """Log curves of an online learned payload (`payload.follow_payload`) and the true one.
 
-    `learned`: as `online_learning.follow_payload` gives it, its `time_s` on the recording's time line; `time`
-    (T,) s; `carried_kg` (T,) what is really carried; `colours`: of what is carried, of what is learned, and
-    of the empty arm's model.
+    `carried_kg` (T,) at `time` (T,) s; `colours`: of the truth, of the learned and of the empty arm's model.
     """
     reference, found, empty = colours
     times = [time_column(learned["time_s"].to_numpy(float))]

@@ -10,21 +10,19 @@ import rerun.blueprint as rrb
 from structlearn.palette import GREY
 from structlearn.viewer.rrd import flat_view, rgba
 
-GRID = "#262b31"
-"""Colour of the grid: just visible on the viewer's dark ground."""
-
+GRID = "#262b31"  # just visible on the viewer's dark ground
 LEFT, RIGHT, ABOVE, BELOW = 2.6, 1.0, 1.6, 2.2  # room around the axes for their numbers and names
-TICKS = 6  # about so many intervals per axis
+TICKS = 6  # approximate intervals per axis
 
 
 @dataclass(frozen=True)
 class Diagram:
-    """A flat picture of a range of values; drawn with x to the right and y upwards."""
+    """Axes of a flat drawing, x to the right and y upwards."""
 
-    x_range: tuple[float, float]  # smallest and largest x
-    y_range: tuple[float, float]  # smallest and largest y
-    width: float  # of the picture, in units of the drawing
-    height: float  # likewise
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+    width: float  # in units of the drawing
+    height: float
 
     def points(self, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
         """Places in the drawing, (..., 2), of values x and y (...)."""
@@ -35,7 +33,7 @@ class Diagram:
 
 
 def rounded_range(values: np.ndarray, least: float | None = None) -> tuple[float, float]:
-    """Range of whole ticks around all values (...); it starts at `least` if that is given."""
+    """Range of whole ticks around all values (...), from `least` if it is given."""
     low, high = float(np.min(values)), float(np.max(values))
     low = low if least is None else least
     step = tick_step(low, high)
@@ -56,11 +54,7 @@ def send_axes(
     x_name: str,
     x_ticks: Sequence[float] | None = None,
 ) -> None:
-    """Log the grid of a diagram with its numbers.
-
-    `x_name`: below the axis; what y is belongs into the view's heading; `x_ticks`: by default as `tick_step`
-    says.
-    """
+    """Log the grid of a diagram with its numbers; the name of y belongs in the view's heading."""
     (left, right), (bottom, top) = diagram.x_range, diagram.y_range
     xs = _ticks(left, right) if x_ticks is None else np.asarray(x_ticks, float)
     ys = _ticks(bottom, top)
@@ -80,13 +74,13 @@ def send_axes(
 def texts(
     places: Sequence[Sequence[float] | np.ndarray], labels: Sequence[str], colours: Sequence[str]
 ) -> rr.Points2D:
-    """Labels that hang below N places (2,) of a drawing, with N colours or one for all."""
+    """Labels below N places (2,) of a drawing, with N colours or one for all."""
     points = np.asarray(places, float).reshape(-1, 2)
     return rr.Points2D(points, labels=list(labels), colors=rgba(colours), radii=0.0, show_labels=True)
 
 
 def diagram_view(name: str, path: str, diagram: Diagram) -> rrb.Spatial2DView:
-    """View of a diagram and everything that is drawn in it below a path."""
+    """View of a diagram and of all entities below a path."""
     return flat_view(name, path, [-LEFT, diagram.width + RIGHT], [-ABOVE, diagram.height + BELOW])
 
 

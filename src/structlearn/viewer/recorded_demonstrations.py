@@ -2,45 +2,25 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import quaternion
-from structlearn.palette import WHITE, primitive_colour
+from structlearn.palette import AXIS_COLOURS, WHITE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.segments import Segmentation
-from structlearn.viewer.rrd import (
-    axis_length,
-    entity,
-    lanes,
-    layout,
-    notes_view,
-    origin_label,
-    origin_sentence,
-    plot,
-    recording,
-    rgba,
-    scene_view,
-    send_marks,
-    send_moving_frame,
-    send_notes,
-    send_primitive_lane,
-    send_series,
-    thinning,
-    time_column,
-)
+from structlearn.viewer import rrd
+from structlearn.viewer.rrd import entity, plot
 
 AXES = "xyz"
-
-DETAILED = 12
-"""Demonstrations with a tab of their own; of a larger set the first ones, or the bar of tabs is no use."""
-
+DETAILED = 12  # demonstrations with a tab each; of a larger set the first ones
 ELECTRODES_PER_FINGER = 19  # of a BioTac; other numbers of channels are shown in one plot
 
 Scenery = Callable[[rr.RecordingStream], Sequence[str]]
-"""Logs what stands around the movements, and returns the query expressions of its entities."""
+"""Logs the scene around the movements, and returns the query expressions of its entities."""
 
 
 def write_demonstrations(
@@ -52,27 +32,25 @@ def write_demonstrations(
     scenery: Scenery | None = None,
     colours: Sequence[str] | None = None,
 ) -> None:
-    """Write demonstrations as a recording.
+    """Write demonstrations as a recording; one tab overlays all, the others show one each.
 
-    The first tab overlays all demonstrations, each with its clock started at 0; the others show one each.
-    `segmentation`: of these demonstrations; colours the paths by primitive. None: by demonstration; `note`:
-    what is shown, in Markdown; that it is recorded or simulated is added; `colours`: of the demonstrations,
-    where there is no segmentation; default those of primitives in turn.
+    `segmentation`: colours the paths by primitive; without it `colours` are by demonstration, default those
+    of primitives in turn; `note`: what is shown, in Markdown.
     """
     colours = colours or [primitive_colour(place) for place in range(len(demonstrations))]
     points = np.concatenate([demonstration.position for demonstration in demonstrations])
-    with recording(path, title) as stream:
+    with rrd.recording(path, title) as stream:
         around = [] if scenery is None else scenery(stream)
         stream.send_blueprint(_blueprint(demonstrations, segmentation, title, around))
-        send_notes(stream, f"{note}\n\n{origin_sentence(demonstrations)}")
+        rrd.send_notes(stream, f"{note}\n\n{rrd.origin_sentence(demonstrations)}")
         for demonstration, colour in zip(demonstrations, colours, strict=True):
             parts = _parts(demonstration, segmentation, colour)
             _send_path(stream, demonstration, parts)
             _send_positions(stream, demonstration, parts)
-            _send_signals(stream, demonstration, axis_length(points))
+            _send_signals(stream, demonstration, rrd.axis_length(points))
             if segmentation is not None and len(cuts := _cuts(demonstration, segmentation)):
                 lane, times = entity("primitive", demonstration.name), np.append(cuts[:, 0], cuts[-1, 1])
-                send_primitive_lane(stream, lane, [time_column(times)], segmentation.primitives)
+                rrd.send_primitive_lane(stream, lane, [rrd.time_column(times)], segmentation.primitives)
 
 
 Part = tuple[int, int, str]  # first and last sample of a stretch of a demonstration, and its colour
@@ -94,75 +72,89 @@ def _parts(demonstration: Demonstration, segmentation: Segmentation | None, colo
 def _cuts(demonstration: Demonstration, segmentation: Segmentation) -> np.ndarray:
     """(P, 2) start and end of each primitive in s; none of a demonstration that could not be cut."""
     tables = [segmentation.result(name) for name in segmentation.primitives]
-    found = [
-        table.loc[demonstration.name, ["start_s", "end_s"]]
-        for table in tables
-        if demonstration.name in table.index
-    ]
+    name, ends = demonstration.name, ["start_s", "end_s"]
+    found = [table.loc[name, ends] for table in tables if name in table.index]
     return np.array(found, dtype=float).reshape(-1, 2)
 
 
 def _send_path(stream: rr.RecordingStream, demonstration: Demonstration, parts: Sequence[Part]) -> None:
-    step = thinning(demonstration.dt)
+    step = rrd.thinning(demonstration.dt)
     strips = [demonstration.position[[*range(first, last, step), last]] for first, last, _ in parts]
-    colours = rgba([colour for _, _, colour in parts])
+    colours = rrd.rgba([colour for _, _, colour in parts])
     path = entity("paths", demonstration.name)
     stream.log(path, rr.LineStrips3D(strips, colors=colours, radii=-1.0), static=True)
 
 
 def _send_positions(stream: rr.RecordingStream, demonstration: Demonstration, parts: Sequence[Part]) -> None:
-    """Each axis as a line that changes its colour with the primitive, and points at the cuts."""
-    kept = slice(None, None, thinning(demonstration.dt))
-    times = time_column(demonstration.time[kept])
+    """Log each axis as a line that changes its colour with the primitive, and points at the cuts."""
+    kept = slice(None, None, rrd.thinning(demonstration.dt))
+    times = rrd.time_column(demonstration.time[kept])
     first = [part[0] for part in parts]
-    changes = time_column(demonstration.time[first])
-    colours = rr.SeriesLines.columns(colors=rgba([colour for _, _, colour in parts]))
+    changes = rrd.time_column(demonstration.time[first])
+    colours = rr.SeriesLines.columns(colors=rrd.rgba([colour for _, _, colour in parts]))
     for column, axis in enumerate(AXES):
-        path, position = entity("position", axis, demonstration.name), 1e3 * demonstration.position[:, column]
+        path, position = (
+            entity("position", axis, demonstration.name),
+            1e3 * demonstration.position[:, column],
+        )
         stream.log(path, rr.SeriesLines(names=demonstration.name, widths=1.0), static=True)
         stream.send_columns(path, [changes], colours)
         stream.send_columns(path, [times], rr.Scalars.columns(scalars=position[kept]))
         if len(first) > 1:
             cuts = first[1:]
             path, times_of_cuts = entity("cuts", axis, demonstration.name), demonstration.time[cuts]
-            send_marks(stream, path, [time_column(times_of_cuts)], position[cuts], "cuts", WHITE)
+            rrd.send_marks(stream, path, [rrd.time_column(times_of_cuts)], position[cuts], "cuts", WHITE)
 
 
 def _send_signals(stream: rr.RecordingStream, demonstration: Demonstration, length: float) -> None:
-    """The moving frame, and the plots of one demonstration."""
-    name, kept = demonstration.name, slice(None, None, thinning(demonstration.dt))
-    times = [time_column(demonstration.time[kept])]
+    """Log the moving frame and the plots of one demonstration."""
+    name, kept = demonstration.name, slice(None, None, rrd.thinning(demonstration.dt))
+    times = [rrd.time_column(demonstration.time[kept])]
     orientation = None if demonstration.orientation is None else demonstration.orientation[kept]
     position = demonstration.position[kept]
-    send_moving_frame(stream, entity("hands", name), times, position, orientation, WHITE, length)
+    rrd.send_moving_frame(stream, entity("hands", name), times, position, orientation, WHITE, length)
+    for one in _signals(demonstration):
+        width = 1.5 if one.legend else 1.0
+        rrd.send_series(stream, entity(one.kind, name), times, one.values, one.names, one.colours, width)
 
-    moved = 1e3 * (position - position[0])
-    send_series(stream, entity("moved", name), times, moved, AXES)
-    if orientation is not None:
+
+class _Signal(NamedTuple):
+    """A plot of one demonstration."""
+
+    kind: str  # of its entity
+    title: str
+    values: np.ndarray  # (T, D), thinned
+    names: Sequence[str] = AXES
+    colours: Sequence[str] = AXIS_COLOURS
+    legend: bool = True
+
+
+def _signals(demonstration: Demonstration) -> list[_Signal]:
+    """All plots of a demonstration."""
+    kept = slice(None, None, rrd.thinning(demonstration.dt))
+    position = demonstration.position[kept]
+    found = [_Signal("moved", "moved (mm)", 1e3 * (position - position[0]))]
+    if demonstration.orientation is not None:
+        orientation = demonstration.orientation[kept]
         steps = quaternion.difference(orientation[1:], orientation[:-1])
         turned = np.degrees(np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
-        send_series(stream, entity("turned", name), times, turned, AXES)
+        found.append(_Signal("turned", "turned (degrees)", turned))
     if demonstration.wrench is not None:
-        send_series(stream, entity("force", name), times, demonstration.wrench[kept, :3], AXES)
-        send_series(stream, entity("torque", name), times, demonstration.wrench[kept, 3:], AXES)
-    for finger, counts in _fingers(demonstration).items():
-        electrodes = [f"E{number + 1}" for number in range(counts.shape[1])]
-        colours = [primitive_colour(number) for number in range(counts.shape[1])]
-        changes = counts[kept] - counts[0]  # resting values differ by far more than touch changes them
-        send_series(stream, entity(finger, name), times, changes, electrodes, colours, width=1.0)
-
-
-def _fingers(demonstration: Demonstration) -> dict[str, np.ndarray]:
-    """Electrodes (T, E) of each finger by the finger's name."""
-    if demonstration.tactile is None:
-        return {}
-    count, rest = divmod(demonstration.tactile.shape[1], ELECTRODES_PER_FINGER)
-    if rest:
-        return {"tactile": demonstration.tactile}
-    return {
-        f"tactile {finger + 1}": counts
-        for finger, counts in enumerate(np.split(demonstration.tactile, count, axis=1))
-    }
+        force, torque = np.split(demonstration.wrench[kept], 2, axis=1)
+        found += [_Signal("force", "force (N)", force), _Signal("torque", "torque (N m)", torque)]
+    if demonstration.tactile is not None:
+        changes = demonstration.tactile[kept] - demonstration.tactile[0]  # resting values differ by far more
+        count, rest = divmod(changes.shape[1], ELECTRODES_PER_FINGER)
+        fingers = {"tactile": changes}
+        if not rest:
+            parts = np.split(changes, count, axis=1)
+            fingers = {f"tactile {finger}": part for finger, part in enumerate(parts, 1)}
+        for finger, part in fingers.items():
+            colours = [primitive_colour(number) for number in range(part.shape[1])]
+            electrodes = [f"E{number}" for number in range(1, 1 + part.shape[1])]
+            title = f"{finger} (counts since the start)"
+            found.append(_Signal(finger, title, part, electrodes, colours, legend=False))
+    return found
 
 
 def _blueprint(
@@ -172,46 +164,36 @@ def _blueprint(
     around: Sequence[str],
 ) -> rrb.Blueprint:
     points = np.concatenate([demonstration.position for demonstration in demonstrations])
-    heading = f"{title}{origin_label(demonstrations)}"
-    scene = scene_view(heading, ["/paths/**", "/hands/**", *around], points)
+    heading = f"{title}{rrd.origin_label(demonstrations)}"
+    scene = rrd.scene_view(heading, ["/paths/**", "/hands/**", *around], points)
     plots = [plot(f"{axis} (mm)", [f"/position/{axis}/**", f"/cuts/{axis}/**"], False) for axis in AXES]
     if any(demonstration.orientation is not None for demonstration in demonstrations):
         plots.append(plot("turned (degrees)", ["/turned/**"], legend=False))
-    cuts = [] if segmentation is None else [lanes(["/primitive/**"])]
+    cuts = [] if segmentation is None else [rrd.lanes(["/primitive/**"])]
     shares = [3] * len(cuts) + [2] * len(plots)
     overview = rrb.Horizontal(
-        rrb.Vertical(scene, notes_view(), row_shares=[4, 1]),
+        rrb.Vertical(scene, rrd.notes_view(), row_shares=[4, 1]),
         rrb.Vertical(*cuts, *plots, row_shares=shares),
         name="All",
         column_shares=[4, 3],
     )
-    only_positions = all(
-        demonstration.orientation is None and demonstration.wrench is None and demonstration.tactile is None
-        for demonstration in demonstrations
-    )
-    if only_positions:
-        return layout(overview)
+    felt = any(one.tactile is not None for one in demonstrations)
+    if not felt and all(one.orientation is None and one.wrench is None for one in demonstrations):
+        return rrd.layout(overview)
     details = [_detail(demonstration, segmentation, around) for demonstration in demonstrations[:DETAILED]]
-    felt = any(demonstration.tactile is not None for demonstration in demonstrations)
-    first = 1 if felt and not around else 0  # all paths together say nothing of what fingers felt
-    return layout(rrb.Tabs(overview, *details, active_tab=first))
+    first = 1 if felt and not around else 0  # the overlay does not show touch
+    return rrd.layout(rrb.Tabs(overview, *details, active_tab=first))
 
 
 def _detail(
     demonstration: Demonstration, segmentation: Segmentation | None, around: Sequence[str]
 ) -> rrb.Horizontal:
-    """Tab of one demonstration with every signal that it has."""
+    """Tab of one demonstration with all its signals."""
     name = demonstration.name
     shown = [*(entity(kind, name) for kind in ("paths", "hands")), *around]
-    scene = scene_view(f"{name}{origin_label([demonstration])}", shown, demonstration.position)
-    plots = [plot("moved (mm)", [entity("moved", name)])]
-    if demonstration.orientation is not None:
-        plots.append(plot("turned (degrees)", [entity("turned", name)]))
-    if demonstration.wrench is not None:
-        plots += [plot("force (N)", [entity("force", name)]), plot("torque (N m)", [entity("torque", name)])]
-    fingers = _fingers(demonstration)
-    plots += [plot(f"{finger} (counts since the start)", [entity(finger, name)], False) for finger in fingers]
-    cuts = [] if segmentation is None else [lanes([entity("primitive", name)])]
+    scene = rrd.scene_view(f"{name}{rrd.origin_label([demonstration])}", shown, demonstration.position)
+    plots = [plot(one.title, [entity(one.kind, name)], one.legend) for one in _signals(demonstration)]
+    cuts = [] if segmentation is None else [rrd.lanes([entity("primitive", name)])]
     left = rrb.Vertical(scene, *cuts, row_shares=[5, 1][: 1 + len(cuts)])
     right = rrb.Grid(*plots, grid_columns=1 if len(plots) < 4 else 2)
     return rrb.Horizontal(left, right, name=name, column_shares=[2, 3])

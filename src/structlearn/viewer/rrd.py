@@ -17,45 +17,30 @@ from structlearn.core.errors import InputError
 from structlearn.palette import AXIS_COLOURS, COLOUR_NAMES, LIGHT_BLUE, ORANGE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 
-TIME = "time"
-"""Time line of everything that happens in time: seconds since the start of a demonstration or movement."""
-
-VIEW_RATE_HZ = 100.0
-"""Signals are thinned to about this rate: a screen shows no more, and files stay a third of their size."""
-
+TIME = "time"  # time line in seconds since the start of a demonstration or movement
+VIEW_RATE_HZ = 100.0  # signals are thinned to about this rate, enough for a screen
 AXIS_SHARE = 0.12  # length of a moving frame's axes as a fraction of the scene's radius
-SHORTEST_AXES = 0.01  # m; frames stay visible where hardly anything but the orientation moves
+SHORTEST_AXES = 0.01  # m; also in a scene where little but the orientation moves
 NEAREST = 0.06  # m; distance of the camera from such a scene
 HALF_FIELD_OF_VIEW = np.radians(27.5)  # of rerun's camera, from the middle of a view to its upper edge
 NARROWEST = 0.8  # width over height of the narrowest 3-D view that the scene is to fit in
-ROOM = 1.15  # factor on the distance from which all points are just seen: frames and labels stick out
-
-ELEVATION = np.radians(25.0)
-"""Of the camera above the horizontal: paths on a board are seen from above, heights remain visible."""
-
+ROOM = 1.15  # factor on the distance from which all points are just seen, for frames and labels
+ELEVATION = np.radians(25.0)  # of the camera: shows paths on a board from above, and heights
 FLOOR_SQUARE_M = 0.1
-
-GROUND = (13, 13, 13)
-"""Colour behind drawings and plots, rgb: the palette's light colours are for a dark ground, also in browsers
-whose theme is light."""
-
-RESTING = "#565d66"
-"""Colour of an electrode that reads as expected."""
+GROUND = (13, 13, 13)  # rgb of the background, dark also in browsers with a light theme
+RESTING = "#565d66"  # colour of an electrode that reads as expected
 
 
 @contextmanager
 def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
-    """Write a recording; the file is complete when the block ends, and not there when that fails.
+    """Write a recording; yields the stream, and the file is complete when the block ends, or not there.
 
-    It is gathered in memory: of a full disk rerun's own file sink tells in its log alone, if it does not
-    hang, and leaves what there was room for. The viewer keeps one blueprint per application and merges
-    recordings of equal id, so both are named after the title, which differs: several recordings can be open
-    side by side. No wall-clock time is logged. Yields the stream to log to and to send the blueprint to.
-    Raises OSError: the file cannot be written; InputError: it cannot be read back.
+    It is collected in memory, since rerun's file sink reports a full disk in its log at most. The viewer
+    keeps one blueprint per application and merges recordings of equal id, so both are named after the title:
+    several recordings can be open side by side. No wall-clock time is logged. Raises OSError: the file cannot
+    be written; InputError: it cannot be read back.
     """
-    application = (
-        f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # else rerun renames it, and says so
-    )
+    application = f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # else rerun renames it
     stream = rr.RecordingStream(application, recording_id=title, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
@@ -77,7 +62,7 @@ def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
 
 
 def entity(*parts: str) -> str:
-    """Path of an entity; names from users may hold any character."""
+    """Path of an entity from names, in which special characters are escaped."""
     return rr.new_entity_path(list(parts))
 
 
@@ -88,7 +73,7 @@ def rgba(colours: Sequence[str], opacity: float = 1.0) -> np.ndarray:
 
 
 def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
-    """Colours 0xRRGGBBAA (...) of shares (...): evenly spread from the first colour at 0 to the last at 1."""
+    """Colours 0xRRGGBBAA (...) of shares (...), interpolated from the first colour at 0 to the last at 1."""
     stops = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours])
     places = np.linspace(0.0, 1.0, len(stops))
     red, green, blue = (np.interp(share, places, stops[:, part]).astype(np.uint32) for part in range(3))
@@ -101,7 +86,7 @@ def deviation_colours(deviation: np.ndarray, scale: float) -> np.ndarray:
 
 
 def origin_label(demonstrations: Sequence[Demonstration]) -> str:
-    """What a heading says of the data's origin: nothing when all of it was recorded."""
+    """Origin of data for a heading; empty if all of it was recorded."""
     simulated = [demonstration.simulated for demonstration in demonstrations]
     if not any(simulated):
         return ""
@@ -109,7 +94,7 @@ def origin_label(demonstrations: Sequence[Demonstration]) -> str:
 
 
 def thinning(dt: float, rate_hz: float = VIEW_RATE_HZ) -> int:
-    """Every how many samples one is kept."""
+    """Step of samples that are kept."""
     return max(1, round(1.0 / (rate_hz * dt)))
 
 
@@ -127,11 +112,7 @@ def send_series(
     colours: Sequence[str] = AXIS_COLOURS,
     width: float = 1.5,
 ) -> None:
-    """Log D signals as lines of one plot.
-
-    `indexes`: the time lines, each with T times; `values` (T, D); `names`: D names for the legend; `colours`:
-    D colours.
-    """
+    """Log D signals, (T, D) with T times on each time line, as lines of one plot."""
     style = rr.SeriesLines(names=list(names), colors=rgba(colours[: len(names)]), widths=[width] * len(names))
     stream.log(path, style, static=True)
     columns = rr.Scalars.columns(scalars=values.ravel())
@@ -168,11 +149,7 @@ def send_moving_frame(
     colour: str,
     axis_length: float,
 ) -> None:
-    """Log a pose over time as a point, and as axes where an orientation is known and they have a length.
-
-    `indexes`: the time lines, each with T times; `position` (T, 3) m; `orientation` (T, 4) unit quaternions,
-    or None; `axis_length`: m.
-    """
+    """Log a pose over time, (T, 3) m and (T, 4) if known, as a point with axes of a length in m."""
     pose: dict[str, Any] = {"translation": position}
     if orientation is not None:
         pose["quaternion"] = quaternion.to_xyzw(orientation)
@@ -213,7 +190,7 @@ def solid_boxes(
 def send_primitive_lane(
     stream: rr.RecordingStream, path: str, indexes: Sequence[rr.TimeColumn], names: Sequence[str]
 ) -> None:
-    """Log as a coloured lane which of P primitives runs from each of P + 1 times on; the last one ends it."""
+    """Log a coloured lane of P primitives that start at P + 1 times; the last one is the end."""
     colours = [primitive_colour(place) for place in range(len(names))]
     stream.log(path, rr.StateConfiguration(values=names, colors=rgba(colours)), static=True)
     stream.send_columns(path, indexes, rr.StateChange.columns(state=[*names, ""]))
@@ -228,11 +205,7 @@ def axis_length(points: np.ndarray) -> float:
 def scene_view(
     name: str, contents: Sequence[str], points: np.ndarray, floor_m: float | None = None
 ) -> rrb.Spatial3DView:
-    """3-D view that shows all of the points.
-
-    The camera stands off the horizontal direction in which they extend least, a little above them. `points`
-    (N, 3) m; `floor_m`: see `eye_view`.
-    """
+    """3-D view of points (N, 3) m, along the horizontal direction of least extent and a little from above."""
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     horizontal = points[:, :2] - points[:, :2].mean(axis=0)
     least = np.linalg.eigh(horizontal.T @ horizontal)[1][:, 0]
@@ -252,10 +225,7 @@ def eye_view(
     from_target: np.ndarray,
     floor_m: float | None = None,
 ) -> rrb.Spatial3DView:
-    """3-D view onto a target (3,) from a place (3,) relative to it, both in m; the camera turns about it.
-
-    `floor_m`: height of a floor whose squares are `FLOOR_SQUARE_M` wide; None: there is none.
-    """
+    """3-D view of a target (3,) from a place (3,) relative to it, both in m; `floor_m`: height of a grid."""
     floor = floor_m is not None and rrb.LineGrid3D(
         visible=True,
         spacing=FLOOR_SQUARE_M,
@@ -271,7 +241,7 @@ def eye_view(
 
 
 def flat_view(name: str, path: str, x_range: Sequence[float], y_range: Sequence[float]) -> rrb.Spatial2DView:
-    """View of a drawing below a path; y is downwards."""
+    """View of a drawing below a path, y downwards."""
     bounds = rrb.VisualBounds2D(x_range=x_range, y_range=y_range)
     return rrb.Spatial2DView(
         name=name, origin="/", contents=[f"{path}/**"], background=GROUND, visual_bounds=bounds
@@ -279,7 +249,7 @@ def flat_view(name: str, path: str, x_range: Sequence[float], y_range: Sequence[
 
 
 def plot(name: str, contents: Sequence[str], legend: bool = True) -> rrb.TimeSeriesView:
-    """Plot over time whose axis moves with all others."""
+    """Plot over time, whose time axis is linked with all others."""
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
@@ -298,23 +268,13 @@ def lanes(contents: Sequence[str]) -> rrb.StateTimelineView:
 def layout(
     content: rrb.Container | rrb.View, timeline: str = TIME, steps_per_s: float | None = None
 ) -> rrb.Blueprint:
-    """Blueprint that leaves the window to the views; the panels at the sides are folded away.
+    """Blueprint with collapsed side panels, which plays a time line in a loop.
 
-    `timeline`: which is played over and over from the start, so that the first look sees motion;
-    `steps_per_s`: how fast time lines of whole numbers are played.
+    `steps_per_s`: speed of time lines of whole numbers.
     """
-    return rrb.Blueprint(
-        content,
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(
-            state="collapsed",
-            timeline=timeline,
-            play_state="playing",
-            loop_mode="all",
-            fps=steps_per_s,
-        ),
-    )
+    looped: dict[str, Any] = {"timeline": timeline, "play_state": "playing", "loop_mode": "all"}
+    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
+    return rrb.Blueprint(content, *panels, rrb.TimePanel(state="collapsed", fps=steps_per_s, **looped))
 
 
 def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
@@ -323,7 +283,7 @@ def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
 
 
 def notes_view(*parts: str, name: str = "what is shown") -> rrb.TextDocumentView:
-    """Panel of what `send_notes` logs."""
+    """Panel with the text of `send_notes`."""
     path = notes_path(*parts)
     return rrb.TextDocumentView(name=name, origin=path, contents=[path])
 
@@ -334,7 +294,7 @@ def notes_path(*parts: str) -> str:
 
 
 def colour_words(colours: dict[str, str]) -> str:
-    """A legend in Markdown of what has which colour, by name of the colour."""
+    """A legend in Markdown of meanings by name of the colour."""
     return "\n".join(f"- {colour}: {meaning}" for colour, meaning in colours.items())
 
 
@@ -344,7 +304,7 @@ def legend(colours: Mapping[str, str]) -> str:
 
 
 def origin_sentence(runs: Sequence[Demonstration], subject: str = "Everything here is") -> str:
-    """Whether runs are simulated or recorded, for a panel's text."""
+    """A sentence on whether runs are simulated or recorded."""
     simulated = sum(run.simulated for run in runs)
     if simulated in (0, len(runs)):
         return f"{subject} {'simulated' if simulated else 'recorded'}."

@@ -1,4 +1,4 @@
-"""Ordinary network of deviations, phase and phase velocity: the rival that is told the phase (IV.9.3.3)."""
+"""Ordinary network of deviations, phase and phase velocity: the rival with phase inputs (IV.9.3.3)."""
 
 from structlearn.feedback.models.ffnn import FeedForwardNetwork
 

@@ -24,7 +24,7 @@ class PrincipalComponents(PhaseModulatedNetwork):
     def train(
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> list[Trained[PhaseModulatedNetwork]]:
-        """See `CouplingModel.train`; from an initial network it goes on as a phase-modulated one."""
+        """See `CouplingModel.train`; an initial network is trained on as a phase-modulated one."""
         if initial is not None:
             return PhaseModulatedNetwork.train(jobs, parameters, hidden, initial)
         encoders = cls.encoders(jobs, parameters)

@@ -1,7 +1,4 @@
-"""The clocks of a topic, before anybody has said what it means: rates, gaps, disorder, delays.
-
-Nothing is refused here: disorder is counted, not mended.
-"""
+"""Clocks of a topic as it was recorded: rates, gaps, disorder, delays. Disorder is counted, not mended."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from structlearn.readers.bag import RawMessages
-from structlearn.readers.cdr import decoded, nanoseconds
+from structlearn.readers.cdr import decoded
+from structlearn.readers.messages import nanoseconds
 
 
 @dataclass(frozen=True)
 class Stamps:
-    """One clock of a topic; its rate is one over the median step (NaN of a single stamp).
+    """One clock; its rate is one over the median step (NaN of a single stamp).
 
     `repeated` and `backward` messages have the stamp of the one before, or an earlier one.
     """
@@ -35,14 +33,11 @@ class Stamps:
 
 
 class TopicClocks(NamedTuple):
-    """When the recorder got messages, and when they were taken by their headers, None where none is set.
-
-    `delay_s`: median of log time minus header stamp.
-    """
+    """When the recorder got messages, and when they were taken by their headers (None: no header is set)."""
 
     log: Stamps
     header: Stamps | None = None
-    delay_s: float = np.nan
+    delay_s: float = np.nan  # median of log time minus header stamp
 
     @property
     def own(self) -> Stamps:
@@ -53,8 +48,7 @@ class TopicClocks(NamedTuple):
 def topic_clocks(where: str, messages: RawMessages) -> TopicClocks:
     """Both clocks of a topic with at least one message; of several transforms in one the first's header.
 
-    Raises:
-        InputError: a message cannot be decoded.
+    Raises InputError: a message cannot be decoded.
     """
     log, headers = stamps_of(messages.log_times), np.zeros(len(messages.log_times), dtype=np.int64)
     for group in decoded(where, messages):
@@ -70,17 +64,10 @@ def topic_clocks(where: str, messages: RawMessages) -> TopicClocks:
 
 def stamps_of(stamps: np.ndarray) -> Stamps:
     """Rate, gaps and disorder of (T,) int64 ns in the order of the messages."""
-    steps = np.diff(stamps)
-    ordered = np.unique(stamps)
+    steps, ordered = np.diff(stamps), np.unique(stamps)
     gaps_s = 1e-9 * np.diff(ordered) if len(ordered) > 1 else np.array([np.nan])
     at = int(np.argmax(gaps_s))
-    return Stamps(
-        count=len(stamps),
-        first_s=1e-9 * int(ordered[0]),
-        last_s=1e-9 * int(ordered[-1]),
-        rate_hz=1.0 / float(np.median(gaps_s)),
-        largest_gap_s=float(gaps_s[at]),
-        gap_at_s=1e-9 * int(ordered[at] - ordered[0]),
-        repeated=int((steps == 0).sum()),
-        backward=int((steps < 0).sum()),
-    )
+    first_s, last_s = 1e-9 * int(ordered[0]), 1e-9 * int(ordered[-1])
+    rate_hz, gap_at_s = 1.0 / float(np.median(gaps_s)), 1e-9 * int(ordered[at] - ordered[0])
+    repeated, backward = int((steps == 0).sum()), int((steps < 0).sum())
+    return Stamps(len(stamps), first_s, last_s, rate_hz, float(gaps_s[at]), gap_at_s, repeated, backward)

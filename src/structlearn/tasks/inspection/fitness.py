@@ -16,31 +16,21 @@ from structlearn.tasks.inspection.source_survey import SourceSeen
 Verdict = Literal["yes", "doubtful", "no"]
 
 # Bounds: yes from (or to) the first, doubtful from (or to) the second.
+# Demonstrations: one has nothing to be compared with; of fewer than five, the mean error of those that are
+# left out has an interval as wide as itself.
 ENOUGH = (5, 2)
-"""Demonstrations: one has nothing to be compared with; of fewer than five, the mean error of those that are
-left out has an interval as wide as itself."""
-
-EXTENT_M = (0.05, 0.01)
-"""How far the hand gets: below a centimetre sway and movement are of one size."""
-
-RATES_HZ = (50.0, 20.0)
-"""Hz, of the poses: people's moves have nothing above 5 Hz, and derivatives want ten samples of that."""
-
+EXTENT_M = (0.05, 0.01)  # how far the hand gets: below a centimetre sway and movement are of one size
+RATES_HZ = (50.0, 20.0)  # of poses: people's moves end at 5 Hz, and derivatives want ten samples of that
+# s, by which clocks differ: at 0.5 m/s that is 10 and 50 mm between what two topics say of one moment.
 IN_STEP_S = (0.02, 0.1)
-"""s, by which clocks differ: at 0.5 m/s that is 10 and 50 mm between what two topics say of one moment."""
-
+# Share of stamps that do not come after the one before: none, or so few that to drop them harms nothing.
 DISORDERED = (0.0, 0.01)
-"""Share of stamps that do not come after the one before: none, or so few that to drop them harms nothing."""
-
-FARTHEST_M = 10.0
-"""m; no arm and no hand that shows it a movement gets so far."""
-
-MOST_TURNED = 4.0 * np.pi
-"""rad, of a joint: only those that wind go further, and all that are in degrees."""
+FARTHEST_M = 10.0  # no arm and no hand that shows it a movement gets so far
+MOST_TURNED = 4.0 * np.pi  # rad, of a joint: only those that wind go further, and all that are in degrees
 
 
 class Answer(NamedTuple):
-    """One question about the recordings, to which yes is good, the number it rests on, and what to do."""
+    """One question about the recordings, the number its answer rests on, and what to do unless it is yes."""
 
     question: str
     verdict: Verdict
@@ -69,8 +59,8 @@ def fitness(
     count, total = len(seen.files), len(seen.files) + len(seen.damaged)
     readable: Verdict = "doubtful" if seen.damaged else "yes"
     yield Answer("Can all files be read?", readable, f"{count} of {total}", "; ".join(seen.damaged.values()))
-    more = "" if count >= ENOUGH[0] else f"record {ENOUGH[0]} or more"
-    yield Answer("Are there enough demonstrations?", at_least(count, ENOUGH), str(count), more)
+    enough = at_least(count, ENOUGH)
+    yield Answer("Are there enough demonstrations?", enough, str(count), f"record {ENOUGH[0]} or more")
     if hand is None:
         yield _no_hand(seen)
     else:
@@ -82,7 +72,17 @@ def fitness(
         number = f"{motion.number} in {agree} of {total}, above {motion.threshold:.2g} m/s"
         advice = "; ".join(f"{name} has {runs}" for name, runs in others.items())
         yield Answer("Do runs of motion agree in number?", verdict, number, advice)
-    yield from _of_joints(seen, topics)
+    turned = [
+        (float(np.abs(joints.values["joint_positions"]).max()), f"{topic} in {file}")
+        for file, topic, one in seen.on(topics)
+        for joints in one.joints
+        if "joint_positions" in joints.values
+    ]
+    if turned:
+        largest, where = max(turned, key=lambda one: one[0])
+        verdict = "yes" if largest <= MOST_TURNED else "doubtful"
+        question, advice = "Are joints' positions in rad?", f"degrees? look at {where}"
+        yield Answer(question, verdict, f"to {largest:.3g}", advice)
     if hand is not None and seen.clocks(topics):
         yield from _of_clocks(seen, topics, hand.source)
 
@@ -104,55 +104,39 @@ def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
         number = f"{pose_words(hand.source)}: {len(paths)} of {len(seen.files)}"
         yield Answer("Does every file have the hand's pose?", "no", number, advice)
     name, least = min(((name, path.extent_m) for name, path in paths.items()), key=lambda one: one[1])
-    verdict = at_least(least, EXTENT_M)
-    advice = "" if verdict == "yes" else f"look at {name}"
+    verdict, advice = at_least(least, EXTENT_M), f"look at {name}"
     if hand.extent > FARTHEST_M:
         verdict, advice = "doubtful", "positions are read as m; were they written in mm?"
     number = f"{1e3 * hand.extent:.4g} mm in the median, least {1e3 * least:.4g} mm"
     yield Answer("Does the hand move in all?", verdict, number, advice)
 
 
-def _of_joints(seen: SourceSeen, topics: Sequence[str]) -> Iterator[Answer]:
-    turned = [
-        (float(np.abs(joints.values["joint_positions"]).max()), f"{topic} in {file}")
-        for file, topic, one in seen.on(topics)
-        for joints in one.joints
-        if "joint_positions" in joints.values
-    ]
-    if turned:
-        largest, where = max(turned, key=lambda one: one[0])
-        advice = "" if largest <= MOST_TURNED else f"degrees? look at {where}"
-        verdict: Verdict = "doubtful" if advice else "yes"
-        yield Answer("Are joints' positions in rad?", verdict, f"to {largest:.3g}", advice)
-
-
 def _of_clocks(seen: SourceSeen, topics: Sequence[str], pose: PoseSource) -> Iterator[Answer]:
     clocks = seen.clocks(topics)
-    stamped = {topic for _, topic, one in clocks if one.header}
-    names = {topic for _, topic, _ in clocks}
+    stamped, names = {topic for _, topic, one in clocks if one.header}, {topic for _, topic, _ in clocks}
     without = ", ".join(sorted(names - stamped))
-    advice = f"the log time stands in for {without}" if without else ""
-    number = f"{len(stamped)} of {len(names)} topics have header stamps"
-    yield Answer("Do messages say when they were taken?", "doubtful" if without else "yes", number, advice)
+    number, told = (
+        f"{len(stamped)} of {len(names)} topics have header stamps",
+        f"the log time stands in for {without}",
+    )
+    verdict: Verdict = "doubtful" if without else "yes"
+    yield Answer("Do messages say when they were taken?", verdict, number, told)
     if stamped:
         off, name = out_of_step(seen, topics)
-        verdict = at_most(off, IN_STEP_S)
-        advice = "" if verdict == "yes" else f"look at {name}: delays of topics differ"
-        yield Answer("Are the clocks in step?", verdict, f"to {1e3 * off:.3g} ms", advice)
+        advice = f"look at {name}: delays of topics differ"
+        yield Answer("Are the clocks in step?", at_most(off, IN_STEP_S), f"to {1e3 * off:.3g} ms", advice)
     series = seen.series(topics, pose)
     name, topic, one = max(series, key=lambda item: item[2].disorder)
     number = f"all but {one.disorder:.2g} of them" if one.disorder else "all do"
-    advice = f"in {name}, {topic}, {one.repeated} repeat and {one.backward} run back" if one.disorder else ""
+    advice = f"in {name}, {topic}, {one.repeated} repeat and {one.backward} run back"
     yield Answer("Do stamps increase?", at_most(one.disorder, DISORDERED), number, advice)
     name, topic, one = max(series, key=lambda item: np.nan_to_num(item[2].largest_gap_s, nan=np.inf))
-    whole = one.largest_gap_s <= MAX_GAP_S
-    advice = "" if whole else f"in {name}, {topic}, at {one.gap_at_s:.3g} s; `clock: {{max_gap_s: ...}}`"
-    number = f"largest {one.largest_gap_s:.3g} s"
-    yield Answer("Are streams without gaps?", "yes" if whole else "no", number, advice)
+    verdict = at_most(one.largest_gap_s, (MAX_GAP_S, MAX_GAP_S))
+    advice = f"in {name}, {topic}, at {one.gap_at_s:.3g} s; `clock: {{max_gap_s: ...}}`"
+    yield Answer("Are streams without gaps?", verdict, f"largest {one.largest_gap_s:.3g} s", advice)
     name, topic, one = min(series, key=lambda item: np.nan_to_num(item[2].rate_hz, nan=0.0))
-    verdict = at_least(one.rate_hz, RATES_HZ)
-    advice = "" if verdict == "yes" else f"in {name}, {topic}"
-    yield Answer("Are topics fast enough?", verdict, f"slowest {one.rate_hz:.4g} Hz", advice)
+    verdict, number = at_least(one.rate_hz, RATES_HZ), f"slowest {one.rate_hz:.4g} Hz"
+    yield Answer("Are topics fast enough?", verdict, number, f"in {name}, {topic}")
 
 
 def out_of_step(seen: SourceSeen, topics: Sequence[str]) -> tuple[float, str]:

@@ -7,7 +7,6 @@ task; short runs count if they, too, stand at the same places.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -15,36 +14,30 @@ import numpy as np
 
 from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
-from structlearn.readers.recording import Stream
-from structlearn.readers.topics import JointPose, TransformPose
+from structlearn.readers.demonstration import Stream
+from structlearn.readers.source import JointPose, TransformPose
 from structlearn.rigid_body.urdf import HANDS
 from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
 from structlearn.tasks.inspection.clocks import Stamps, stamps_of
 
+# Hz, low-pass of the positions before they are differentiated: the method's for finding a movement.
 SPEED_HZ = 2.0
-"""Hz, low-pass of the positions before they are differentiated: the method's for finding a movement."""
+MOST_TICKS = 10**7  # of a uniform clock; more of them mean that a stamp lies years away from the others
+LEAST_EXTENT_M = 0.01  # how far a hand gets at least: less is sway
 
-MOST_TICKS = 10**7
-"""Of a uniform clock; more of them mean that a stamp lies years away from the others."""
-
-LEAST_EXTENT_M = 0.01
-"""How far a hand gets at least: less is sway."""
-
+# Share of the largest way from which on frames of one tree move alike: then the likeliest name is taken.
 ALIKE = 0.9
-"""Share of the largest way from which on frames of one tree move alike: then the likeliest name is taken."""
 
+# Which threshold is taken where they serve alike: low, so that no slow move is lost, and above the sway.
 PREFERRED = 1
-"""Which threshold is taken where they serve alike: low, so that no slow move is lost, and above the sway."""
+BRIDGE_S = 0.2  # s; a shorter dip in speed is a hesitation: people who stop on purpose do for longer
 
-BRIDGE_S = 0.2
-"""s; a shorter dip in speed is a hesitation: people who stop on purpose do for longer."""
-
+# Of the longest run of a demonstration, below which a run is short: idle, unless all have it.
 SHORT_SHARE = 0.1
-"""Of the longest run of a demonstration, below which a run is short: idle, unless all have it."""
 
 PoseSource = str | TransformPose | JointPose
+# Sources of poses, the likeliest for the hand's first; a string is a topic of poses.
 KINDS = (str, TransformPose, JointPose)
-"""Sources of poses, the likeliest for the hand's first; a string is a topic of poses."""
 
 
 class HandPath(NamedTuple):
@@ -68,8 +61,7 @@ class HandPath(NamedTuple):
 def hand_path(stream: Stream) -> HandPath:
     """The path of a stream of poses; stamps in disorder are sorted, and values that are no numbers left out.
 
-    Raises:
-        InputError: fewer than three samples are left, or stamps lie too far apart for a clock.
+    Raises InputError: fewer than three samples are left, or stamps lie too far apart for a clock.
     """
     finite = np.isfinite(stream.values).all(axis=1)
     stamps, places = np.unique(stream.stamps[finite], return_index=True)
@@ -121,12 +113,9 @@ def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candi
     those before joints; then what is in more files; then frames that are called like a hand; then what goes
     the longer way.
     """
-    found: dict[PoseSource, dict[str, HandPath]] = {}
-    for name, by_source in hands.items():
-        for source, path in by_source.items():
-            found.setdefault(source, {})[name] = path
     every = []
-    for source, paths in found.items():
+    for source in dict.fromkeys(source for by_source in hands.values() for source in by_source):
+        paths = {name: by_source[source] for name, by_source in hands.items() if source in by_source}
         sizes = [(path.extent_m, float(path.speed.sum() * path.dt)) for path in paths.values()]
         every.append(Candidate(source, paths, *np.median(sizes, axis=0).tolist()))
 
@@ -152,20 +141,15 @@ class MotionRun(NamedTuple):
     short: bool
 
 
-@dataclass(frozen=True)
-class MotionSurvey:
-    """Runs of motion of all demonstrations at the threshold (m/s) at which most agree.
-
-    `number` of runs in most of them, whose names are `agreeing`; `turns_deg`: by which the hand turns between
-    one of these runs and the next, medians; none where orientations are not known.
-    """
+class MotionSurvey(NamedTuple):
+    """Runs of motion of all demonstrations at the threshold (m/s) at which most agree."""
 
     threshold: float
     runs: Mapping[str, Sequence[MotionRun]]
     with_short: bool
-    number: int
-    agreeing: tuple[str, ...]
-    turns_deg: tuple[float, ...] = ()
+    number: int  # of runs in most of the demonstrations
+    agreeing: tuple[str, ...]  # their names
+    turns_deg: tuple[float, ...] = ()  # median turns from one run to the next; none without orientations
 
     def counted(self, name: str) -> list[MotionRun]:
         """Runs of a demonstration, without short ones where they do not count."""
@@ -179,16 +163,16 @@ def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
     for (place, fraction), with_short in product(enumerate(FRACTIONS), (True, False)):
         threshold = fraction * pace(moved)
         runs = {name: motion_runs(path, threshold) for name, path in paths.items()}
-        rows = {
-            name: tuple(run.short for run in its if with_short or not run.short) for name, its in runs.items()
-        }
+        rows = {}
+        for name, its in runs.items():
+            rows[name] = tuple(run.short for run in its if with_short or not run.short)
         row, count = max(Counter(rows.values()).items(), key=lambda item: (item[1], len(item[0])))
         agreeing = tuple(name for name in rows if rows[name] == row)
         rank = (count, len(row) > 0, with_short, -abs(place - PREFERRED))
         choices.append((rank, MotionSurvey(threshold, runs, with_short, len(row), agreeing)))
     best = max(choices, key=lambda choice: choice[0])[1]
     turns = [turns_between(paths[name], best.counted(name)) for name in best.agreeing]
-    return replace(best, turns_deg=tuple(np.median(turns, axis=0).tolist()))
+    return best._replace(turns_deg=tuple(np.median(turns, axis=0).tolist()))
 
 
 def turns_between(path: HandPath, runs: Sequence[MotionRun]) -> list[float]:

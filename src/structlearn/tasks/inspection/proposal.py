@@ -1,38 +1,35 @@
-"""An entry of `stages/tasks/own.yaml` for recordings of a movement, with its warnings.
+"""An entry of `stages/tasks/own.yaml` for recordings: what the files tell and the defaults do not.
 
-It holds what the files tell and the defaults do not. What was chosen among several, and what may go wrong, is
-said beside the key that it is about.
+What was chosen among several, and what may go wrong, is said beside the key that it is about.
 """
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from structlearn.readers.messages import READERS
-from structlearn.readers.topics import JointPose
+from structlearn.readers.source import JointPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, pose_words
 from structlearn.tasks.inspection.source_survey import SourceSeen
 from structlearn.tasks.task_files import local_path
 
+# What topics of tactile arrays are mostly called; other arrays are commands and the like.
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
-"""What topics of tactile arrays are mostly called; other arrays are commands and the like."""
 
+# Degrees that a hand turns while its position rests, from which on this may be a primitive: sensors are ten
+# times as good.
 TURN_DEG = 3.0
-"""Degrees that a hand turns while its position rests, from which on this may be a primitive: sensors are ten
-times as good."""
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """What to paste below `movement:`, doubts by dotted keys, and the topics that are read then."""
+class Proposal(NamedTuple):
+    """What to paste below `movement:`, warnings by dotted keys, and the topics that are read then."""
 
     name: str
     entry: Mapping[str, Any]
-    doubts: Mapping[str, Sequence[str]]
+    warnings: Mapping[str, Sequence[str]]
     read: Sequence[str]
 
 
@@ -41,23 +38,25 @@ def propose(
 ) -> Proposal:
     """The entry for what was seen: the chosen source of poses, others, the likelier first, and its motion."""
     source = hand.source
-    topics, doubts = _topics(seen, hand, others)
+    topics, warnings = _topics(seen, hand, others)
     read = [source if isinstance(source, str) else source.topic]  # not transforms at rest
     read += [topics[kind] for kind in ("joint_states", "wrench") if kind in topics]
     read = list(dict.fromkeys([*read, *topics.get("tactile", [])]))
     entry: dict[str, Any] = {"source": from_home(seen.source), "topics": topics}
-    stamps, doubts["stamps"] = _stamps(seen, read, hand)
-    if doubts["stamps"]:
+    stamps, warnings["stamps"] = _stamps(seen, read, hand)
+    if warnings["stamps"]:
         entry["stamps"] = stamps
-    number, doubts["segment.primitives"] = _primitives(motion)
+    number, warnings["segment.primitives"] = _primitives(motion)
     entry["segment"] = {"primitives": number}
     if seen.urdf is not None and isinstance(source, JointPose):
         known = [name for _, joints in seen.arms() for name in joints.names]
         locked = [joint for joint in moving_joints(local_path(seen.urdf)) if joint not in known]
         entry["robot"] = {"urdf": from_home(seen.urdf), "tip": source.tip, "locked_joints": locked}
     if seen.damaged:
-        doubts["source"] = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"]
-    return Proposal(task_name(seen.source), entry, {key: said for key, said in doubts.items() if said}, read)
+        warnings["source"] = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"]
+    return Proposal(
+        task_name(seen.source), entry, {key: said for key, said in warnings.items() if said}, read
+    )
 
 
 def task_name(source: str) -> str:
@@ -78,29 +77,28 @@ def _topics(
 ) -> tuple[dict[str, Any], dict[str, list[str]]]:
     source = hand.source
     topics: dict[str, Any] = {"pose": source if isinstance(source, str) else source.model_dump()}
-    doubts: dict[str, list[str]] = {"topics.pose": list(_pose_doubts(seen, hand, others))}
+    warnings: dict[str, list[str]] = {"topics.pose": list(_pose_warnings(seen, hand, others))}
     arms = [topic for topic, _ in seen.arms()]
     states = _of_types(seen, READERS["joint_states"])
     if arms and (arm := max(sorted(set(arms)), key=arms.count)) in states:
         topics["joint_states"] = arm
-        said = doubts["topics.joint_states"] = []
+        said = warnings["topics.joint_states"] = []
         if any("joint_torques" in joints.values for topic, joints in seen.arms() if topic == arm):
-            said.append(
-                f"efforts: below `motion:` an entry {{source, topic: {arm}, urdf}} identifies the arm"
-            )
+            entry = f"{{source, topic: {arm}, urdf}}"
+            said.append(f"efforts: below `motion:` an entry {entry} identifies the arm")
         if elsewhere := [topic for topic in states if topic != arm]:
             said.append(f"also there: {', '.join(elsewhere)}")
     if wrenches := _of_types(seen, READERS["wrench"]):
         topics["wrench"] = wrenches[0]
-        doubts["topics.wrench"] = [f"also there: {', '.join(wrenches[1:])}"] if wrenches[1:] else []
+        warnings["topics.wrench"] = [f"also there: {', '.join(wrenches[1:])}"] if wrenches[1:] else []
     arrays = _of_types(seen, READERS["tactile"])
     if touch := [topic for topic in arrays if TOUCH.search(topic)]:
         topics["tactile"] = touch
-        doubts["topics.tactile"] = ["by their names; are these tactile sensors?"]
+        warnings["topics.tactile"] = ["by their names; are these tactile sensors?"]
     if left := [topic for topic in arrays if topic not in touch]:
         key = "topics.tactile" if touch else "topics.pose"
-        doubts[key].append(f"arrays that may be tactile sensors: {', '.join(left)}")
-    return topics, doubts
+        warnings[key].append(f"arrays that may be tactile sensors: {', '.join(left)}")
+    return topics, warnings
 
 
 def _of_types(seen: SourceSeen, types: Collection[str]) -> list[str]:
@@ -112,7 +110,7 @@ def _of_types(seen: SourceSeen, types: Collection[str]) -> list[str]:
     return sorted(set.intersection(*fitting))
 
 
-def _pose_doubts(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
+def _pose_warnings(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
     if not hand.moves:
         yield "it does not move"
     if missing := [file.name for file in seen.files if file.name not in hand.paths]:
@@ -130,14 +128,14 @@ def _stamps(seen: SourceSeen, read: Sequence[str], hand: Candidate) -> tuple[dic
     taken = logs if by_log else seen.series(read, hand.source)
     repeated, backward = sum(one.repeated for *_, one in taken), sum(one.backward for *_, one in taken)
     disorder = "sort" if backward else "drop" if repeated else "error"
-    doubts = [f"clocks of headers are out of step by {off:.3g} s: the log's is taken"] if by_log else []
+    warnings = [f"clocks of headers are out of step by {off:.3g} s: the log's is taken"] if by_log else []
     if repeated or backward:
         where = sorted({f"{name} {topic}" for name, topic, one in taken if one.disorder})
-        doubts.append(
+        warnings.append(
             f"of {sum(one.count for *_, one in taken)} stamps {repeated} repeat and {backward} run back, "
             f"in {_listed(where)}; `error` would refuse them"
         )
-    return {"clock": "log" if by_log else "header", "disorder": disorder}, doubts
+    return {"clock": "log" if by_log else "header", "disorder": disorder}, warnings
 
 
 def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
@@ -145,11 +143,11 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
     if motion is None or motion.number == 0:
         none = "no motion was found" if motion is None else "runs of motion do not agree"
         return 1, [f"{none}; how many moves are there?"]
-    doubts = ["or their names, e.g. [" + ", ".join(f"move_{n + 1}" for n in range(motion.number)) + "]"]
+    warnings = ["or their names, e.g. [" + ", ".join(f"move_{n + 1}" for n in range(motion.number)) + "]"]
     others = [f"{name} ({len(motion.counted(name))})" for name in motion.runs if name not in motion.agreeing]
     if others:
-        doubts.append(f"another number of runs: {_listed(others)}; take them out, or `skip_failures: true`")
-    doubts += [
+        warnings.append(f"another number of runs: {_listed(others)}; take them out, or `skip_failures: true`")
+    warnings += [
         f"the hand turns by {turn:.0f} degrees between moves {place} and {place + 1}: a primitive of its "
         "own, with `axis: between`?"
         for place, turn in enumerate(motion.turns_deg, 1)
@@ -158,8 +156,8 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
     for place, alike in enumerate(zip(*(motion.counted(name) for name in motion.agreeing), strict=True), 1):
         if alike[0].short:
             way = max(run.way for run in alike)
-            doubts.append(f"move {place} is of {1e3 * way:.3g} mm at most: idle? then it is one less")
-    return motion.number, doubts
+            warnings.append(f"move {place} is of {1e3 * way:.3g} mm at most: idle? then it is one less")
+    return motion.number, warnings
 
 
 def _listed(words: Sequence[str], most: int = 4) -> str:

@@ -4,10 +4,9 @@ Says what the files hold, whether they are fit to be learned from, and proposes 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -31,24 +30,17 @@ from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, loo
 FORMATS = {"mcap": "MCAP", "db3": "ROS 2 bag (sqlite3)", "bag": "ROS 1 bag", "table": "table of poses"}
 
 HEADINGS = ("topic", "type", "messages", "rate", "largest gap", "clock", "log - header")
-RIGHT = (2, 3, 4, 6)
-"""Columns of numbers."""
-
+RIGHT = (2, 3, 4, 6)  # columns of numbers
 SECONDS_OF_A_YEAR = 3.2e7
 
 
-@dataclass(frozen=True)
-class Findings:
-    """What a source holds, and what follows from it.
-
-    Of `sources` of poses the first is taken for the hand's; `motion` is None where it does not move,
-    `proposal` where nothing could be its pose.
-    """
+class Findings(NamedTuple):
+    """What a source holds, and what follows from it."""
 
     seen: SourceSeen
-    sources: Sequence[Candidate]
-    motion: MotionSurvey | None
-    proposal: Proposal | None
+    sources: Sequence[Candidate]  # of poses; the first is taken for the hand's
+    motion: MotionSurvey | None  # None: it does not move
+    proposal: Proposal | None  # None: nothing could be its pose
     answers: Sequence[Answer]
 
 
@@ -92,7 +84,10 @@ def report(found: Findings) -> Iterator[str]:
         its = [(name, f"{len(runs)}", _times(runs)) for name, runs in found.motion.runs.items()]
         yield from (*_aligned(its, (1,)), "")
     yield "Fit to be learned from?"
-    answers = [(one.verdict, one.question, one.number, one.advice) for one in found.answers]
+    answers = [
+        (one.verdict, one.question, one.number, "" if one.verdict == "yes" else one.advice)
+        for one in found.answers
+    ]
     yield from (*_aligned(answers, ()), "")
     if found.proposal is None:
         yield "No entry can be proposed: nothing here could be the pose of a hand."
@@ -102,19 +97,19 @@ def report(found: Findings) -> Iterator[str]:
 
 def as_yaml(proposal: Proposal) -> list[str]:
     """Lines of an entry below `movement:`, indented as there, each value with its warnings above it."""
-    lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.doubts, "", " " * 4)]
-    return [printable(line) for line in lines]  # a doubt that broke its line would become an entry
+    lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.warnings, "", " " * 4)]
+    return [printable(line) for line in lines]  # a warning that broke its line would become an entry
 
 
 def _entry(
-    values: Mapping[str, Any], doubts: Mapping[str, Sequence[str]], above: str, indent: str
+    values: Mapping[str, Any], warnings: Mapping[str, Sequence[str]], above: str, indent: str
 ) -> Iterator[str]:
     for key, value in values.items():
         path = f"{above}{key}"
-        yield from (f"{indent}# {doubt}" for doubt in doubts.get(path, ()))
-        if isinstance(value, Mapping) and any(doubt.startswith(f"{path}.") for doubt in doubts):
+        yield from (f"{indent}# {warning}" for warning in warnings.get(path, ()))
+        if isinstance(value, Mapping) and any(warning.startswith(f"{path}.") for warning in warnings):
             yield f"{indent}{key}:"
-            yield from _entry(value, doubts, f"{path}.", f"{indent}  ")
+            yield from _entry(value, warnings, f"{path}.", f"{indent}  ")
         else:
             flow = yaml.safe_dump([value], default_flow_style=True, width=float("inf"), sort_keys=False)
             yield f"{indent}{key}: {flow.strip()[1:-1]}"

@@ -3,45 +3,47 @@
 Files are opened one after another; what cannot be read is remembered by its reason, and the others go on.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import NamedTuple
 
 from structlearn.core.errors import InputError
 from structlearn.readers.bag import RawMessages
-from structlearn.readers.bag_files import RecordingFile, open_bag, recording_files
-from structlearn.readers.bag_recording import read_recording
+from structlearn.readers.bag_recording import open_bag, read_recording
 from structlearn.readers.cdr import short_name
-from structlearn.readers.clock import StampPolicy
 from structlearn.readers.computed_pose import TransformSeries, transform_series
+from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_log import JointSeries, chosen, joint_series
 from structlearn.readers.messages import READERS
-from structlearn.readers.recording import Stream
-from structlearn.readers.topics import JointPose, TopicMap, TransformPose
+from structlearn.readers.source import (
+    JointPose,
+    RecordingFile,
+    StampPolicy,
+    TopicMap,
+    TransformPose,
+    recording_files,
+)
 from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
 from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path
 
+# Disorder is counted elsewhere and refused by nobody here.
 AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
-"""Disorder is counted elsewhere and refused by nobody here."""
 
+# Types whose messages are looked at; of others, such as camera images, only the topic is listed.
 KNOWN = {name for types in READERS.values() for name in types}
-"""Types whose messages are looked at; of others, such as camera images, only the topic is listed."""
 
 
 class TopicSeen(NamedTuple):
-    """A topic of a file; without `clocks` where it has no messages that can be read.
-
-    `series`: stamps of the joints of whoever publishes the most, else those of the topic; `fault`: why joint
-    states or transforms cannot be read.
-    """
+    """A topic of a file."""
 
     types: tuple[str, ...]
-    clocks: TopicClocks | None
+    clocks: TopicClocks | None  # None: it has no messages that can be read
     joints: Sequence[JointSeries] = ()
     links: Sequence[TransformSeries] = ()
-    series: Sequence[Stamps] = ()
-    fault: str = ""
+    series: Sequence[Stamps] = ()  # of the joints of whoever publishes the most, else of the topic
+    fault: str = ""  # why joint states or transforms cannot be read
 
 
 class FileSeen(NamedTuple):
@@ -62,10 +64,10 @@ class SourceSeen(NamedTuple):
     files: tuple[FileSeen, ...]
     damaged: Mapping[str, str]
 
-    def on(self, topics: Sequence[str]) -> Iterator[tuple[str, str, TopicSeen]]:
+    def on(self, topics: Sequence[str]) -> list[tuple[str, str, TopicSeen]]:
         """Those of some topics that are there, each with its file and name."""
-        for file in self.files:
-            yield from ((file.name, name, file.topics[name]) for name in topics if name in file.topics)
+        every = product(self.files, topics)
+        return [(file.name, name, file.topics[name]) for file, name in every if name in file.topics]
 
     def clocks(self, topics: Sequence[str]) -> list[tuple[str, str, TopicClocks]]:
         """Clocks of those of the topics that have messages, each with its file and topic."""
@@ -133,23 +135,23 @@ def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
 def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMessages | None) -> TopicSeen:
     if messages is None:
         return TopicSeen(names, None)
-    clocks, fault = TopicClocks(stamps_of(messages.log_times)), ""
-    joints: list[JointSeries] = []
-    links: list[TransformSeries] = []
-    series = [clocks.own]
+    clocks = TopicClocks(stamps_of(messages.log_times))
+    seen = TopicSeen(names, clocks, series=[clocks.own])
     try:
         clocks = topic_clocks(where, messages)
-        series = [clocks.own]
+        seen = seen._replace(clocks=clocks, series=[clocks.own])
         if set(names) <= READERS["joint_states"].keys():
             joints, mended = joint_series(where, topic, messages, AS_THEY_COME)
+            seen = seen._replace(joints=joints)
             if joints and mended is None:
-                series = [stamps_of(one.stamps) for one in chosen(where, joints, None)[0]]
+                its = chosen(where, joints, None)[0]
+                seen = seen._replace(series=[stamps_of(one.stamps) for one in its])
         elif set(names) <= READERS["transforms"].keys():
             found = transform_series(where, messages, AS_THEY_COME)
-            links = [found[edge] for edge in sorted(found)]
+            seen = seen._replace(links=[found[edge] for edge in sorted(found)])
     except InputError as error:
-        fault = str(error)
-    return TopicSeen(names, clocks, joints, links, series, fault)
+        seen = seen._replace(fault=str(error))
+    return seen
 
 
 def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[PoseSource]:
@@ -195,7 +197,6 @@ def frame_pairs(
 
 
 def _poses(file: RecordingFile, source: PoseSource) -> Stream:
-    topics = TopicMap(
-        pose=source, twist=None, joint_states=(), joints=None, wrench=None, tactile=(), tool_to_board=None
-    )
+    none = dict.fromkeys(("twist", "joints", "wrench", "tool_to_board"))
+    topics = TopicMap(pose=source, joint_states=(), tactile=(), **none)
     return next(one for one in read_recording(file, topics, AS_THEY_COME).streams if one.kind == "pose")

@@ -11,26 +11,27 @@ from structlearn.core import signals
 from structlearn.core.metrics import block_count
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.clock import MAX_GAP_S, on_one_clock
+from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_log import DriveLog
-from structlearn.readers.recording import Stream
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
-from structlearn.rigid_body.identification import drawn_fits, identify_load
-from structlearn.rigid_body.inertia_learner import MotionRegressor
+from structlearn.rigid_body.friction import FRICTIONS
+from structlearn.rigid_body.identification import drawn_fits
 from structlearn.rigid_body.motion import Motion, excited, joined, smoothed_motion
-from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
-from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
-from structlearn.rigid_body.training_grid import FRICTIONS
+from structlearn.rigid_body.payload import PayloadLearningParameters, identify_load, learn_payload
+from structlearn.rigid_body.regressor import (
+    SYMMETRIC_COLUMNS,
+    MotionRegressor,
+    link_parameters,
+    torque_regressor,
+)
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.tasks.motion import motion_parameters as names
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 
+# Of least squares that look at a log: sensors of torque or current need not be zeroed.
 FRICTION = FRICTIONS["offset"]
-"""Of least squares that look at a log: sensors of torque or current need not be zeroed."""
-
-PAYLOAD_COLUMNS = 4
-"""Mass and first moment of a link."""
-
+PAYLOAD_COLUMNS = 4  # mass and first moment of a link
 CENTRE = [f"centre_{axis}_m" for axis in "xyz"]
 
 
@@ -46,27 +47,40 @@ def drive_tables(
 ) -> dict[str, pd.DataFrame]:
     """Gains from the log at rest, delays of the currents from the training log.
 
-    Gains in motion and delays are found on the test log too, to see whether they come back.
-
-    Returns:
-        `drives`: `quantity` (`AT_REST`, ...), `log`, `blocks` it rests on, `joint`, `value` in N m/A or s.
-        `drive_draws`: the same with `draw` of the bootstrap, without `blocks`. `gains`: see `found_gains`.
-        `delay_curves`: `log`, `delay_s`, `joint`, `squares` over the least.
+    Gains in motion and delays are found on the test log too, to see whether they come back. Returns
+    `drives`: `quantity` (`AT_REST`, ...), `log`, `blocks` it rests on, `joint`, `value` in N m/A or s.
+    `drive_draws`: the same with `draw` of the bootstrap, without `blocks`. `gains`: see `found_gains`.
+    `delay_curves`: `log`, `delay_s`, `joint`, `squares` over the least.
     """
     own, drawing = parameters.drives, parameters.drawing
     assert own is not None
-    found, curves, counts = {}, [], {}
-    if own.rest is not None:
-        rest = logs[own.rest]
-        found[names.AT_REST, rest.name] = resting_gains(rest.desired_currents, rest.target_torques, *drawing)
-        counts[rest.name] = block_count(len(rest.stamps), parameters.block)
+    joints, dt = np.arange(1, len(tree.names) + 1), 1.0 / parameters.rate_hz
     first, last = own.delays_s
     delays = first + own.delay_step_s * np.arange(round((last - first) / own.delay_step_s) + 1)
-    joints, dt = np.arange(1, len(tree.names) + 1), 1.0 / parameters.rate_hz
+    every = {
+        "draw": np.repeat(np.arange(parameters.draws), len(joints)),
+        "joint": np.tile(joints, parameters.draws),
+    }
+    drives, drawn, curves = [], [], []
+
+    def add(quantity: str, name: str, blocks: int, values: np.ndarray, draws: np.ndarray) -> None:
+        keys = {"quantity": quantity, "log": name}
+        drives.append(pd.DataFrame(keys | {"blocks": blocks, "joint": joints, "value": values}))
+        drawn.append(pd.DataFrame(keys | every | {"value": draws.ravel()}))
+
+    if own.rest is not None:
+        rest = logs[own.rest]
+        count = block_count(len(rest.stamps), parameters.block)
+        add(
+            names.AT_REST,
+            rest.name,
+            count,
+            *resting_gains(rest.desired_currents, rest.target_torques, *drawing),
+        )
     for name in filter(None, (parameters.train, parameters.test)):
         log = logs[name]
         cut = longest_motion(name, log.velocities, parameters)
-        found[names.IN_MOTION, name] = moving_gains(
+        gains = moving_gains(
             log.desired_currents[cut], log.target_torques[cut], log.velocities[cut], *drawing
         )
         tried = np.repeat(delays[:, None], len(joints), axis=1)
@@ -74,21 +88,13 @@ def drive_tables(
         whole = smoothed_motion(name, positions, velocities, currents[0], dt, parameters.smoothing_hz)
         cut = longest_motion(name, whole.qd, parameters)
         states = whole.part(cut)
-        counts[name] = block_count(len(states), parameters.block)
         smooth = np.stack([signals.low_pass(its, dt, parameters.smoothing_hz)[cut] for its in currents])
         late, drawn_late, squares = current_delays(tree, states, smooth, delays, FRICTION, *drawing)
-        found[names.DELAY, name] = late, drawn_late
+        count = block_count(len(states), parameters.block)
+        add(names.IN_MOTION, name, count, *gains)
+        add(names.DELAY, name, count, late, drawn_late)
         grid = {"delay_s": np.repeat(delays, len(joints)), "joint": np.tile(joints, len(delays))}
         curves.append(pd.DataFrame({"log": name} | grid | {"squares": squares.ravel()}))
-    draws = {
-        "draw": np.repeat(np.arange(parameters.draws), len(joints)),
-        "joint": np.tile(joints, parameters.draws),
-    }
-    drives, drawn = [], []
-    for (quantity, name), (values, its) in found.items():
-        keys = {"quantity": quantity, "log": name}
-        drives.append(pd.DataFrame(keys | {"blocks": counts[name], "joint": joints, "value": values}))
-        drawn.append(pd.DataFrame(keys | draws | {"value": its.ravel()}))
     table = pd.concat(drives, ignore_index=True)
     return {
         "drives": table,
@@ -167,9 +173,8 @@ def weighed_loads(
 ) -> dict[str, pd.DataFrame]:
     """The load from every pair and from all, with torques by every set of gains (motions have those found).
 
-    Returns:
-        `loads`: `pair` (the loaded log or `ALL_PAIRS`), `gains`, `blocks` it rests on, `mass_kg` and
-        `centre_{x,y,z}_m`. `load_draws`: `pair`, `gains`, `draw`, `mass_kg`.
+    Returns `loads`: `pair` (the loaded log or `ALL_PAIRS`), `gains`, `blocks` it rests on, `mass_kg` and
+    `centre_{x,y,z}_m`. `load_draws`: `pair`, `gains`, `draw`, `mass_kg`.
     """
     assert parameters.load is not None
     pairs = parameters.load.pairs
@@ -178,10 +183,8 @@ def weighed_loads(
     for gain, values in gains.items():
         ratio = values / gains[names.FOUND]
         scaled = {log: replace(its, torque=its.torque * ratio) for log, its in motions.items()}
-        work += [
-            (name, gain, [(scaled[empty], scaled[loaded]) for empty, loaded in its])
-            for name, its in asked.items()
-        ]
+        for name, its in asked.items():
+            work.append((name, gain, [(scaled[empty], scaled[loaded]) for empty, loaded in its]))
     length, draws, seed = parameters.drawing
     weigh = partial(identify_load, tree, friction=FRICTION, length=length, draws=draws, seed=seed)
     found = parallel_map(weigh, [both for _, _, both in work], "loads")
@@ -201,8 +204,11 @@ def followed_loads(robot: Robot, motions: Mapping[str, Motion], parameters: Moti
     assert parameters.load is not None
     follow = partial(_followed, robot=robot, motions=motions, parameters=parameters)
     found = parallel_map(follow, parameters.load.pairs, "loads carried")
-    columns = ["time_s", "nmse_fixed", "nmse_learned", "mass_kg", "log", "stage", "since_s"]
-    return pd.concat(found, ignore_index=True) if found else pd.DataFrame(columns=columns)
+    if not found:
+        return pd.DataFrame(
+            columns=["time_s", "nmse_fixed", "nmse_learned", "mass_kg", "log", "stage", "since_s"]
+        )
+    return pd.concat(found, ignore_index=True)
 
 
 def _followed(
@@ -212,13 +218,8 @@ def _followed(
     load, dt = parameters.load, 1.0 / parameters.rate_hz
     assert load is not None
     parts = [motions[log] for log in (pair[0], parameters.test, pair[1]) if log is not None]
-    payload = PayloadLearningParameters(
-        structure=load.structure,
-        empty_s=len(parts[0]) * dt,
-        batch=load.batch,
-        memory_s=load.memory_s,
-        iterations=load.iterations,
-    )
+    shared = load.model_dump(include={"structure", "batch", "memory_s", "iterations"})
+    payload = PayloadLearningParameters(empty_s=len(parts[0]) * dt, **shared)
     learned = learn_payload((joined(parts), dt), robot.tree, robot.inertias, payload)
     ends = dt * np.cumsum([len(part) for part in parts])
     place = np.minimum(np.searchsorted(ends, learned["time_s"]), len(parts) - 1)
@@ -234,9 +235,8 @@ def body_intervals(
 ) -> pd.DataFrame:
     """Parameters of a model with intervals: of fits to blocks drawn anew, by the t distribution.
 
-    Returns:
-        `link`, `parameter`, `value`, `half_width` (95 %; NaN without draws), `urdf` (the maker's), in SI
-        units.
+    Returns `link`, `parameter`, `value`, `half_width` (95 %; NaN without draws), `urdf` (the maker's), in
+    SI units.
     """
     from scipy.special import stdtrit
 
@@ -274,13 +274,11 @@ def _inertia_columns(inertias: LinkInertias[np.ndarray]) -> dict[str, np.ndarray
 def payload_check(robot: Robot, motion: Motion) -> dict[str, pd.DataFrame]:
     """Measured torques beside the URDF's, under both signs, without and with a payload at the last link.
 
-    The payload's mass and first moment are fitted by least squares: for motion that is too slow to identify
-    the links, and for its rotational inertia. Forces of contact are neglected.
-
-    Returns:
-        `payload_torques`: `sign` (1: as recorded, -1: reversed), `payload` (whether one was fitted), `joint`,
-        `measured_n_m` and `model_n_m` (means), `left_n_m` (root mean square of the difference). `payloads`:
-        `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last joint's frame.
+    The payload's mass and first moment are fitted by least squares: for motion that is too slow to
+    identify the links, and for its rotational inertia. Forces of contact are neglected. Returns
+    `payload_torques`: `sign` (1: as recorded, -1: reversed), `payload` (whether one was fitted), `joint`,
+    `measured_n_m` and `model_n_m` (means), `left_n_m` (root mean square of the difference). `payloads`:
+    `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last joint's frame.
     """
     columns = torque_regressor(robot.tree, motion.q, motion.qd, motion.qdd)
     model = columns @ link_parameters(robot.inertias.tensors()).numpy()

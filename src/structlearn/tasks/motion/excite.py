@@ -6,17 +6,23 @@ random trajectories. What stands around the robot is not known here.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from pydantic import Field
 
 from structlearn.core.artefacts import write_csv
 from structlearn.core.errors import InputError
 from structlearn.core.stage import stage_parameters
+from structlearn.palette import BLUE, CATEGORICAL_COLOURS, GREY
+from structlearn.reporting.document import Document, Source
+from structlearn.reporting.figure_style import Drawing, legend, panel, styled
+from structlearn.reporting.findings import Findings
+from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.excitation import (
     Arena,
     ExcitationParameters,
@@ -26,31 +32,23 @@ from structlearn.rigid_body.excitation import (
     random_series,
     written,
 )
+from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.inverse_kinematics import Arm
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.self_collision import LinkShapes, link_distances, read_shapes
-from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks import project
-from structlearn.tasks.motion.excite_section import publish_excitation
 from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import local_path
 
 REPORTS = Path("reports/excitation")
-
-SHRINKS = 0.93 ** np.arange(40)
-"""Factors of ranges and amplitudes that are tried where links come too close."""
-
-ALL_BUT = 1.0 - 1e-9
-"""Largest amplitude, as a share of what fits, whose free parameter is finite."""
-
-NEAR_M = 0.1
-"""Distance of hulls below which the links' meshes are looked at."""
-
-LOOKED_AT_HZ = 20.0
-"""Samples per second at which distances of links are computed."""
+SHRINKS = 0.93 ** np.arange(40)  # factors of ranges and amplitudes that are tried where links come too close
+ALL_BUT = 1.0 - 1e-9  # largest amplitude, as a share of what fits, whose free parameter is finite
+NEAR_M = 0.1  # distance of hulls below which the links' meshes are looked at
+LOOKED_AT_HZ = 20.0  # samples per second at which distances of links are computed
 
 
 class ExciteParameters(ExcitationParameters):
@@ -99,8 +97,7 @@ def space(
 ) -> tuple[Arena, LinkShapes | None, str]:
     """What may be used: the largest part of the joints' ranges in which random motion keeps links apart.
 
-    Returns:
-        The limits, shapes of the links if the URDF has some, and what is known of collisions.
+    Returns the limits, shapes of the links if the URDF has some, and what is known of collisions.
     """
     its = arena(robot, parameters, FRICTIONS["offset"])
     lower, upper = (np.clip(bound, -np.pi, np.pi) for bound in (robot.tree.lower, robot.tree.upper))
@@ -115,9 +112,8 @@ def space(
             blind = f"; not watched: {', '.join(shapes.touching)}" if shapes.touching else ""
             words = f"{1e3 * parameters.clearance_m:g} mm apart or more, in {smaller.reach:.0%} of the ranges"
             return smaller, shapes, words + blind
-    raise InputError(
-        f"{urdf}: links are closer than {parameters.clearance_m:g} m where the joints' ranges end"
-    )
+    closer = f"links are closer than {parameters.clearance_m:g} m"
+    raise InputError(f"{urdf}: {closer} where the joints' ranges end")
 
 
 def clear(
@@ -143,24 +139,13 @@ def least_distance(its: Arena, free: np.ndarray, shapes: LinkShapes) -> float:
 
 def joint_table(robot: Robot, its: Arena, motion: Motion) -> pd.DataFrame:
     """What is used of the limits of every joint, and whether each of them is kept."""
-    tree = robot.tree
-    table = pd.DataFrame(
-        {
-            "joint": tree.names,
-            "lower": tree.lower,
-            "least": motion.q.min(axis=0),
-            "most": motion.q.max(axis=0),
-            "upper": tree.upper,
-            "fastest": np.abs(motion.qd).max(axis=0),
-            "velocity_limit": tree.velocity,
-            "largest_torque_n_m": np.abs(motion.torque).max(axis=0),
-            "torque_limit_n_m": its.effort,
-        }
-    )
-    kept = (table["lower"] <= table["least"]) & (table["most"] <= table["upper"])
-    kept &= table["fastest"] <= table["velocity_limit"]
-    kept &= table["largest_torque_n_m"] <= table["torque_limit_n_m"]
-    return table.assign(kept=np.where(kept, "yes", "no"))
+    tree, torque = robot.tree, np.abs(motion.torque).max(axis=0)
+    least, most, fastest = motion.q.min(axis=0), motion.q.max(axis=0), np.abs(motion.qd).max(axis=0)
+    kept = (tree.lower <= least) & (most <= tree.upper) & (fastest <= tree.velocity) & (torque <= its.effort)
+    columns = {"joint": tree.names, "lower": tree.lower, "least": least, "most": most, "upper": tree.upper}
+    columns |= {"fastest": fastest, "velocity_limit": tree.velocity, "largest_torque_n_m": torque}
+    columns |= {"torque_limit_n_m": its.effort, "kept": np.where(kept, "yes", "no")}
+    return pd.DataFrame(columns)
 
 
 def gain_table(
@@ -187,3 +172,65 @@ def trajectory_table(robot: Robot, times: np.ndarray, motion: Motion) -> pd.Data
     for name, values in (("position", motion.q), ("velocity", motion.qd), ("acceleration", motion.qdd)):
         columns |= {f"{name}_{joint}": values[:, place] for place, joint in enumerate(robot.tree.names)}
     return pd.DataFrame(columns)
+
+
+def publish_excitation(
+    folder: Path,
+    facts: Mapping[str, object],
+    joints: pd.DataFrame,
+    gains: pd.DataFrame,
+    moved: tuple[np.ndarray, Motion],
+    parameters: ExciteParameters,
+) -> None:
+    """Publish the page with its figures and tables."""
+    find, count = Findings("random trajectories"), len(gains)
+    find.exact("gain_median", gains["gain"].median(), count, headline=True)
+    find.exact("gain_least", gains["gain"].min(), count, headline=True)
+    kept = int((joints["kept"] == "yes").sum())
+    find.among("joints").exact("limits_kept", kept, len(joints), headline=True)
+    page = Document(
+        template="excite.html.jinja",
+        package="structlearn.tasks.motion",
+        facts={**facts, **find.numbers(), "compared": count},
+        tables={"joints": shown(joints), "gains": shown(gains)},
+        sources={"trajectory": Source(f"{folder}/trajectory.csv", "")},
+        command=str(facts["command"]),
+        parameters={"excite": parameters},
+        simulated=True,
+    )
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {
+        "trajectory": share_panels(joints, *moved),
+        "gains": gain_panel(gains),
+    }
+    publish_report(folder, {"index": page}, drawn, page.tables, find)
+
+
+@styled
+def share_panels(joints: pd.DataFrame, times: np.ndarray, motion: Motion) -> list[Figure]:
+    """Positions within their range, velocities and torques over their limits."""
+    lower, upper = joints["lower"].replace(-np.inf, -np.pi), joints["upper"].replace(np.inf, np.pi)
+    middle, half = 0.5 * (upper + lower), 0.5 * (upper - lower)
+    shares = {
+        "position": (motion.q - middle.to_numpy()) / half.to_numpy(),
+        "velocity": motion.qd / joints["velocity_limit"].to_numpy(),
+        "torque of the URDF": motion.torque / joints["torque_limit_n_m"].to_numpy(),
+    }
+    figures = []
+    for name, values in shares.items():
+        figure, axes = panel(name, xlabel="time (s)", ylabel="share of the limit", ylim=(-1.05, 1.05))
+        for place, joint in enumerate(joints["joint"]):
+            colour = CATEGORICAL_COLOURS[place % len(CATEGORICAL_COLOURS)]
+            axes.plot(times, values[:, place], color=colour, linewidth=1.2, label=joint)
+        figures.append(legend(figure, 3))
+    return figures
+
+
+@styled
+def gain_panel(gains: pd.DataFrame) -> Figure:
+    """Errors after random trajectories over those after the designed one."""
+    figure, axes = panel(
+        "Errors after random trajectories", xlabel="random trajectory", ylabel="times larger"
+    )
+    axes.bar(gains["random_trajectory"], np.sort(gains["gain"])[::-1], color=BLUE)
+    axes.axhline(1.0, color=GREY, linewidth=1.5)
+    return figure

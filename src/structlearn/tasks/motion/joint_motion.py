@@ -11,21 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import blocks, nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import AdamParameters, one_thread
 from structlearn.readers.joint_log import JointLog, Log, signals_of
-from structlearn.rigid_body import arm_identification
-from structlearn.rigid_body.arm_identification import (
-    LEARNED_FRICTIONS,
-    NETWORKS,
-    TRAIN,
-    Fitting,
-    Identified,
-    NetworkTraining,
-)
+from structlearn.rigid_body import model_comparison
 from structlearn.rigid_body.base_parameters import base_parameters, fit_base
 from structlearn.rigid_body.dynamics_models import (
     DynamicsModels,
@@ -33,11 +24,24 @@ from structlearn.rigid_body.dynamics_models import (
     rigid_body_torques,
     write_dynamics_models,
 )
-from structlearn.rigid_body.friction import friction_columns
-from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
+from structlearn.rigid_body.dynamics_training import (
+    Kind,
+    LearningParameters,
+    Lesson,
+    learner,
+    shuffled_epochs,
+)
+from structlearn.rigid_body.friction import FRICTIONS, friction_columns
 from structlearn.rigid_body.log_fitness import log_fitness, parameter_table
+from structlearn.rigid_body.model_comparison import (
+    LEARNED_FRICTIONS,
+    NETWORKS,
+    TRAIN,
+    Fitting,
+    Identified,
+    NetworkTraining,
+)
 from structlearn.rigid_body.motion import Motion, block_norms, block_table, joined, measured_motion
-from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.motion import drives_and_load
@@ -48,22 +52,16 @@ from structlearn.tasks.motion.motion_parameters import (
     MotionParameters,
     NetworkChoiceParameters,
 )
-from structlearn.tasks.task_files import is_public, local_path
+from structlearn.tasks.task_files import is_public, local_path, write_tables
 
-TEST = "test"
-"""Part that is tested on, where it is not a log by its own name."""
+TEST = "test"  # part that is tested on, where it is not a log by its own name
+LOAD = "(?<!un)(?<!no)(?<!no.)load"  # in a log's name; not `unload` nor `no_load`
+CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)  # in the name of a log with something at the flange
 
-LOAD = "(?<!un)(?<!no)(?<!no.)load"
-"""In a log's name; not `unload` nor `no_load`."""
-
-CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)
-"""In the name of a log with something at the flange."""
-
+# At the end of a name: it is the load that was weighed, of others the mass is not known.
 THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
-"""At the end of a name: it is the load that was weighed, of others the mass is not known."""
 
-Pieces = dict[str, dict[str, list[Motion]]]
-"""Pieces of motions by part and log."""
+Pieces = dict[str, dict[str, list[Motion]]]  # pieces of motions by part and log
 
 
 def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
@@ -85,26 +83,18 @@ def learn_motion(
     """Identify an arm, and write models, its URDF and tables into a folder.
 
     Without structures nothing is learned: the torques of all logs together are checked against the URDF.
+    `logs`: `JointLog` by name, or `DriveLog` where the parameters name drives; `source`: the robot's URDF.
 
-    Args:
-        robot: n joints, with the inertias of its URDF.
-        logs: `JointLog` by name, or `DriveLog` where the parameters name drives.
-        parameters: of the task.
-        source: URDF of the robot.
-        folder: where all of it goes.
+    Returns what was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
+    `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `links`, `traces`, `written`:
+    of `model_comparison`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`: of `gravity_check`. `base`:
+    `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`; `fitness` and `determined`: of
+    `rigid_body.log_fitness`. `excitation`: one row, `condition` and `parameters`. `choice`: of
+    `choose_networks`. `bodies` and what is found of drives and loads: of `drives_and_load`. Without
+    structures: `gravity`, and those of `drives_and_load.payload_check`.
 
-    Returns:
-        What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
-        `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `links`, `traces`,
-        `written`: of `arm_identification`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`:
-        of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`;
-        `fitness` and `determined`: of `rigid_body.log_fitness`. `excitation`: one row, `condition` and
-        `parameters`. `choice`: of `choose_networks`. `bodies` and what is found of drives and loads: of
-        `drives_and_load`. Without structures: `gravity`, and those of `drives_and_load.payload_check`.
-
-    Raises:
-        InputError: a log lacks a joint, is too short, has no motion or a torque that does not vary.
-        MissingInputError: logs are named, and there are no two motions without a load.
+    Raises InputError: a log lacks a joint, is too short, has no motion or a torque that does not vary.
+    MissingInputError: logs are named, and there are no two motions without a load.
     """
     logs = {name: in_order(robot.tree, log) for name, log in logs.items()}
     if parameters.structures:
@@ -113,8 +103,7 @@ def learn_motion(
         motion = joined([cut_motion(log, parameters)[0] for log in logs.values()])
         identified, tables = None, {"gravity": gravity_check(robot, motion, parameters)}
         tables |= drives_and_load.payload_check(robot, motion)
-    for name, table in tables.items():
-        write_table(table, folder / f"{name}.parquet")
+    write_tables(tables, folder)
     return identified, tables
 
 
@@ -134,16 +123,14 @@ def _identified(
         cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in asked.items()}
     motions = {name: motion for name, (motion, _) in cuts.items()}
     pieces = held_out(motions, parameters)
-    parts = {}
-    for name, its in pieces.items():
-        every = [piece for found in its.values() for piece in found]
-        parts[name] = joined(every) if len(every) > 1 else every[0]
+    every = {name: [piece for found in its.values() for piece in found] for name, its in pieces.items()}
+    parts = {name: joined(its) if len(its) > 1 else its[0] for name, its in every.items()}
     first = next(name for name in parts if name != TRAIN)
     if min(len(parts[TRAIN]), len(parts[first])) < parameters.block:
+        learned_s, tested_s = (len(parts[name]) / parameters.rate_hz for name in (TRAIN, first))
         raise InputError(
-            f"{', '.join(logs)}: {len(parts[TRAIN]) / parameters.rate_hz:.1f} s to learn from and "
-            f"{len(parts[first]) / parameters.rate_hz:.1f} s to test on are too short for blocks of "
-            f"{parameters.block_s:g} s"
+            f"{', '.join(logs)}: {learned_s:.1f} s to learn from and {tested_s:.1f} s to test on are too "
+            f"short for blocks of {parameters.block_s:g} s"
         )
     networks: dict[Kind, NetworkTraining] = {}
     if parameters.networks is not None:
@@ -151,7 +138,7 @@ def _identified(
     limits = robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None
     fitting = Fitting(parameters.iterations, limits, parameters.prior)
     frictions = tuple(dict.fromkeys((*LEARNED_FRICTIONS, parameters.judged_friction)))
-    identified = arm_identification.identify_arm(
+    identified = model_comparison.identify_arm(
         robot, parts, fitting, networks, parameters.structures, frictions
     )
     if parameters.load is not None:
@@ -160,25 +147,24 @@ def _identified(
     judged = identified.models["cov", parameters.judged_friction]
     base = base_parameters(robot.tree)
     fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *parameters.drawing)
-    bounds = {"value": fit.parameters, "low": fit.low, "high": fit.high}
+    formulas, values = base.formulas(robot.tree), base.values(robot.inertias)
+    bounds = {"value": fit.parameters, "low": fit.low, "high": fit.high, "urdf": values}
     stamps, clock_hz = [log.time for log in asked.values()], (parameters.rate_hz, parameters.smoothing_hz)
     stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
     tables |= {
         "motions": _motion_table(asked, {name: its for name, (_, its) in cuts.items()}, pieces, parameters),
-        "errors": arm_identification.error_table(identified, parts),
+        "errors": model_comparison.error_table(identified, parts),
         "blocks": block_table(identified.torques, parts, parameters.block),
         "norms": block_norms(identified.torques, parts, parameters.block),
         "bodies": drives_and_load.body_intervals(robot, parts[TRAIN], judged, parameters),
-        "links": arm_identification.body_table(identified, robot),
-        "traces": arm_identification.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
+        "links": model_comparison.body_table(identified, robot),
+        "traces": model_comparison.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
         "gravity": gravity_check(robot, parts[TRAIN], parameters),
-        "base": pd.DataFrame(
-            {"parameter": base.formulas(robot.tree)} | bounds | {"urdf": base.values(robot.inertias)}
-        ),
+        "base": pd.DataFrame({"parameter": formulas} | bounds),
         "fitness": log_fitness(robot, stamps, parts[TRAIN], clock_hz, fit, FRICTION),
-        "determined": parameter_table(base.formulas(robot.tree), fit),
+        "determined": parameter_table(formulas, fit),
         "excitation": pd.DataFrame({"condition": [fit.condition], "parameters": [len(base.columns)]}),
-        "written": arm_identification.write_identified(
+        "written": model_comparison.write_identified(
             source, folder / "identified.urdf", robot, identified, parameters.judged_friction
         ),
     }
@@ -215,12 +201,10 @@ def moving_logs(logs: Mapping[str, Log], parameters: MotionParameters) -> dict[s
 def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -> MotionParameters:
     """Parameters that name logs which are there, and every pair of logs without and with the load.
 
-    Where the log that is named to learn from is missing, it is the longest motion without a load; the one to
-    test on is the longest of the others. A log with the load belongs to the one of its name without, or to
-    the motion that is learned from. Where the arm never stands still, drives have no log at rest.
-
-    Raises:
-        MissingInputError: there are no two motions without a load.
+    Where the log that is named to learn from is missing, it is the longest motion without a load; the one
+    to test on is the longest of the others. A log with the load belongs to the one of its name without,
+    or to the motion that is learned from. Where the arm never stands still, drives have no log at rest.
+    Raises MissingInputError: there are no two motions without a load.
     """
     moving = moving_logs(logs, parameters)
     empty = [name for name in moving if not CARRIES.search(name)]
@@ -235,9 +219,8 @@ def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -
     test = parameters.test if parameters.test in named else others.pop(0)
     update: dict[str, object] = {"train": train, "test": test}
     if parameters.drives is not None:
-        slow = parameters.rest_rad_s or 0.0
+        slow, rest = parameters.rest_rad_s or 0.0, parameters.drives.rest
         resting = [name for name, log in logs.items() if np.abs(log.velocities).max() <= slow]
-        rest = parameters.drives.rest
         rest = rest if rest in resting else next(iter(resting), None)
         update["drives"] = parameters.drives.model_copy(update={"rest": rest})
     if parameters.load is not None:
@@ -282,36 +265,30 @@ def _motion_table(
     logs: Mapping[str, Any], cuts: Mapping[str, slice], pieces: Pieces, parameters: MotionParameters
 ) -> pd.DataFrame:
     words = {(True, True): "both", (True, False): "learned from", (False, True): "tested on"}
-    rows = []
+    rows, rate_hz = [], parameters.rate_hz
     for name, cut in cuts.items():
-        seconds = {
-            part: sum(map(len, its.get(name, []))) / parameters.rate_hz for part, its in pieces.items()
-        }
+        seconds = {part: sum(map(len, its.get(name, []))) / rate_hz for part, its in pieces.items()}
         learned, tested = seconds.pop(TRAIN), sum(seconds.values())
-        part = words.get((learned > 0, tested > 0), "with the load")
-        start, end = cut.start / parameters.rate_hz, cut.stop / parameters.rate_hz
-        rows.append((name, part, start, end, logs[name].time[-1], learned, tested))
-    columns = ["log", "part", "start_s", "end_s", "length_s", "learned_s", "tested_s"]
-    return pd.DataFrame(rows, columns=columns)
+        row = {"log": name, "part": words.get((learned > 0, tested > 0), "with the load")}
+        row |= {"start_s": cut.start / rate_hz, "end_s": cut.stop / rate_hz}
+        rows.append(row | {"length_s": logs[name].time[-1], "learned_s": learned, "tested_s": tested})
+    return pd.DataFrame(rows)
 
 
 def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) -> pd.DataFrame:
     """Whether measured torques contain the gravity of the URDF's links.
 
     Least squares explain the torque of each joint by gravity, the other torques of the URDF's links, and
-    friction. A share of one is gravity in N m with the expected sign; zero means that the driver compensates
-    gravity, a negative share that its sign is reversed, and any other one suggests another unit.
-
-    Returns:
-        `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`yes`, `no`, `doubtful`; `not
-        tested` where gravity hardly varies), `limit_n_m` (of the URDF).
+    friction. A share of one is gravity in N m with the expected sign; zero means that the driver
+    compensates gravity, a negative share that its sign is reversed, and any other one suggests another
+    unit. Returns `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`yes`, `no`,
+    `doubtful`; `not tested` where gravity hardly varies), `limit_n_m` (of the URDF).
     """
     still = Motion(motion.q, *np.zeros((3, *motion.q.shape)))
     gravity = rigid_body_torques(robot.tree, robot.inertias, still)
     moving = rigid_body_torques(robot.tree, robot.inertias, motion) - gravity
-    parts = np.concatenate(
-        [gravity[..., None], moving[..., None], friction_columns(motion.q, motion.qd, FRICTION)], axis=2
-    )
+    friction = friction_columns(motion.q, motion.qd, FRICTION)
+    parts = np.concatenate([gravity[..., None], moving[..., None], friction], axis=2)
     each = list(zip(parts.swapaxes(0, 1), motion.torque.T, strict=True))
     share = np.array([np.linalg.lstsq(its, torque, rcond=None)[0][0] for its, torque in each])
     varies, least = np.array([its.std() for its in gravity.T]), parameters.gravity_share
@@ -334,15 +311,12 @@ def choose_networks(
 ) -> tuple[dict[Kind, NetworkTraining], pd.DataFrame]:
     """Nodes, rate and epochs of each kind of network: by the end of the motion that they learn the start of.
 
-    Returns:
-        The choice by kind; and `kind`, `hidden`, `rate`, `epochs`, `nmse` (mean over joints and seeds on the
-        end of the motion; NaN where there is nothing to choose), `chosen`.
+    Returns the choice by kind; and `kind`, `hidden`, `rate`, `epochs`, `nmse` (mean over joints and seeds
+    on the end of the motion; NaN where there is nothing to choose), `chosen`.
     """
-    settings = []
+    settings, decay = [], parameters.second_moment_decay
     for hidden, rate in product(parameters.hidden, parameters.rates):
-        adam = AdamParameters(
-            rate=rate, batch=parameters.batch, second_moment_decay=parameters.second_moment_decay
-        )
+        adam = AdamParameters(rate=rate, batch=parameters.batch, second_moment_decay=decay)
         settings.append(LearningParameters(hidden=hidden, networks=adam, structures=adam, threshold=1.0))
     work = sorted(product(NETWORKS, settings), key=lambda item: item[0] != "delan")  # the longest first
     results = [[np.nan]] * len(work)

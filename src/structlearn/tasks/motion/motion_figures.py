@@ -1,28 +1,30 @@
 """Figures of an arm's logs: errors by joint, torques, the load over time, delays of the drives."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.core.metrics import percentiles
-from structlearn.palette import BLACK, CATEGORICAL_COLOURS, GREY, ORANGE
+from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE, PINK, Look
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.tasks.motion.motion_parameters import CARRYING, DELAY, EMPTY, LEARNED
 from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults, chosen
 
+# Models whose torques are drawn beside the measured ones.
 TRACED = (URDF, ("mlp", "none"), (BEST, "viscous"), (BEST, "coulomb"))
-"""Models whose torques are drawn beside the measured ones."""
+TRACED_JOINTS = 4  # joints that are predicted worst, whose torques are drawn
 
-TRACED_JOINTS = 4
-"""Joints that are predicted worst, whose torques are drawn."""
-
+# What the arm does while the load is followed, and the ground behind it.
 STAGES = {
     LEARNED: ("empty:\nlearned from", "#e9ebee"),
     EMPTY: ("empty: another\nmotion", "#ffffff"),
     CARRYING: ("with the load", "#e3eef5"),
 }
-"""What the arm does while the load is followed, and the ground behind it."""
+
+
+PART_LOOKS = {"mlp": Look("MLP", ORANGE), "delan": Look("DeLaN", PINK), "cov": Look("planar arm, Cov", BLUE)}
 
 
 def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawing]]:
@@ -47,9 +49,9 @@ def errors_panel(results: MotionResults) -> Figure:
         if key in results.test.index and (key[0] != BOUNDS or key == results.bounds):
             style: dict[str, Any] = {"marker": "o", "markersize": 4, "color": look.colour, "label": look.name}
             axes.plot(results.joints, results.test.loc[key], "--" if key[0] == BOUNDS else "-", **style)
-    _, draws, _ = results.nmse(results.tested, results.best)
-    colour = LOOKS[results.best].colour
-    axes.vlines(results.joints, *percentiles(draws), color=colour, linewidth=2.5, alpha=0.5)
+    best = [its.evidence() for its in results.joint_nmse(results.tested, results.best).values()]
+    ends, colour = ([its.low for its in best], [its.high for its in best]), LOOKS[results.best].colour
+    axes.vlines(results.joints, *ends, color=colour, linewidth=2.5, alpha=0.5)
     axes.set_xticks(results.joints)
     return legend(figure)
 
@@ -106,3 +108,18 @@ def delay_panel(results: MotionResults) -> Figure:
         axes.plot(results.drive(DELAY, joint).value, 1.0, "o", color=colour, markersize=5)
     axes.set_ylim(0.99, 1.0 + 0.7 * (its["squares"].max() - 1.0))
     return legend(figure, 3)
+
+
+@styled
+def parts_panel(parts: pd.DataFrame, published: Mapping[str, float]) -> Figure:
+    """Errors of all trainings by part, beside those published."""
+    labels = {"ylabel": "squared error", "yscale": "log"}
+    figure, axes = panel("Characters not learned from", 3.5, **labels)
+    places = np.arange(len(published))
+    for shift, (model, look) in zip((-0.2, 0.0, 0.2), PART_LOOKS.items(), strict=True):
+        its = parts[parts["model"] == model]
+        where = its["measure"].map(dict(zip(published, places, strict=True))) + shift
+        axes.plot(where, its["error"], "o", color=look.colour, markersize=3.5, alpha=0.6, label=look.name)
+    axes.hlines(list(published.values()), places - 0.4, places + 0.4, color=BLACK, label="DeLaN, published")
+    axes.set_xticks(places, list(published))
+    return legend(figure)

@@ -12,20 +12,14 @@ from structlearn.readers.source import SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]
 
+# Protocols of parts of the torque: the logs that a set's authors leave out, or as many at random.
 AUTHORS, RANDOM = "authors", "random"
-"""Protocols of parts of the torque: the logs that a set's authors leave out, or as many at random."""
+AT_REST, IN_MOTION, DELAY = "gain at rest", "gain in motion", "delay"  # quantities of drives, in N m/A and s
+FOUND, QUOTED = "found", "quoted"  # gains that a load is weighed with
+ALL_PAIRS = "all pairs"  # of the load from all pairs of logs at once
 
-AT_REST, IN_MOTION, DELAY = "gain at rest", "gain in motion", "delay"
-"""Quantities of drives, in N m/A and s."""
-
-FOUND, QUOTED = "found", "quoted"
-"""Gains that a load is weighed with."""
-
-ALL_PAIRS = "all pairs"
-"""Of the load from all pairs of logs at once."""
-
+# What the arm does while the load is followed, in their order.
 LEARNED, EMPTY, CARRYING = "empty, learned from", "empty, another motion", "with the load"
-"""What the arm does while the load is followed, in their order."""
 
 
 class NetworkChoiceParameters(Parameters):

@@ -1,7 +1,7 @@
 """What the logs of an arm tell: errors by joint and model, drives and a load, each with its interval."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,11 +23,9 @@ from structlearn.tasks.motion.motion_parameters import (
     MotionParameters,
 )
 
+# The URDF as it came; the kinds that become a URDF, and that need not be physically consistent.
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
-"""The URDF as it came; the kinds that become a URDF, and that need not be physically consistent."""
-
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
-
 MODELS = {"urdf": NAMES[DEFAULT]} | NAMES | {BOUNDS: "least squares"}
 FRICTIONS = {
     "none": "",
@@ -36,54 +34,49 @@ FRICTIONS = {
     "offset": "viscous, Coulomb, offset",
     "stiffness": "viscous, Coulomb, offset, stiffness",
 }
-LOOKS = {
+LOOKS = {  # models with their friction as figures show them; keys are those of the protocol's tables
     URDF: Look(MODELS["urdf"], GREY),
     ("mlp", "none"): Look("MLP", ORANGE),
     ("mlp_scaled", "none"): Look("MLP, scaled", OCHRE),
     ("delan", "viscous"): Look("DeLaN", PINK),
     (BEST, "viscous"): Look("Cov, viscous", LIGHT_BLUE),
-    (BEST, "coulomb"): Look("Cov, Coulomb", BLUE),
-    (BEST, "offset"): Look("Cov, Coulomb, offset", GREEN),
-    (BEST, "stiffness"): Look("Cov, Coulomb, offset, stiffness", OCHRE),
-    (BOUNDS, "coulomb"): Look("least squares, Coulomb", BLACK),
-    (BOUNDS, "offset"): Look("least squares, Coulomb, offset", BLACK),
-    (BOUNDS, "stiffness"): Look("least squares, Coulomb, offset, stiffness", BLACK),
+} | {
+    (kind, friction): Look(f"{words}, {FRICTIONS[friction].removeprefix('viscous, ')}", colour or its)
+    for kind, words, colour in ((BEST, "Cov", ""), (BOUNDS, "least squares", BLACK))
+    for friction, its in (("coulomb", BLUE), ("offset", GREEN), ("stiffness", OCHRE))
 }
-"""Models with their friction as figures show them; keys are those of the protocol's tables."""
-
-FEWEST_BLOCKS = 3
-"""An interval over fewer blocks is not reliable."""
-
-NO_LOAD = "no motion is recorded with and without a load"
+FEWEST_BLOCKS = 3  # an interval over fewer blocks is not reliable
 HEADLINES = ("nmse", "nmse_urdf", "limit_percent", "relative_percent", "norm_n_m", "load_kg", "load_carried")
-UNITS = {"delays": "ms", "assumed_gains": "%", "load_kg": "kg", "norm_n_m": "N m"} | dict.fromkeys(
-    ("load", "load_alone", "load_quoted", "load_carried", "limit_percent", "relative_percent"), "%"
-)
-"""Of findings by name; others have none."""
+PERCENTS = ("load", "load_alone", "load_quoted", "load_carried", "limit_percent", "relative_percent")
+UNITS = dict.fromkeys(("assumed_gains", *PERCENTS), "%") | {
+    "delays": "ms",
+    "load_kg": "kg",
+    "norm_n_m": "N m",
+}
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """A number with (D,) draws of the bootstrap, and the number of blocks that were drawn from."""
+class Drawn(NamedTuple):
+    """A number and its draws of the bootstrap (1 + D,), and the number of blocks that were drawn from."""
 
-    value: float
-    draws: np.ndarray
+    samples: np.ndarray
     n: int
+
+    @property
+    def value(self) -> float:
+        """The number itself."""
+        return float(self.samples[0])
 
     def evidence(self, comparisons: int = 1) -> Evidence:
         """The number with its interval."""
-        low, high = percentiles(self.draws, confidence(comparisons))
-        return Evidence(float(self.value), float(low), float(high), self.n)
+        low, high = percentiles(self.samples[1:], confidence(comparisons))
+        return Evidence(self.value, float(low), float(high), self.n)
 
-    def scaled(self, factor: float, shift: float = 0.0) -> "Drawn":
-        """The same in another unit."""
-        return Drawn(factor * self.value + shift, factor * self.draws + shift, self.n)
 
-    def __sub__(self, other: "Drawn") -> "Drawn":
-        return Drawn(self.value - other.value, self.draws - other.draws, self.n)
-
-    def __truediv__(self, other: "Drawn") -> "Drawn":
-        return Drawn(self.value / other.value, self.draws / other.draws, self.n)
+def drawn(
+    value: float, draws: pd.Series | np.ndarray, n: int, scale: float = 1.0, shift: float = 0.0
+) -> Drawn:
+    """A number with its draws (D,), in another unit."""
+    return Drawn(scale * np.append(value, draws) + shift, n)
 
 
 def chosen(table: pd.DataFrame, **keys: object) -> pd.DataFrame:
@@ -97,50 +90,42 @@ def model_words(key: tuple[str, str]) -> str:
 
 
 class MotionResults(dict[str, pd.DataFrame]):
-    """Tables of `joint_motion.learn_motion` by name.
-
-    Attributes:
-        parameters: that they were made with.
-        best, bounds: the model that verdicts are about, and least squares with the same friction.
-        parts, tested: `train`, the part that verdicts are about, and further ones; the second of them.
-        names, joints: of the joints, and their numbers from 1.
-        train_log: the first log that was learned from.
-        carried_logs: logs with the load.
-        errors, test: by part, NMSE by model, friction and joint, mean over seeds; that of the tested part.
-    """
+    """Tables of `joint_motion.learn_motion` by name."""
 
     def __init__(self, tables: Mapping[str, pd.DataFrame], parameters: MotionParameters) -> None:
         super().__init__(tables)
         self.parameters, friction = parameters, parameters.judged_friction
+        # the model that verdicts are about, and least squares with the same friction
         self.best, self.bounds = (BEST, friction), (BOUNDS, friction)
+        # `train`, the part that verdicts are about, and further ones
         self.parts: list[str] = self["blocks"]["part"].unique().tolist()
         self.tested = self.parts[1]
         self.names, self.joints = (self["gravity"][column].tolist() for column in ("name", "joint"))
-        self.train_log = str(self["motions"].query("learned_s > 0")["log"].iloc[0])
+        self.train_log = str(self["motions"].query("learned_s > 0")["log"].iloc[0])  # the first of them
         self.carried_logs: list[str] = self["carried"]["log"].unique().tolist() if "carried" in self else []
+        # by part, NMSE by model, friction and joint, mean over seeds
         keys, models, frictions = ["part", "model", "friction"], list(MODELS), list(FRICTIONS)
         wide = self["errors"].pivot_table(index=keys, columns="joint", values="nmse", sort=False)
         order = sorted(wide.index, key=lambda key: (frictions.index(key[2]), models.index(key[1])))
-        self.errors = {
-            part: wide.loc[[key for key in order if key[0] == part]].loc[part] for part in self.parts
-        }
+        wide = wide.loc[order]
+        self.errors = {part: wide.loc[part] for part in self.parts}
         self.test = self.errors[self.tested]
 
-    def nmse(self, part: str, model: tuple[str, str]) -> tuple[np.ndarray, np.ndarray, int]:
-        """NMSE (n,) of a model on a part, the same of drawn blocks (D, n), and the number of blocks."""
+    def nmse(self, part: str, model: tuple[str, str]) -> tuple[np.ndarray, int]:
+        """NMSE (1 + D, n) of a model by joint on a part and on drawn blocks, and the number of blocks."""
         blocks = chosen(self["blocks"], part=part)
-        return drawn_nmse(blocks, model, self.parameters.draws, self.parameters.seed)
+        value, draws, count = drawn_nmse(blocks, model, self.parameters.draws, self.parameters.seed)
+        return np.vstack([value, draws]), count
 
     def mean_nmse(self, model: tuple[str, str]) -> Drawn:
         """Mean over the joints on the part that is tested on."""
-        value, draws, count = self.nmse(self.tested, model)
-        return Drawn(value.mean(), draws.mean(axis=1), count)
+        values, count = self.nmse(self.tested, model)
+        return Drawn(values.mean(axis=1), count)
 
     def joint_nmse(self, part: str, model: tuple[str, str]) -> dict[str, Drawn]:
         """NMSE of a model by joint (`joint 1`, ...)."""
-        values, draws, count = self.nmse(part, model)
-        each = zip(self.joints, values, draws.T, strict=True)
-        return {f"joint {joint}": Drawn(value, its, count) for joint, value, its in each}
+        values, count = self.nmse(part, model)
+        return {f"joint {joint}": Drawn(its, count) for joint, its in zip(self.joints, values.T, strict=True)}
 
     def whole_errors(self, model: tuple[str, str]) -> dict[str, Drawn]:
         """Errors of all joints together on the part that is tested on.
@@ -157,23 +142,23 @@ class MotionResults(dict[str, pd.DataFrame]):
         samples, squared, errors = np.moveaxis(np.tensordot(counts, sums, 1), -1, 0)
         limits = 2.0 * self["gravity"]["limit_n_m"].replace(0.0, np.nan).to_numpy()  # 0: the URDF has none
         lengths = counts @ norms
-        drawn = {
+        found = {
             "limit_percent": 100.0 * (np.sqrt(errors / samples) / limits).mean(axis=1),
             "relative_percent": 100.0 * np.sqrt(errors.sum(axis=1) / squared.sum(axis=1)),
             "norm_n_m": lengths[:, 1] / lengths[:, 0],
         }
-        return {name: Drawn(values[0], values[1:], len(sums)) for name, values in drawn.items()}
+        return {name: Drawn(values, len(sums)) for name, values in found.items()}
 
-    def load_kg(self, pair: str, gains: str) -> Drawn:
-        """Mass of the load in kg."""
+    def load_kg(self, pair: str, gains: str, scale: float = 1.0, shift: float = 0.0) -> Drawn:
+        """Mass of the load in kg, or in another unit."""
         whole = chosen(self["loads"], pair=pair, gains=gains).iloc[0]
-        draws = chosen(self["load_draws"], pair=pair, gains=gains)["mass_kg"].to_numpy()
-        return Drawn(whole["mass_kg"], draws, whole["blocks"])
+        draws = chosen(self["load_draws"], pair=pair, gains=gains)["mass_kg"]
+        return drawn(whole["mass_kg"], draws, whole["blocks"], scale, shift)
 
     def load_error(self, pair: str, gains: str) -> Drawn:
         """Error of the load's mass in percent."""
         assert self.parameters.load is not None
-        return self.load_kg(pair, gains).scaled(100.0 / self.parameters.load.known_kg, -100.0)
+        return self.load_kg(pair, gains, 100.0 / self.parameters.load.known_kg, -100.0)
 
     def carried(self, log: str) -> tuple[pd.Series, Drawn]:
         """Masses in kg found while the load was carried, after the wait, and their mean absolute error in %.
@@ -188,17 +173,18 @@ class MotionResults(dict[str, pd.DataFrame]):
         length = round(load.memory_s * own.rate_hz / load.batch)
         count = block_count(len(error), length)
         if count < FEWEST_BLOCKS:
-            return masses, Drawn(error.mean() if len(error) else np.nan, np.array([np.nan]), count)
+            return masses, Drawn(np.array([error.mean() if len(error) else np.nan, np.nan]), count)
         sums = block_sums(np.stack([error, np.ones_like(error)], axis=1), length)
-        drawn = drawn_counts(count, own.draws, own.seed) @ sums
-        return masses, Drawn(error.mean(), drawn[:, 0] / drawn[:, 1], count)
+        errors, samples = (drawn_counts(count, own.draws, own.seed) @ sums).T
+        return masses, drawn(error.mean(), errors / samples, count)
 
-    def drive(self, quantity: str, joint: int, log: str = "") -> Drawn:
+    def drive(
+        self, quantity: str, joint: int, log: str = "", scale: float = 1.0, shift: float = 0.0
+    ) -> Drawn:
         """A gain in N m/A, or a delay in ms, of one joint; by default in the log that was learned from."""
         keys = {"quantity": quantity, "joint": joint, "log": log or self.train_log}
-        whole = chosen(self["drives"], **keys).iloc[0]
-        draws = chosen(self["drive_draws"], **keys)["value"].to_numpy()
-        return Drawn(whole["value"], draws, whole["blocks"]).scaled(1e3 if quantity == DELAY else 1.0)
+        whole, draws = chosen(self["drives"], **keys).iloc[0], chosen(self["drive_draws"], **keys)["value"]
+        return drawn(whole["value"], draws, whole["blocks"], 1e3 if quantity == DELAY else scale, shift)
 
     def rest_log(self) -> str | None:
         """The log of the arm at rest that gave the drives' gains."""
@@ -220,9 +206,9 @@ def motion_findings(results: MotionResults) -> Findings:
     return find
 
 
-def _cases(drawn: Mapping[str, Drawn], missing: str = "") -> Found:
+def _cases(found: Mapping[str, Drawn], missing: str = "") -> Found:
     """Intervals that hold together, or why there are none."""
-    return {name: one.evidence(len(drawn)) for name, one in drawn.items()} or unknown(missing)
+    return {name: one.evidence(len(found)) for name, one in found.items()} or unknown(missing)
 
 
 def _models(results: MotionResults) -> dict[str, Found]:
@@ -239,42 +225,36 @@ def _models(results: MotionResults) -> dict[str, Found]:
         for joint, found in results.joint_nmse(log, results.best).items()
         if found.n >= FEWEST_BLOCKS
     }
+    rivals, none = [key for key in levels if key in RIVALS], "no networks were trained"
+    over = {MODELS[key[0]]: Drawn(levels[key].samples - worst.samples, worst.n) for key in rivals}
+    of_seeds = {MODELS[key[0]]: mean(by_seed[key] - worst.value) for key in RIVALS[::2] if key in levels}
+    factors = {
+        MODELS[kind]: Drawn(levels[kind, "viscous"].samples / levels[kind, "coulomb"].samples, worst.n)
+        for kind in STRICT
+        if (kind, "viscous") in levels
+    }
     consistent = [kind for kind in ("tri", "cov") if (kind, "coulomb") in test.index]
     with_coulomb, last = test.loc[[(kind, "coulomb") for kind in consistent]], test.columns[-1]
-    first, count = with_coulomb.drop(columns=last).mean(axis=1), len(consistent)
+    count, above = len(consistent), {}
+    for friction, words in FRICTIONS.items():
+        if (BOUNDS, friction) in test.index:
+            ratios = [test.loc[kind, friction] / test.loc[BOUNDS, friction] for kind in consistent]
+            largest = max(its.max() for its in ratios)
+            above[words] = exact(largest, count * len(better))
     return {
         "nmse": levels[results.best].evidence(),
         "nmse_urdf": levels[URDF].evidence(),
         "mean_nmse": {model_words(key): its.evidence() for key, its in levels.items()},
         "better_joints": counted(int(better.sum()), len(better)),
-        "over_networks": _cases(
-            {MODELS[key[0]]: levels[key] - worst for key in levels if key in RIVALS},
-            "no networks were trained",
-        ),
-        "over_networks_by_seed": {
-            MODELS[key[0]]: mean(by_seed[key] - worst.value) for key in RIVALS[::2] if key in levels
-        }
-        or unknown("no networks were trained"),
-        "coulomb_factor": _cases(
-            {
-                MODELS[kind]: levels[kind, "viscous"] / levels[kind, "coulomb"]
-                for kind in STRICT
-                if (kind, "viscous") in levels
-            }
-        ),
+        "over_networks": _cases(over, none),
+        "over_networks_by_seed": of_seeds or unknown(none),
+        "coulomb_factor": _cases(factors),
         "errors": _cases(own),
         "further_errors": _cases(further, "no further motion is long enough"),
-        "level": _cases({joint: its / bounds[joint] for joint, its in own.items()}),
-        "over_least_squares": {
-            words: exact(
-                max((test.loc[kind, key] / test.loc[BOUNDS, key]).max() for kind in consistent),
-                count * len(better),
-            )
-            for key, words in FRICTIONS.items()
-            if (BOUNDS, key) in test.index
-        },
+        "level": _cases({key: Drawn(its.samples / bounds[key].samples, its.n) for key, its in own.items()}),
+        "over_least_squares": above,
         "coulomb_errors": {
-            f"joints 1 to {last - 1}": exact(first.max(), count),
+            f"joints 1 to {last - 1}": exact(with_coulomb.drop(columns=last).mean(axis=1).max(), count),
             f"joint {last}": exact(with_coulomb[last].max(), count),
         },
     }
@@ -285,7 +265,7 @@ def _drives(results: MotionResults) -> dict[str, Found]:
         return dict.fromkeys(("delays", "assumed_gains"), unknown("the log holds torques, no currents"))
     gains = results["gains"].query("assumed").set_index("joint")["found"]
     assumed = {
-        f"joint {joint}": results.drive(IN_MOTION, joint).scaled(100.0 / found, -100.0)
+        f"joint {joint}": results.drive(IN_MOTION, joint, scale=100.0 / found, shift=-100.0)
         for joint, found in gains.items()
     }
     return {
@@ -295,9 +275,8 @@ def _drives(results: MotionResults) -> dict[str, Found]:
 
 
 def _load(results: MotionResults) -> dict[str, Found]:
-    found: dict[str, Found] = dict.fromkeys(
-        ("load_kg", "load", "load_alone", "load_quoted"), unknown(NO_LOAD)
-    )
+    missing = unknown("no motion is recorded with and without a load")
+    found: dict[str, Found] = dict.fromkeys(("load_kg", "load", "load_alone", "load_quoted"), missing)
     carried = {log: results.carried(log)[1] for log in results.carried_logs}
     if carried:
         found["load_kg"] = results.load_kg(ALL_PAIRS, FOUND).evidence()

@@ -6,17 +6,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from structlearn.core.artefacts import read_table
+from structlearn.reporting.claims import Evidence
 from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
-from structlearn.tasks.motion.motion_figures import motion_figures
+from structlearn.tasks.motion import motion_parameters as names
+from structlearn.tasks.motion.motion_figures import PART_LOOKS, motion_figures, parts_panel
 from structlearn.tasks.motion.motion_parameters import (
-    AT_REST,
-    DELAY,
-    EMPTY,
-    IN_MOTION,
+    AUTHORS,
+    RANDOM,
     MotionParameters,
+    PartsParameters,
     read_logs,
 )
 from structlearn.tasks.motion.motion_results import (
@@ -31,38 +31,30 @@ from structlearn.tasks.motion.motion_results import (
     model_words,
     motion_findings,
 )
-from structlearn.tasks.motion.torque_parts_section import parts_section
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
-LINKS = {
-    "mass_kg": ".2f",
-    "centre_x_m": ".3f",
-    "centre_y_m": ".3f",
-    "centre_z_m": ".3f",
-    "viscous": ".2f",
-    "coulomb": ".2f",
-}
-"""Parameters of a link that a page shows, and how they are written."""
-
-WHOLE = {
+CENTRE = [f"centre_{axis}_m" for axis in "xyz"]
+# Parameters of a link that a page shows, and how they are written.
+LINKS = {"mass_kg": ".2f"} | dict.fromkeys(CENTRE, ".3f") | {"viscous": ".2f", "coulomb": ".2f"}
+WHOLE = {  # errors of all joints together: heading, and how they are written
     "limit_percent": ("NRMS (% of the limits)", ".3f"),
     "relative_percent": ("relative (%)", ".2f"),
     "norm_n_m": ("norm (N m)", ".2f"),
 }
-"""Errors of all joints together: heading, and how they are written."""
+PROTOCOLS = {AUTHORS: "their protocol", RANDOM: "random choices"}
 
 
 def section(files: TaskFiles) -> Section:
-    """Of a task with logs of joints."""
+    """The dynamics of an arm: identified, checked against its URDF, by parts of the torque, or why not."""
     reason = files.folder / "motion" / ABSENT
     if reason.exists():
         facts = {"reason": reason.read_text(encoding="utf-8").strip()}
-        return Section("unidentified", "The arm's dynamics", "unidentified.html.jinja", facts=facts)
+        return Section("unidentified", "The arm's dynamics", facts=facts)
     parameters = files.entry(MotionParameters)
     first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
-    tables = {path.stem: read_table(path) for path in (files.folder / "motion").glob("*.parquet")}
+    tables = files.tables("motion")
     if parameters.parts is not None:
         return parts_section(tables, parameters.parts, first.provenance)
     if not parameters.structures:
@@ -81,8 +73,6 @@ def section(files: TaskFiles) -> Section:
     return Section(
         "motion",
         "The arm's dynamics",
-        "motion.html.jinja",
-        lead="motion_lead.html.jinja",
         facts=motion_facts(results) | {"urdf": urdf, "origin": first.provenance},
         find=motion_findings(results),
         tables=motion_tables(results),
@@ -138,7 +128,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         facts["stand_in"] = {joint: stand_in[joint] for joint in gains.index[gains["assumed"]]}
         facts["rest_log"] = results.rest_log()
     if carried:
-        facts["largest_empty_kg"] = chosen(results["carried"], stage=EMPTY)["mass_kg"].abs().max()
+        facts["largest_empty_kg"] = chosen(results["carried"], stage=names.EMPTY)["mass_kg"].abs().max()
     return facts
 
 
@@ -157,16 +147,15 @@ def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
 
 def motion_tables(results: MotionResults) -> dict[str, Table]:
     """Tables keyed by name."""
-    wide = results.test
+    wide, best, tested = results.test, results.best, results.tested
     joints = {"joint": results.joints, "name": results.names} | {
-        model_words(key): [_text(its, ".2g") for its in results.joint_nmse(results.tested, key).values()]
-        for key in (URDF, results.bounds, results.best)
+        model_words(key): [_text(its, ".2g") for its in results.joint_nmse(tested, key).values()]
+        for key in (URDF, results.bounds, best)
     }
     errors = wide.add_prefix("joint_").assign(mean=wide.mean(axis=1)).reset_index(drop=True)
     errors.insert(0, "model", [model_words(key) for key in wide.index])
     plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS).tolist())
-    whole = []
-    frictions = dict.fromkeys(("coulomb", "offset", results.best[1]))
+    whole, frictions = [], dict.fromkeys(("coulomb", "offset", best[1]))
     for key in (URDF, *((kind, friction) for friction in frictions for kind in (BOUNDS, BEST))):
         found = results.whole_errors(key)
         texts = {heading: _text(found[name], number) for name, (heading, number) in WHOLE.items()}
@@ -184,15 +173,14 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
         "motion_determined": shown(results["determined"]),
         "motion_bodies": _bodies(results),
     }
-    if further := results.parts[2:]:
-        rows = [
-            {"log": log, "model": model_words(key)}
-            | results.errors[log].loc[key].add_prefix("joint_").to_dict()
-            for log in further
-            for key in (URDF, *RIVALS, results.best, results.bounds)
-            if key in results.errors[log].index
-        ]
-        tables["motion_further"] = shown(pd.DataFrame(rows))
+    further = [
+        {"log": log, "model": model_words(key)} | results.errors[log].loc[key].add_prefix("joint_").to_dict()
+        for log in results.parts[2:]
+        for key in (URDF, *RIVALS, best, results.bounds)
+        if key in results.errors[log].index
+    ]
+    if further:
+        tables["motion_further"] = shown(pd.DataFrame(further))
     if "choice" in results:
         tables["motion_choice"] = shown(results["choice"])
     if "gains" in results:
@@ -217,16 +205,13 @@ def _gravity(gravity: pd.DataFrame) -> Table:
 
 def _bodies(results: MotionResults) -> Table:
     """Links as written, a column per parameter, with half a 95 % interval where fits were drawn."""
-    bodies = results["bodies"]
-    its = bodies[bodies["parameter"].isin(list(LINKS))]
-    text = []
+    its, text = results["bodies"], []
+    its = its[its["parameter"].isin(list(LINKS))]
     for row in its.itertuples():
         form = LINKS[row.parameter]
         width = f" ± {row.half_width:{form}}" if np.isfinite(row.half_width) else ""
         text.append(f"{rounded(row.value, form)}{width}")
-    wide = its.assign(text=text).pivot_table(
-        index="link", columns="parameter", values="text", aggfunc="first", sort=False
-    )
+    wide = its.assign(text=text).pivot_table("text", "link", "parameter", "first", sort=False)
     urdf = its[its["parameter"] == "mass_kg"].set_index("link")["urdf"]
     frame = wide.assign(urdf_mass_kg=[rounded(urdf[link], ".2f") for link in wide.index]).reset_index()
     table = shown(frame)
@@ -240,12 +225,12 @@ def _drives(results: MotionResults) -> Table:
     for row in results["gains"].itertuples():
         its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
         if rest is not None:
-            at_rest = results.drive(AT_REST, row.joint, rest)
+            at_rest = results.drive(names.AT_REST, row.joint, rest)
             its["at rest"] = "assumed" if row.assumed else _text(at_rest, ".3f")
         its["used"] = rounded(row.found, ".3f")
         for log, words in ((results.train_log, "learned from"), (results.tested, "tested on")):
-            its[f"in motion, {words}"] = _text(results.drive(IN_MOTION, row.joint, log), ".3f")
-            its[f"delay (ms), {words}"] = _text(results.drive(DELAY, row.joint, log), ".1f")
+            its[f"in motion, {words}"] = _text(results.drive(names.IN_MOTION, row.joint, log), ".3f")
+            its[f"delay (ms), {words}"] = _text(results.drive(names.DELAY, row.joint, log), ".1f")
         rows.append(its)
     return Table(pd.DataFrame(rows))
 
@@ -257,7 +242,7 @@ def _loads(results: MotionResults) -> Table:
             "gains": row.gains,
             "mass (kg)": _text(results.load_kg(row.pair, row.gains), ".3f"),
             "error (%)": _text(results.load_error(row.pair, row.gains), ".1f"),
-            "centre (m)": ", ".join(rounded(getattr(row, f"centre_{axis}_m"), ".3f") for axis in "xyz"),
+            "centre (m)": ", ".join(rounded(getattr(row, name), ".3f") for name in CENTRE),
         }
         for row in results["loads"].itertuples()
     ]
@@ -274,3 +259,44 @@ def _followed(results: MotionResults) -> Table:
         its = error.evidence()
         rows.append(row | {"error (%)": f"{rounded(its.value, '.1f')} {interval(its.low, its.high)}"})
     return shown(pd.DataFrame(rows), settled_s=".0f", least_kg=".2f", most_kg=".2f")
+
+
+def parts_section(
+    tables: Mapping[str, pd.DataFrame], parameters: PartsParameters, origin: Mapping[str, str]
+) -> Section:
+    """Of a task whose logs have the parts of their torques: findings are errors over those published."""
+    find, published = Findings("trainings"), parameters.published
+    rows: dict[str, dict[str, Any]] = {
+        name: {"part": name, "published": f"{value:.2g}"} for name, value in published.items()
+    }
+    for (model, protocol), its in tables["parts"].groupby(["model", "protocol"], sort=False):
+        errors = {name: one.to_numpy() for name, one in its.groupby("measure")["error"]}
+        ratios = {name: errors[name] / value for name, value in published.items()}
+        name, make = f"{model}_{protocol}", find.exact if len(errors["torque"]) == 1 else find.mean
+        found = make(
+            name, {part: its.item() for part, its in ratios.items()} if make == find.exact else ratios
+        )
+        assert not isinstance(found, Evidence), "there is a row per part"
+        for part, one in found.items():
+            texts = [rounded(published[part] * one.value, ".1e")]
+            if one.low < one.high:
+                texts.append(interval(published[part] * one.low, published[part] * one.high, ".1e"))
+            rows[part][f"{PART_LOOKS[model].name}, {PROTOCOLS[protocol]}"] = " ".join(texts)
+    power = tables["parts"].query("model == 'delan' and protocol == @RANDOM and measure == 'power'")
+    worst = power.loc[power["error"].idxmax()]
+    find.among("random choices").exact("worst_power", worst["error"] / published["power"], len(power))
+    planar = tables["planar"]
+    lengths = planar["length_m"]
+    find.among("fits").counted("possible_links", int(planar["possible"].sum()), len(planar))
+    find.among("fits").exact("length_m", lengths.median(), len(planar), unit="m")
+    find.among("fits").exact("length_spread_m", np.ptp(lengths), len(planar), unit="m")
+    return Section(
+        "parts",
+        "Parts of the torque",
+        "torque_parts.html.jinja",
+        lead="torque_parts_lead.html.jinja",
+        facts={"chosen": parameters, "origin": origin, "worst": worst["left_out"].split()},
+        find=find,
+        tables={"torque_parts": Table(pd.DataFrame(rows.values()))},
+        pictures={"torque_parts": parts_panel(tables["parts"], published)},
+    )

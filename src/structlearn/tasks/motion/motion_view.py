@@ -23,10 +23,7 @@ from structlearn.viewer.arm_meshes import (
 from structlearn.viewer.rrd import layout, legend, notes_view, recording, rgba, send_notes, time_column
 
 ARM, BODY = "arm", "load"
-
-RATE_HZ, RADIUS_M = 25.0, 0.06
-"""Of the motion; of the drawn load."""
-
+RATE_HZ, RADIUS_M = 25.0, 0.06  # of the motion; of the drawn load
 REFERENCE, FOUND, EMPTY = LIGHT_GREY, BLUE, GREY
 
 

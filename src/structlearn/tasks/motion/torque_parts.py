@@ -11,21 +11,21 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import AdamParameters, one_thread, seeded
 from structlearn.readers.joint_log import PartedLog
 from structlearn.rigid_body.base_parameters import link_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, torque_parts
-from structlearn.rigid_body.learner import SHARED, learn_annealed
+from structlearn.rigid_body.dynamics_training import SHARED, learn_annealed
+from structlearn.rigid_body.identification import fit_planar_arm, planar_tree
 from structlearn.rigid_body.motion import Motion, joined
 from structlearn.rigid_body.network_models import NetworkLearner
-from structlearn.rigid_body.planar_arm import fit_planar_arm, planar_tree
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
+from structlearn.tasks.task_files import write_tables
 
+# A protocol, its seed or the number of its random choice, and the logs left out.
 Choice = tuple[str, int, tuple[str, ...]]
-"""A protocol, its seed or the number of its random choice, and the logs left out."""
 
 
 def learn_parts(
@@ -33,23 +33,17 @@ def learn_parts(
 ) -> dict[str, pd.DataFrame]:
     """Learn all models, and write tables into a folder.
 
-    Returns:
-        `parts`: `model`, `protocol`, `draw` (a seed, or a random choice), `left_out`, `measure`, `error`,
-        mean over samples of the sum of squares over joints in (N m)^2, of the power in W^2. `planar`:
-        `protocol`, `draw`, `length_m` between the first two joints, `possible` (all links physically
-        consistent).
-
-    Raises:
-        InputError: a log that is named is missing, or there are too few.
+    Returns `parts`: `model`, `protocol`, `draw` (a seed, or a random choice), `left_out`, `measure`,
+    `error`, mean over samples of the sum of squares over joints in (N m)^2, of the power in W^2.
+    `planar`: `protocol`, `draw`, `length_m` between the first two joints, `possible` (all links
+    physically consistent). Raises InputError: a log that is named is missing, or there are too few.
     """
     if len(logs) <= len(parameters.left_out) or set(parameters.left_out) - set(logs):
-        raise InputError(
-            f"{', '.join(logs)}: logs to leave out are {', '.join(parameters.left_out)}, and others"
-        )
-    motions = {
-        name: Motion(log.positions, log.velocities, log.accelerations, log.torques)
-        for name, log in logs.items()
-    }
+        left_out = ", ".join(parameters.left_out)
+        raise InputError(f"{', '.join(logs)}: logs to leave out are {left_out}, and others")
+    motions = {}
+    for name, log in logs.items():
+        motions[name] = Motion(log.positions, log.velocities, log.accelerations, log.torques)
     choices = held_out(list(logs), parameters)
     taught = [joined([motions[name] for name in logs if name not in its]) for _, _, its in choices]
     rows: list[tuple[str, str, int, str, str, float]] = []
@@ -73,8 +67,7 @@ def learn_parts(
         "planar": pd.DataFrame(arms, columns=["protocol", "draw", "length_m", "possible"]),
     }
     folder.mkdir()
-    for name, table in tables.items():
-        write_table(table, folder / f"{name}.parquet")
+    write_tables(tables, folder)
     return tables
 
 
@@ -88,10 +81,7 @@ def held_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
 
 
 def learned_networks(
-    kind: Literal["mlp", "delan"],
-    tree: KinematicTree,
-    motions: Sequence[Motion],
-    parameters: PartsParameters,
+    kind: Literal["mlp", "delan"], tree: KinematicTree, motions: Sequence[Motion], parameters: PartsParameters
 ) -> list[DynamicsModels]:
     """A network per motion, the seed of each its place."""
     longest = max(map(len, motions))
@@ -102,17 +92,11 @@ def learned_networks(
     with one_thread():
         models = NetworkLearner(kind, filled, (), np.ones((1, motions[0].joints)), adam, hidden, generators)
         learn_annealed(models, parameters.epochs)
-    state = models.state()
-    return [
-        DynamicsModels(
-            kind,
-            tree.names,
-            (),
-            hidden,
-            {name: values if name in SHARED else values[place : place + 1] for name, values in state.items()},
-        )
-        for place in range(len(motions))
-    ]
+    found = []
+    for at in (slice(place, place + 1) for place in range(len(motions))):
+        state = {name: its if name in SHARED else its[at] for name, its in models.state().items()}
+        found.append(DynamicsModels(kind, tree.names, (), hidden, state))
+    return found
 
 
 def errors(

@@ -8,46 +8,41 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.core.artefacts import Metrics, publish, read_table, write_table
+from structlearn.core.artefacts import Metrics, publish, read_table
 from structlearn.core.errors import InputError
 from structlearn.tasks.project import entry_files
-from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.task_files import TaskFiles, write_tables
 
-NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")
-"""Kinds of runs."""
-
+NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")  # of runs
 YES, DOUBTFUL, NO, NOT_TESTED = "yes", "doubtful", "no", "not tested"
-
-THIN = 0.1
-"""A smaller margin is doubtful: what a controller that follows adds to its reference may use it up."""
-
-SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}
-"""Quantities that a longer duration lessens, and with which power."""
-
-
-NOTHING_TRIED = pd.DataFrame(
-    {"change": [], "failing_runs": [], "still_failing": [], "least_margin_share": []}
-)
-"""Columns of `SkillCheck.tried`."""
+THIN = 0.1  # a smaller margin is doubtful: what a controller adds to its reference may use it up
+SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}  # by which power of the duration each falls
+TRIED = ["change", "failing_runs", "still_failing", "least_margin_share"]
+NOTHING_TRIED = pd.DataFrame({name: [] for name in TRIED})
 
 
 @dataclass(frozen=True)
 class SkillCheck:
-    """Results."""
+    """Margins of all runs, and what was tried to mend those that fail."""
 
     # a row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`, `bound`,
     # `unit`, `margin`, `time_s`, `verdict`; what was not tested has no numbers
     margins: pd.DataFrame
     rest: dict[str, float]  # rest configuration by joint, rad or m
     notes: tuple[str, ...]  # what was not tested, and why
-    # what was tried to mend the runs that fail: the change in words, how many runs failed and still do, and
-    # their least margin; the last row is the advice if it mends all
+    # the change in words, how many runs failed and still do, and their least margin; the last row is the
+    # advice if it mends all
     tried: pd.DataFrame
 
     @property
     def verdict(self) -> str:
-        """That of all runs."""
+        """Verdict over all runs."""
         return overall(self.margins["verdict"])
+
+    @property
+    def failing(self) -> pd.DataFrame:
+        """Margins below zero."""
+        return self.margins[self.margins["verdict"] == NO]
 
     @property
     def stretch(self) -> float:
@@ -62,11 +57,6 @@ class SkillCheck:
         return max(1.0, *(share[quantity] ** (1.0 / power) for quantity, power in SLOWED.items()))
 
     @property
-    def failing(self) -> pd.DataFrame:
-        """Rows of what a run does not keep."""
-        return self.margins[self.margins["verdict"] == NO]
-
-    @property
     def advice(self) -> str:
         """What mends all runs that fail, as tried; empty if nothing does."""
         mends = self.tried["change"][self.tried["still_failing"] == 0]
@@ -74,7 +64,7 @@ class SkillCheck:
 
     @property
     def faults(self) -> list[str]:
-        """In words the worst of each quantity that a run does not keep: which joint, by how much and when."""
+        """The worst of each quantity that fails, in words: which joint, by how much and when."""
         failing = replace(self, margins=self.failing).worst("quantity") if len(self.failing) else self.failing
         return [
             f"{row.quantity} of {row.where} is {row.value:.3g} {row.unit} at {row.time_s:.2f} s "
@@ -107,27 +97,26 @@ def verdict(margin: float) -> str:
 def overall(verdicts: pd.Series) -> str:
     """The worst of several: a no, else a doubt; what is not tested is a doubt."""
     found = set(verdicts)
-    if NO in found:
-        return NO
-    return DOUBTFUL if found & {DOUBTFUL, NOT_TESTED} else YES
+    return NO if NO in found else DOUBTFUL if found & {DOUBTFUL, NOT_TESTED} else YES
 
 
 def write_check(check: SkillCheck, folder: str | Path) -> None:
-    """Publish what was found as a folder of Parquet tables, one per attribute."""
-    rest = pd.DataFrame({"joint": list(check.rest), "rest": list(check.rest.values())})
+    """Publish a check as a folder of Parquet tables, one per attribute."""
+    tables = {
+        "margins": check.margins,
+        "rest": pd.DataFrame({"joint": list(check.rest), "rest": list(check.rest.values())}),
+        "tried": check.tried,
+        "notes": pd.DataFrame({"note": pd.Series(check.notes, dtype=str)}),
+    }
     with publish(folder) as path:
         path.mkdir()
-        write_table(check.margins, path / "margins.parquet")
-        write_table(rest, path / "rest.parquet")
-        write_table(check.tried, path / "tried.parquet")
-        write_table(pd.DataFrame({"note": pd.Series(check.notes, dtype=str)}), path / "notes.parquet")
+        write_tables(tables, path)
 
 
 def read_check(folder: str | Path) -> SkillCheck:
-    """Read what was found. Raises InputError: a file is missing or damaged."""
-    margins, rest, notes, tried = (
-        read_table(Path(folder) / f"{name}.parquet") for name in ("margins", "rest", "notes", "tried")
-    )
+    """Read a check. Raises InputError: a file is missing or damaged."""
+    names = ("margins", "rest", "notes", "tried")
+    margins, rest, notes, tried = (read_table(Path(folder) / f"{name}.parquet") for name in names)
     named = dict(zip(rest["joint"], rest["rest"], strict=True))
     return SkillCheck(margins, named, tuple(notes["note"]), tried)
 
@@ -137,24 +126,22 @@ def lines(check: SkillCheck) -> list[str]:
     worst = check.worst("quantity").assign(margin_percent=lambda table: 100.0 * table["margin"])
     columns = ["quantity", "verdict", "margin_percent", "value", "bound", "unit", "where", "run", "time_s"]
     table = worst[columns].to_string(index=False, float_format="{:.3g}".format, na_rep="-")
-    figures = check.metrics()
-    verdict = (
-        f"{check.verdict}: {figures['check_failing_runs']} of {figures['check_runs']} runs fail; "
-        f"the nominal one: {figures['check_nominal']}"
-    )
     tried = [
         f"tried: {row.change}: {row.still_failing} of {row.failing_runs} runs still fail"
         for row in check.tried.itertuples()
     ]
-    advice = [f"advice: {check.advice}"] if check.advice else []
+    advice, figures = [f"advice: {check.advice}"] if check.advice else [], check.metrics()
+    verdict = (
+        f"{check.verdict}: {figures['check_failing_runs']} of {figures['check_runs']} runs fail; "
+        f"the nominal one: {figures['check_nominal']}"
+    )
     return [table, *check.notes, *check.faults, *tried, *advice, verdict]
 
 
 def main(files: TaskFiles) -> bool:
-    """Print it; whether nothing fails.
+    """Print the check of a task; whether nothing fails.
 
-    Raises:
-        InputError: the task has no robot, or was not checked.
+    Raises InputError: the task has no robot, or was not checked.
     """
     if files.kind != "movement" or not files.has("robot"):
         raise InputError(f"{entry_files()[-1]}: {files.kind}.{files.name} has no robot to be checked on")

@@ -20,6 +20,8 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
+WORST = ["quantity", "kind", "run", "where", "value", "bound", "unit", "time_s", "margin_share", "verdict"]
+
 
 def check_section(files: TaskFiles) -> Section | None:
     """Of a task with a robot."""
@@ -27,11 +29,17 @@ def check_section(files: TaskFiles) -> Section | None:
     if robot is None or not files.skill.exists():
         return None
     check = read_check(files.folder / "check")
+    kinds = [kind for kind in KINDS if kind in set(check.margins["kind"])]
+    by_quantity = check.margins.pivot_table(
+        "margin", "quantity", "kind", "min", sort=False, observed=True, dropna=False
+    )[kinds].reset_index()
+    by_quantity.insert(1, "verdict", verdicts(check, "quantity", by_quantity["quantity"]))
+    worst = check.worst("quantity", "kind").rename(columns={"margin": "margin_share"})
+    by_run = check.worst("run").rename(columns={"margin": "margin_share"})
+    by_run = by_run.assign(verdict=verdicts(check, "run", by_run["run"]))
     return Section(
         "check",
         "On the robot",
-        "check.html.jinja",
-        lead="check_lead.html.jinja",
         facts=check.metrics()
         | {
             "robot": robot,
@@ -41,74 +49,36 @@ def check_section(files: TaskFiles) -> Section | None:
             "faults": check.faults,
             "advice": check.advice,
             "tried": len(check.tried),
-            "kinds": [kind for kind in KINDS if kind in set(check.margins["kind"])],
+            "kinds": kinds,
             "searched": robot.rest_configuration is None,
         },
         find=Findings.of_metrics(check.metrics(), ("check_failing_runs", "check_least_margin")),
         tables={
-            "check": by_quantity(check),
-            "check_worst": worst(check),
-            "check_runs": by_run(check),
+            "check": Table(by_quantity, dict.fromkeys(kinds, ".0%")),
+            "check_worst": shown(worst[WORST]),
+            "check_runs": shown(by_run[["kind", "run", "quantity", "where", "margin_share", "verdict"]]),
         }
         | ({"check_tried": shown(check.tried)} if len(check.tried) else {}),
-        pictures={"check_margins": margins_figure(check.margins)},
+        pictures={"check_margins": margins_figure(check.margins, kinds)},
     )
 
 
 @styled
-def margins_figure(margins: pd.DataFrame) -> Figure:
+def margins_figure(margins: pd.DataFrame, kinds: list[str]) -> Figure:
     """Every run's margin of every quantity, by kind of run."""
     figure = canvas(2.9, WIDTH)
     panel = figure.subplots()
-    quantities = list(margins["quantity"].unique())
-    places = {name: place for place, name in enumerate(reversed(quantities))}
+    places = {name: place for place, name in enumerate(reversed(list(margins["quantity"].unique())))}
     panel.axvspan(0.0, 100.0 * THIN, color=LIGHT_GREY, linewidth=0.0)
     panel.axvline(0.0, color=GREY)
-    kinds = [kind for kind in KINDS if kind in set(margins["kind"])]
-    for kind, colour, shift in zip(
-        kinds, CATEGORICAL_COLOURS, np.linspace(0.27, -0.27, len(KINDS)), strict=False
-    ):
+    shifts = np.linspace(0.27, -0.27, len(KINDS))
+    for kind, colour, shift in zip(kinds, CATEGORICAL_COLOURS, shifts, strict=False):
         its = margins[margins["kind"] == kind]
         shown = 100.0 * np.clip(its["margin"], -1.0, 1.0)
         panel.scatter(shown, its["quantity"].map(places) + shift, 12, colour, linewidths=0.0, label=kind)
     panel.set(yticks=list(places.values()), yticklabels=list(places), xlabel="margin (%)")
     panel.legend(ncols=len(kinds), loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return figure
-
-
-def by_quantity(check: SkillCheck) -> Table:
-    """The least margin of each quantity by kind of run, and a verdict over all."""
-    least = check.margins.pivot_table(
-        "margin", "quantity", "kind", "min", sort=False, observed=True, dropna=False
-    )
-    kinds = [kind for kind in KINDS if kind in least]
-    frame = least[kinds].reset_index()
-    frame.insert(1, "verdict", verdicts(check, "quantity", frame["quantity"]))
-    return Table(frame, dict.fromkeys(kinds, ".0%"))
-
-
-def worst(check: SkillCheck) -> Table:
-    """Where and when each kind of run is nearest to the bound of each quantity."""
-    columns = [
-        "quantity",
-        "kind",
-        "run",
-        "where",
-        "value",
-        "bound",
-        "unit",
-        "time_s",
-        "margin_share",
-        "verdict",
-    ]
-    return shown(check.worst("quantity", "kind").rename(columns={"margin": "margin_share"})[columns])
-
-
-def by_run(check: SkillCheck) -> Table:
-    """What each run is nearest to."""
-    frame = check.worst("run").rename(columns={"margin": "margin_share"})
-    frame = frame[["kind", "run", "quantity", "where", "margin_share"]]
-    return shown(frame.assign(verdict=verdicts(check, "run", frame["run"])))
 
 
 def verdicts(check: SkillCheck, by: str, keys: pd.Series) -> pd.Series:
@@ -120,7 +90,7 @@ def skill_section(files: TaskFiles) -> Section:
     """Of a task with demonstrations."""
     if not files.skill.exists():
         reason = (files.folder / "skill" / ABSENT).read_text(encoding="utf-8").strip()
-        return Section("skill", "The skill", "skill.html.jinja", facts={"absent": reason})
+        return Section("skill", "The skill", facts={"absent": reason})
     skill, parameters = read_skill(files.skill), files.entry(SkillParameters, "skill")
     workspace = skill.workspace
     if workspace is None:
@@ -136,7 +106,6 @@ def skill_section(files: TaskFiles) -> Section:
     return Section(
         "skill",
         "The skill",
-        "skill.html.jinja",
         facts={
             "absent": "",
             "path": str(files.skill),

@@ -4,19 +4,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from structlearn import palette
 from structlearn.core import signals
 from structlearn.core.metrics import mean_interval
 from structlearn.feedback.coupling import Axis, unit
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.palette import (
-    AXIS_COLOURS,
-    BLACK,
-    CATEGORICAL_COLOURS,
-    DEMONSTRATION_COLOUR,
-    LIGHT_GREY,
-    PHASE_PATHS,
-    Look,
-)
 from structlearn.primitives.fitting import Segment, segment_paths
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive
@@ -31,33 +23,28 @@ from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
 TARGET_SAMPLES = 200
-DRAWN = 6
-"""Settings that are drawn."""
-
-POOR = 1.0
-"""NMSE from which on a model is no better than the mean."""
-
-CHECKED = ("reproduction", "smoothing", "others")
-"""How columns of checks begin."""
-
-AXES, PATHS = ["x", "y", "z"], ("nominal", "coupling", "spread")
+DRAWN = 6  # settings that are drawn
+POOR = 1.0  # NMSE from which on a model is no better than the mean
+CHECKED = ("reproduction", "smoothing", "others")  # how columns of checks begin
+AXES, PATHS = (
+    ["x", "y", "z"],
+    {"nominal": "nominal_path", "coupling": "coupling_path", "spread": "corrected_spread"},
+)
 
 
 def feedback_section(files: TaskFiles) -> Section | None:
     """Feedback from sensors, learned from corrections in several settings."""
-    own = files.entry(MovementEntry)
-    learned, parameters = read_feedback(files.folder / "feedback"), own.feedback
+    learned, parameters = read_feedback(files.folder / "feedback"), files.entry(MovementEntry).feedback
     if learned is None or parameters is None:
         return None
     scores, checks = learned.scores, learned.checks
     nmse = scores[scores["learned"]].groupby(["primitive", "axis"], sort=False)["nmse"].mean()
-    numbers = feedback_metrics(learned)
     measures = [name for name in checks.columns if name.split("_")[0] in CHECKED]
     by_setting = checks.groupby(["primitive", "setting"], sort=False)[measures].max().reset_index()
+    numbers = feedback_metrics(learned)
     return Section(
         "feedback",
         "Feedback from corrections",
-        "feedback.html.jinja",
         facts={
             "parameters": parameters,
             "executions": len(files.runs("executions")),
@@ -85,11 +72,11 @@ def feedback_section(files: TaskFiles) -> Section | None:
 def response_table(scores: pd.DataFrame) -> Table:
     """Scores with displacements in mm and degrees."""
     factors, units = zip(*scores["axis"].map(in_view), strict=True)
-    frame = scores.assign(unit=units)
-    frame[["asked", "got", "off"]] = frame[["asked", "got", "off"]].mul(list(factors), axis=0)
+    frame, measures = scores.assign(unit=units), ["asked", "got", "off"]
+    frame[measures] = frame[measures].mul(list(factors), axis=0)
     headings = {"left_out": "left out", "nmse": "NMSE", "learned": "of what is learned from"}
     headings |= {"off": "rms difference", "unit": ""}
-    return Table(frame, dict.fromkeys(("nmse", "asked", "got", "off"), ".2f"), headings)
+    return Table(frame, dict.fromkeys(("nmse", *measures), ".2f"), headings)
 
 
 @styled
@@ -98,7 +85,7 @@ def targets_panel(title: str, axis: Axis, dataset: CouplingDataset) -> Figure:
     figure, axes = panel(title, 2.9, xlabel="time / duration", ylabel=f"coupling target ({unit(axis)})")
     time = np.linspace(0.0, 1.0, TARGET_SAMPLES)
     settings = list(dict.fromkeys(dataset.setting))[:DRAWN]
-    for colour, setting in zip(CATEGORICAL_COLOURS, settings, strict=False):
+    for colour, setting in zip(palette.CATEGORICAL_COLOURS, settings, strict=False):
         its = dataset.where(dataset.setting == setting)
         runs = [its.target[its.demonstration == one] for one in dict.fromkeys(its.demonstration)]
         curves = np.array([signals.time_normalised(run[:, None], TARGET_SAMPLES)[:, 0] for run in runs])
@@ -119,54 +106,56 @@ def phase_section(files: TaskFiles) -> Section | None:
     ends, distances, profile, targets, scores, paths = (files.table(f"feedback/{name}") for name in names)
     runs = distances.groupby("run").mean(numeric_only=True)  # of each its mean over the splits
     by_split = distances.groupby("split")[[f"{key}_mm" for key in PATHS]].mean()
-    by_axis = scores.groupby("axis")
+    axes = scores.groupby("axis")
     values = {
         "coupling_path_end_share": distances["end_share"].mean(),
         "corrected_reaches_learned_from": int(distances["learned_from"].iloc[0]),
         "corrected_reaches_left_out": int((distances["split"] == 0).sum()),
     }
-    for column, name, mean in (
-        ("nominal_mm", "nominal_path", "nominal_path_mean"),
-        ("coupling_mm", "coupling_path", "coupling_path_mean"),
-        ("spread_mm", "corrected_spread", "corrected_spread"),
-    ):
-        values |= {f"{mean}_mm": by_split[column].mean(), f"{name}_std_mm": by_split[column].std()}
+    for key, name in PATHS.items():
+        mean = f"{name}_mean_mm" if name.endswith("path") else f"{name}_mm"
+        values |= {mean: by_split[f"{key}_mm"].mean(), f"{name}_std_mm": by_split[f"{key}_mm"].std()}
     for name, first, second in (
         ("coupling_gain", "nominal_mm", "coupling_mm"),
         ("coupling_above_spread", "coupling_mm", "spread_mm"),
     ):
         middle, half = mean_interval((runs[first] - runs[second]).to_numpy())
         values |= {f"{name}_mm": middle, f"{name}_half_width_mm": half}
-    values |= {f"coupling_{axis}_nmse": its["nmse"].mean() for axis, its in by_axis}
-    path_distances = pd.DataFrame(
-        {
-            "distance_from": [PHASE_PATHS[key].name for key in PATHS],
-            "mean_mm": by_split.mean(),
-            "std_mm": by_split.std(),
-            "furthest_mm": distances[by_split.columns].max(),
-        }
-    )
+    values |= {f"coupling_{axis}_nmse": its["nmse"].mean() for axis, its in axes}
     find = Findings.of_metrics(values, ("nominal_path_mean_mm", "coupling_path_mean_mm"))
     find = find.among("runs left out, each by its mean over the splits")
     find.difference("coupling_gain", runs["nominal_mm"], runs["coupling_mm"], unit="mm")
     find.difference("coupling_above_mean", runs["coupling_mm"], runs["spread_mm"], unit="mm")
     find.mean("coupling_end", 100 * runs["end_share"], unit="%")
+    path_distances = {
+        "distance_from": [palette.PHASE_PATHS[key].name for key in PATHS],
+        "mean_mm": by_split.mean(),
+        "std_mm": by_split.std(),
+        "furthest_mm": distances[by_split.columns].max(),
+    }
+    by_axis = {  # largest mean target, its root mean square spread, and the network on left-out ones
+        "largest_m": targets.groupby("axis")["mean"].agg(lambda values: values.abs().max()),
+        "spread_m": targets.groupby("axis")["std"].agg(lambda values: np.sqrt((values**2).mean())),
+        "nmse": axes["nmse"].mean(),
+        "nmse_std": axes["nmse"].std(),
+        "target_at_the_end_share": axes["target_end_share"].mean(),
+        "error_at_the_end_share": axes["residual_end_share"].mean(),
+    }
+    in_order = pd.DataFrame(by_axis).loc[AXES].reset_index()
     return Section(
         "corrections",
         "Corrections over phase alone",
-        "corrections.html.jinja",
-        lead="corrections_lead.html.jinja",
         facts=values
         | {
             "incomplete": int((~ends["complete"]).sum()),
             "runs": len(ends),
             "splits": distances["split"].nunique(),
-            "poor_axes": listing(by_axis["nmse"].mean().loc[lambda error: error >= POOR].index, "no axis"),
-            "target_end_percent": 100 * by_axis["target_end_share"].mean().max(),
+            "poor_axes": listing(axes["nmse"].mean().loc[lambda error: error >= POOR].index, "no axis"),
+            "target_end_percent": 100 * axes["target_end_share"].mean().max(),
         },
         tables={
-            "coupling_paths": shown(path_distances),
-            "coupling_axes": shown(_axes(targets, scores), largest_m=".1f", spread_m=".1f"),
+            "coupling_paths": shown(pd.DataFrame(path_distances)),
+            "coupling_axes": shown(in_order, largest_m=".1f", spread_m=".1f"),
         },
         pictures={
             "corrected": corrected_panel(paths, primitive, segments),
@@ -177,22 +166,6 @@ def phase_section(files: TaskFiles) -> Section | None:
     )
 
 
-def _axes(targets: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
-    """Per local axis: largest mean target, its root mean square spread, and the network on left-out ones."""
-    asked, scored = targets.groupby("axis"), scores.groupby("axis")
-    frame = pd.DataFrame(
-        {
-            "largest_m": asked["mean"].agg(lambda values: values.abs().max()),
-            "spread_m": asked["std"].agg(lambda values: np.sqrt((values**2).mean())),
-            "nmse": scored["nmse"].mean(),
-            "nmse_std": scored["nmse"].std(),
-            "target_at_the_end_share": scored["target_end_share"].mean(),
-            "error_at_the_end_share": scored["residual_end_share"].mean(),
-        }
-    )
-    return frame.loc[AXES].reset_index()
-
-
 @styled
 def corrected_panel(paths: pd.DataFrame, primitive: PosePrimitive, segments: list[Segment]) -> Figure:
     """Runs from the side; corrected ones left out, and the primitive without and with coupling."""
@@ -201,8 +174,10 @@ def corrected_panel(paths: pd.DataFrame, primitive: PosePrimitive, segments: lis
         local = in_local_frame(position, primitive.position.frame).position
         path = 1e3 * signals.time_normalised(local, SAMPLES)
         label = None if number else "recorded runs"
-        axes.plot(path[:, 0], path[:, 2], color=LIGHT_GREY, linewidth=0.7, label=label)
-    looks = PHASE_PATHS | {"recorded": Look("corrected runs, left out", DEMONSTRATION_COLOUR)}
+        axes.plot(path[:, 0], path[:, 2], color=palette.LIGHT_GREY, linewidth=0.7, label=label)
+    looks = palette.PHASE_PATHS | {
+        "recorded": palette.Look("corrected runs, left out", palette.DEMONSTRATION_COLOUR)
+    }
     for kind, its in paths.groupby("path", sort=False):
         for number, (_, path) in enumerate(its.groupby("run", sort=False)):
             points = 1e3 * signals.time_normalised(path[["x", "z"]].to_numpy(), SAMPLES)
@@ -217,7 +192,7 @@ def profile_panel(profile: pd.DataFrame) -> Figure:
     figure, axes = panel("From the runs left out", xlabel="time / duration", ylabel="distance (mm)")
     profile = profile.iloc[::5]
     for kind, line in (("nominal", "-"), ("coupling", "-"), ("spread", "--")):
-        look = PHASE_PATHS[kind]
+        look = palette.PHASE_PATHS[kind]
         axes.plot(profile["fraction"], profile[f"{kind}_mm"], line, color=look.colour, label=look.name)
     axes.set_ylim(bottom=0)
     return legend(figure)
@@ -228,9 +203,9 @@ def target_panel(targets: pd.DataFrame, axis: str) -> Figure:
     """Coupling targets of the corrected runs along one local axis over phase, and what was learned."""
     title = f"Coupling along local {axis}{' (up)' if axis == 'z' else ''}"
     figure, axes = panel(title, xlabel="phase p", ylabel="coupling term (m)", xlim=(1.0, 0.0))
-    colour, rows = AXIS_COLOURS[AXES.index(axis)], targets[targets["axis"] == axis].iloc[::5]
+    colour, rows = palette.AXIS_COLOURS[AXES.index(axis)], targets[targets["axis"] == axis].iloc[::5]
     low, high = rows["mean"] - rows["std"], rows["mean"] + rows["std"]
     axes.fill_between(rows["phase"], low, high, color=colour, alpha=0.2, linewidth=0)
     axes.plot(rows["phase"], rows["mean"], color=colour, label="target: mean, std")
-    axes.plot(rows["phase"], rows["learned"], "--", color=BLACK, linewidth=1.1, label="learned")
+    axes.plot(rows["phase"], rows["learned"], "--", color=palette.BLACK, linewidth=1.1, label="learned")
     return legend(figure)

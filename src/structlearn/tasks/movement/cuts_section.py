@@ -1,12 +1,14 @@
 """Recordings of a task and their cuts: rates, gaps, primitives in time, what is left out or doubtful."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, METHOD_NAMES
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import Evidence, difference
+from structlearn.reporting.claims import difference
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.findings import Findings
@@ -22,18 +24,14 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
-DRAWN = 12
-"""Demonstrations whose speed is drawn; of more, the doubtful ones first."""
-
-ENDS = ("start_s", "end_s")
-
-CASES = {
+DRAWN = 12  # demonstrations whose speed is drawn; of more, the flagged ones first
+ENDS = ["start_s", "end_s"]
+CASES = {  # claims about the cuts of movements between rests: methods whose errors are compared
     "printed_over_crossing": ("zvc", "wls_text"),
     "printed_over_least_squares": ("ls", "wls_text"),
     "ours_over_crossing": ("zvc", "wls"),
     "ours_over_warping": ("dtw", "wls"),
 }
-"""Claims about the cuts of movements between rests: methods whose errors are compared."""
 
 
 def came_in_section(files: TaskFiles) -> Section:
@@ -47,62 +45,58 @@ def came_in_section(files: TaskFiles) -> Section:
         largest_gap_ms=("largest_gap_ms", "max"),
         signals=("signals", "first"),
     )
-    every = table.rename(columns={"recording": "file", "pose_hz": "poses_hz"})
-    tables = {"sets": shown(sets.reset_index()), "recordings": shown(every)}
-    repeats = files.table("recorded/repeats") if (files.recorded / "repeats.parquet").exists() else None
-    if repeats is not None:
-        tables["repeats"] = shown(repeats.rename(columns={"recording": "file"}), start_s=".2f", end_s=".2f")
-    return Section(
-        "came_in",
-        "What came in",
-        "came_in.html.jinja",
-        facts={
-            "clock_hz": clock.rate_hz if clock else None,
-            "stamps": sorted({note for note in table["stamps"] if note}),
-            "repeats": 0 if repeats is None else len(repeats),
-            "repeated": 0 if repeats is None else repeats["recording"].nunique(),
-        },
-        tables=tables,
-    )
+    words = {"recording": "file", "pose_hz": "poses_hz"}
+    tables = {"sets": shown(sets.reset_index()), "recordings": shown(table.rename(columns=words))}
+    facts: dict[str, Any] = {"clock_hz": clock.rate_hz if clock else None, "repeats": 0}
+    facts |= {"stamps": sorted({note for note in table["stamps"] if note})}
+    if (files.recorded / "repeats.parquet").exists():
+        repeats = files.table("recorded/repeats")
+        tables["repeats"] = shown(repeats.rename(columns=words), **dict.fromkeys(ENDS, ".2f"))
+        facts |= {"repeats": len(repeats), "repeated": repeats["recording"].nunique()}
+    return Section("came_in", "What came in", facts=facts, tables=tables)
 
 
 def cuts_section(files: TaskFiles) -> Section:
     """Where each primitive lies in each demonstration."""
-    own = files.entry(MovementEntry)
-    demonstrations, segmentation = files.runs("demonstrations"), files.segmentation()
-    by_name = {one.name: one for one in demonstrations}
+    own, segmentation = files.entry(MovementEntry), files.segmentation()
+    demonstrations = files.runs("demonstrations")
+    by_name, flagged = {one.name: one for one in demonstrations}, set(segmentation.doubts["demonstration"])
     cut = [name for name in by_name if name in set(segmentation.cuts["demonstration"])]
-    doubted = set(segmentation.doubts["demonstration"])
-    drawn = sorted(cut, key=lambda name: name not in doubted)[:DRAWN] if own.given is None else []
+    drawn = sorted(cut, key=lambda name: name not in flagged)[:DRAWN] if own.given is None else []
     points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
-    points = points[["demonstration", "primitive", "start_s", "end_s"]]
-    made = quality(demonstrations, segmentation.results, own.fit.smoothing_hz) if own.given is None else None
+    points = points[["demonstration", "primitive", *ENDS]].sort_values(["demonstration", "start_s"])
+    facts = {
+        "cut": len(cut),
+        "given": own.given,
+        "drawn": len(drawn),
+        "reference": segmentation.reference,
+        "left_out": len(segmentation.left_out),
+        "doubts": len(segmentation.doubts),
+        "doubtful": [name for name in cut if name in flagged],
+        "kept": own.keep_doubtful,
+        "true": any(one.true_segments is not None for one in demonstrations),
+    }
+    tables = {
+        "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
+        "left_out": Table(segmentation.left_out),
+        "doubts": Table(segmentation.doubts, {"number": ".2f"}),
+    }
+    if own.given is None:  # how well each demonstration was made, the best first; outliers stand out
+        made = quality(demonstrations, segmentation.results, own.fit.smoothing_hz)
+        ranked = made.sort_values("rank").reset_index(drop=True)[
+            ["rank", "demonstration", *MEASURES, "outlier"]
+        ]
+        strong = frozenset(np.flatnonzero(ranked["outlier"] != "").tolist())
+        tables["quality"] = shown(ranked, strong)
+        facts["outliers"] = made.loc[made["outlier"] != "", "demonstration"].tolist()
+    tables["cut_points"] = shown(points, **dict.fromkeys(ENDS, ".3f"))
+    metrics = cut_metrics(demonstrations, segmentation)
     return Section(
         "cuts",
         "Cuts",
-        "cuts.html.jinja",
-        facts={
-            "cut": len(cut),
-            "given": own.given,
-            "drawn": len(drawn),
-            "reference": segmentation.reference,
-            "left_out": len(segmentation.left_out),
-            "doubts": len(segmentation.doubts),
-            "doubtful": [name for name in cut if name in doubted],
-            "kept": own.keep_doubtful,
-            "outliers": [] if made is None else made.loc[made["outlier"] != "", "demonstration"].tolist(),
-            "true": any(one.true_segments is not None for one in demonstrations),
-        },
-        find=Findings.of_metrics(
-            cut_metrics(demonstrations, segmentation), ("cuts_demonstrations", "cuts_doubtful")
-        ),
-        tables={
-            "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
-            "left_out": Table(segmentation.left_out),
-            "doubts": Table(segmentation.doubts, {"number": ".2f"}),
-            **({} if made is None else {"quality": quality_table(made)}),
-            "cut_points": shown(points.sort_values(["demonstration", "start_s"]), start_s=".3f", end_s=".3f"),
-        },
+        facts=facts,
+        find=Findings.of_metrics(metrics, ("cuts_demonstrations", "cuts_doubtful")),
+        tables=tables,
         pictures={"cuts": [speed_panel(by_name[name], segmentation) for name in drawn]} if drawn else {},
     )
 
@@ -119,13 +113,6 @@ def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Se
         durations = cuts["end_s"] - cuts["start_s"]
         rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(ways)))
     return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", "way_mm"])
-
-
-def quality_table(made: pd.DataFrame) -> Table:
-    """How well each demonstration was made, the best first; outliers stand out."""
-    ranked = made.sort_values("rank").reset_index(drop=True)
-    columns = ["rank", "demonstration", *MEASURES, "outlier"]
-    return shown(ranked[columns], frozenset(np.flatnonzero(ranked["outlier"] != "").tolist()))
 
 
 def rests_section(files: TaskFiles) -> Section | None:
@@ -145,35 +132,24 @@ def rests_section(files: TaskFiles) -> Section | None:
         name += f"_{row.method}" if row.method != RESULT else ""
         find.exact(name, row.mean_ms, unit="ms", headline=name.endswith("_2mm"))
     find = find.among("movements, averaged over draws of rests and noise")
-    for name, methods in CASES.items():
-        find.add(name, cut_gains(errors, *methods), unit="ms")
+    # pairs are movements, averaged over draws of rests and noise, which hardly differ without noise
+    both_ends = 1e3 * errors[["start_error_s", "end_error_s"]].abs().mean(axis=1)
+    paired = errors.assign(error_ms=both_ends).pivot_table(
+        "error_ms", ["noise_mm", "demonstration"], "method"
+    )
+    for name, (first, second) in CASES.items():
+        levels = paired.dropna(subset=[first, second]).groupby(level="noise_mm")
+        gains = {f"{level:g} mm": difference(its[first], its[second]) for level, its in levels}
+        find.add(name, gains, unit="ms")
+    table = Table(wide[list(METHODS)].reset_index(), dict.fromkeys(METHODS, ".1f"), headings)
     return Section(
         "rests",
         "Cuts between simulated rests",
-        "rests.html.jinja",
         facts={"between": listing(winners)},
         find=find,
-        tables={
-            "noise": Table(wide[list(METHODS)].reset_index(), dict.fromkeys(METHODS, ".1f"), headings),
-            "comparison": Table(compared),
-        },
+        tables={"noise": table, "comparison": Table(compared)},
         pictures={"noise": noise_figure(by_level, compared, "noise added (mm)", "same draw")},
     )
-
-
-def cut_gains(errors: pd.DataFrame, first: str, second: str) -> dict[str, Evidence]:
-    """Cut error in ms of one method minus that of another, by noise.
-
-    Pairs are movements, averaged over draws of rests and noise, which hardly differ without noise.
-    """
-    both_ends = 1e3 * errors[["start_error_s", "end_error_s"]].abs().mean(axis=1)
-    wide = errors.assign(error_ms=both_ends).pivot_table(
-        index=["noise_mm", "demonstration"], columns="method", values="error_ms"
-    )
-    wide = wide.dropna(subset=[first, second])
-    return {
-        f"{level:g} mm": difference(its[first], its[second]) for level, its in wide.groupby(level="noise_mm")
-    }
 
 
 @styled
@@ -183,7 +159,7 @@ def speed_panel(demonstration: Demonstration, segmentation: Segmentation) -> Fig
     panel = figure.subplots()
     panel.plot(demonstration.time, 1e3 * speed(demonstration), color=BLACK)
     names = segmentation.primitives
-    cuts = [tuple(segmentation.result(name).loc[demonstration.name, list(ENDS)]) for name in names]
+    cuts = [tuple(segmentation.result(name).loc[demonstration.name, ENDS]) for name in names]
     shade_primitives(panel, cuts, names)
     draw_cuts(panel, cuts, demonstration)
     label = f"{demonstration.name}: time (s)"

@@ -36,19 +36,17 @@ from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameter
 
 NETWORKS = "networks.safetensors"
 
+# Setting of the nominal executions, which nobody corrected: their coupling target is 0.
 LEVEL = "no correction"
-"""Setting of the nominal executions, which nobody corrected: their coupling target is 0."""
 
 
 @dataclass(frozen=True)
 class Feedback:
-    """What was learned of P primitives with feedback."""
+    """Feedback learned for P primitives, by primitive and axis."""
 
     expected: Mapping[str, VectorPrimitive]  # traces by primitive
-    datasets: Mapping[
-        str, Mapping[Axis, CouplingDataset]
-    ]  # corrections in all settings by primitive and axis
-    networks: Mapping[str, Mapping[Axis, CouplingModel]]  # by primitive and axis
+    datasets: Mapping[str, Mapping[Axis, CouplingDataset]]  # corrections in all settings
+    networks: Mapping[str, Mapping[Axis, CouplingModel]]
     checks: pd.DataFrame  # of `coupling_targets.coupling_dataset`, with `primitive`; `setting` is a label
     # `primitive`, `axis`, `left_out`, `learned` (False: a setting that only tests), `nmse` on what was left
     # out (NaN where nothing was corrected), and of the unroll with its recorded readings the displacement
@@ -90,39 +88,30 @@ def _learned(
     parameters: TaskFeedbackParameters,
 ) -> tuple[dict[str, dict[Axis, CouplingModel]], pd.DataFrame]:
     """Final networks, and scores of those that were learned without a part and every other execution."""
-    work = []
-    for name, by_axis in datasets.items():
-        level = levels[name]
-        half = level.where(level.demonstration % 2 == 0)
-        for axis, dataset in by_axis.items():
-            seen = dataset.where(np.isin(dataset.setting, parameters.settings))
-            work.append((name, axis, "", concatenated([seen, level]), parameters))
-            group = _groups(seen, parameters)
-            for label in dict.fromkeys(group):
-                train = concatenated([seen.where(group != label), half])
-                work.append((name, axis, label, train, parameters))
-    trained = parallel_map(_trained, work, "training feedback")
+    work, tests = [], []
+    for name, axis in ((name, axis) for name, by_axis in datasets.items() for axis in by_axis):
+        dataset, level = datasets[name][axis], levels[name]
+        learned, odd = np.isin(dataset.setting, parameters.settings), level.demonstration % 2 == 1
+        seen, half, held_out = dataset.where(learned), level.where(~odd), level.where(odd)
+        others = dict.fromkeys(dataset.setting[~learned])
+        work.append((name, axis, "", concatenated([seen, level]), parameters))
+        tests.append({one: dataset.where(dataset.setting == one) for one in others})
+        group = _groups(seen, parameters)
+        for label in dict.fromkeys(group):
+            work.append((name, axis, label, concatenated([seen.where(group != label), half]), parameters))
+            tests.append({label: seen.where(group == label), LEVEL: held_out})
     networks: dict[str, dict[Axis, CouplingModel]] = {name: {} for name in datasets}
     rows = []
-    for (name, axis, label, _, _), network in zip(work, trained, strict=True):
-        dataset, level = datasets[name][axis], levels[name]
-        learned = np.isin(dataset.setting, parameters.settings)
-        if label:
-            seen = dataset.where(learned)
-            tests = {label: seen.where(_groups(seen, parameters) == label)}
-            tests[LEVEL] = level.where(level.demonstration % 2 == 1)
-        else:
+    trained = parallel_map(_trained, work, "training feedback")
+    for (name, axis, label, *_), by_test, network in zip(work, tests, trained, strict=True):
+        if not label:
             networks[name][axis] = network
-            others = dict.fromkeys(dataset.setting[~learned])
-            tests = {one: dataset.where(dataset.setting == one) for one in others}
-        rows += [
-            (name, axis, one, bool(label), *_scored(network, its))
-            for one, its in tests.items()
-            if len(its.target)
-        ]
-    columns = ["primitive", "axis", "left_out", "learned", "nmse", "asked", "got", "off"]
-    keys = columns[:4]
-    return networks, pd.DataFrame(rows, columns=columns).groupby(keys, sort=False).mean().reset_index()
+        for one, its in by_test.items():
+            if len(its.target):
+                rows.append((name, axis, one, bool(label), *_scored(network, its)))
+    keys = ["primitive", "axis", "left_out", "learned"]
+    scores = pd.DataFrame(rows, columns=[*keys, "nmse", "asked", "got", "off"])
+    return networks, scores.groupby(keys, sort=False).mean().reset_index()
 
 
 def _groups(dataset: CouplingDataset, parameters: TaskFeedbackParameters) -> np.ndarray:
@@ -169,18 +158,14 @@ def in_view(axis: Axis) -> tuple[float, str]:
 
 
 def write_feedback(feedback: Feedback, folder: Path) -> None:
-    """Write it into a folder."""
+    """Write feedback into a folder."""
+    networks = []
     for name, traces in feedback.expected.items():
-        path = folder / f"expected/{name}.safetensors"
-        write_vector_primitive(traces, path, "readings without offset")
+        write_vector_primitive(traces, folder / f"expected/{name}.safetensors", "readings without offset")
     for name, by_axis in feedback.datasets.items():
         write_table(to_axes_table(by_axis), folder / f"datasets/{name}.parquet")
-    networks = {
-        f"{name}.{axis}": network
-        for name, by_axis in feedback.networks.items()
-        for axis, network in by_axis.items()
-    }
-    write_networks(list(networks.items()), folder / NETWORKS)
+        networks += [(f"{name}.{axis}", network) for axis, network in feedback.networks[name].items()]
+    write_networks(networks, folder / NETWORKS)
     write_table(feedback.checks, folder / "checks.parquet")
     write_table(feedback.scores, folder / "scores.parquet")
 
@@ -194,11 +179,10 @@ def read_feedback(folder: Path) -> Feedback | None:
         name, _, axis = key.rpartition(".")
         networks.setdefault(name, {})[AXES[AXES.index(axis)]] = network
     traces = sorted((folder / "expected").glob("*.safetensors"))
-    tables = {name: read_table(folder / f"datasets/{name}.parquet") for name in networks}
     return Feedback(
-        expected={path.stem: read_vector_primitive(path) for path in traces},
-        datasets={name: from_axes_table(table) for name, table in tables.items()},
-        networks=networks,
-        checks=read_table(folder / "checks.parquet"),
-        scores=read_table(folder / "scores.parquet"),
+        {path.stem: read_vector_primitive(path) for path in traces},
+        {name: from_axes_table(read_table(folder / f"datasets/{name}.parquet")) for name in networks},
+        networks,
+        read_table(folder / "checks.parquet"),
+        read_table(folder / "scores.parquet"),
     )

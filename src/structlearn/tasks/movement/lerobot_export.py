@@ -21,8 +21,7 @@ import pyarrow
 from structlearn.core import quaternion
 from structlearn.core.artefacts import publish, write_arrow
 from structlearn.core.errors import InputError
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.runs import PARTS
+from structlearn.readers.demonstration import PARTS, Demonstration
 from structlearn.segmentation.quality import MEASURES, quality
 from structlearn.segmentation.segments import Segmentation
 
@@ -32,8 +31,7 @@ PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 COUNTERS = ("frame_index", "episode_index", "index", "task_index", "subtask_index")
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
-Frames = dict[str, np.ndarray]
-"""Of an episode: (T, D) or (T,) by the name of the feature."""
+Frames = dict[str, np.ndarray]  # of an episode: (T, D) or (T,) by the name of the feature
 
 
 def write_lerobot(
@@ -45,20 +43,12 @@ def write_lerobot(
     fps: int | None = None,
     robot: str | None = None,
 ) -> int:
-    """Publish a dataset; how many episodes it has.
+    """Publish a dataset of the demonstrations that were cut; how many episodes it has.
 
-    Args:
-        runs: demonstrations on one clock; those that were not cut are left out.
-        segmentation: their cuts.
-        target: folder to make.
-        task: what is done, in words.
-        smoothing_hz: low-pass of positions for the measures of quality.
-        fps: frames per second; None: those of the clock, if whole.
-        robot: name of the robot.
-
-    Raises:
-        InputError: no demonstration was cut, signals differ between demonstrations, or the clock's rate is
-            not whole and no other was given.
+    `task`: what is done, in words; `smoothing_hz`: low-pass of positions for the measures of quality; `fps`:
+    frames per second, by default those of the clock, if whole; `robot`: its name. Raises InputError: no
+    demonstration was cut, signals differ between demonstrations, or the clock's rate is not whole and no
+    other was given.
     """
     cuts = segmentation.results
     runs = [run for run in runs if all(run.name in table.index for table in cuts.values())]
@@ -86,18 +76,16 @@ def write_lerobot(
 
 def state_names(run: Demonstration) -> dict[str, tuple[str, ...]]:
     """Names of the columns of each signal's feature."""
-    pose = POSE[: 3 if run.orientation is None else 7]
-    names = {"observation.pose": pose}
+    pose = state = POSE[: 3 if run.orientation is None else 7]
     if run.joint_positions is not None:
-        numbered = tuple(f"joint_{place + 1}" for place in range(run.joint_positions.shape[1]))
-        names["observation.state"] = run.joint_names or numbered
-    else:
-        names["observation.state"] = pose
+        count = run.joint_positions.shape[1]
+        state = run.joint_names or tuple(f"joint_{place + 1}" for place in range(count))
+    names = {"observation.pose": pose, "observation.state": state}
     if run.wrench is not None:
         names["observation.wrench"] = tuple(PARTS["wrench"])
     if run.tactile is not None:
         names["observation.tactile"] = tuple(f"electrode_{n + 1}" for n in range(run.tactile.shape[1]))
-    return names | {"action": names["observation.state"]}
+    return names | {"action": state}
 
 
 def frames(run: Demonstration, cuts: Mapping[str, pd.DataFrame], fps: int) -> Frames:
@@ -117,18 +105,13 @@ def frames(run: Demonstration, cuts: Mapping[str, pd.DataFrame], fps: int) -> Fr
         pose = np.hstack([pose, quaternion.sign_continuous(turned)])
     state = pose if run.joint_positions is None else sampled(run.joint_positions)
     found = {"observation.pose": pose, "observation.state": state}
-    found |= {
-        f"observation.{name}": sampled(values)
-        for name in ("wrench", "tactile")
-        if (values := getattr(run, name)) is not None
-    }
-    found["action"] = np.vstack([state[1:], state[-1:]])
+    for name in ("wrench", "tactile"):
+        if (values := getattr(run, name)) is not None:
+            found[f"observation.{name}"] = sampled(values)
+    found |= {"action": np.vstack([state[1:], state[-1:]]), "timestamp": time}
     found = {name: values.astype(np.float32) for name, values in found.items()}
-    return found | {
-        "timestamp": time.astype(np.float32),
-        "frame_index": np.arange(count),
-        "subtask_index": np.searchsorted(starts, at + 1e-9, side="right") - 1,
-    }
+    subtask = np.searchsorted(starts, at + 1e-9, side="right") - 1
+    return found | {"frame_index": np.arange(count), "subtask_index": subtask}
 
 
 def _write_data(episodes: Sequence[Frames], names: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
@@ -138,11 +121,8 @@ def _write_data(episodes: Sequence[Frames], names: Mapping[str, Any], folder: Pa
     bytes_in_file, first = 0, 0
     for number, episode in enumerate(episodes):
         count = len(episode["timestamp"])
-        episode |= {
-            "episode_index": np.full(count, number),
-            "index": first + np.arange(count),
-            "task_index": np.zeros(count, dtype=np.int64),
-        }
+        episode |= {"episode_index": np.full(count, number), "index": first + np.arange(count)}
+        episode["task_index"] = np.zeros(count, dtype=np.int64)
         size = sum(values.nbytes for values in episode.values())
         if files[-1] and bytes_in_file + size > FILE_MB * 2**20:
             files.append([])
@@ -150,29 +130,24 @@ def _write_data(episodes: Sequence[Frames], names: Mapping[str, Any], folder: Pa
         files[-1].append(episode)
         bytes_in_file += size
         chunk, file = divmod(len(files) - 1, CHUNK)
-        rows.append(
-            {"episode_index": number, "length": count, "dataset_from_index": first}
-            | {"dataset_to_index": first + count, "data/chunk_index": chunk, "data/file_index": file}
-            | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
-            | {
-                f"stats/{name}/{kind}": its
-                for name, by in statistics([episode]).items()
-                for kind, its in by.items()
-            }
-        )
+        row: dict[str, Any] = {"episode_index": number, "length": count, "dataset_from_index": first}
+        row |= {"dataset_to_index": first + count, "data/chunk_index": chunk, "data/file_index": file}
+        row |= {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
+        for name, by in statistics([episode]).items():
+            row |= {f"stats/{name}/{kind}": its for kind, its in by.items()}
+        rows.append(row)
         first += count
     for number, its in enumerate(files):
-        columns = {name: np.concatenate([one[name] for one in its]) for name in its[0]}
+        columns = {}
+        for name, one in its[0].items():
+            flat = pyarrow.array(np.concatenate([episode[name] for episode in its]).reshape(-1))
+            wide = one.ndim > 1
+            columns[name] = pyarrow.FixedSizeListArray.from_arrays(flat, one.shape[1]) if wide else flat
         chunk, file = divmod(number, CHUNK)
         path = folder / "data" / PLACE.format(chunk_index=chunk, file_index=file)
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_arrow(pyarrow.table({name: _column(values) for name, values in columns.items()}), path)
+        write_arrow(pyarrow.table(columns), path)
     return rows
-
-
-def _column(values: np.ndarray) -> pyarrow.Array:
-    flat = pyarrow.array(values.reshape(-1))
-    return flat if values.ndim == 1 else pyarrow.FixedSizeListArray.from_arrays(flat, values.shape[1])
 
 
 def statistics(episodes: Sequence[Frames]) -> dict[str, dict[str, list[float]]]:
@@ -196,12 +171,12 @@ def _write_meta(
     robot: str | None,
     folder: Path,
 ) -> None:
-    one_number: dict[str, Any] = {"shape": [1], "names": None}
-    features = {
+    features: dict[str, dict[str, Any]] = {
         name: {"dtype": "float32", "shape": [len(its)], "names": list(its)} for name, its in names.items()
     }
-    features |= {"timestamp": {"dtype": "float32"} | one_number}
-    features |= {name: {"dtype": "int64"} | one_number for name in COUNTERS}
+    for name in ("timestamp", *COUNTERS):
+        kind = "float32" if name == "timestamp" else "int64"
+        features[name] = {"dtype": kind, "shape": [1], "names": None}
     info = {
         "codebase_version": VERSION,
         "robot_type": robot,

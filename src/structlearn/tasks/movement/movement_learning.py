@@ -6,6 +6,7 @@ primitive of an execution that was recorded in parts.
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,6 @@ from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.primitives.fitting import (
     FitParameters,
-    Segment,
     cross_validation,
     learn_primitive,
     orientations,
@@ -40,8 +40,7 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import PAIR_COLUMNS, Segmentation, cut
 from structlearn.tasks.movement.movement_parameters import PARTS, RestParameters
 
-SAMPLES = 500
-"""Of a path in normalised time."""
+SAMPLES = 500  # of a path in normalised time
 
 
 def segmented(
@@ -51,11 +50,10 @@ def segmented(
     if given is None:
         assert cutting is not None
         return cut(runs, cutting)
-    rows = [
-        (one.name, one.name if given == PARTS else given, RESULT, 0.0, float(one.time[-1])) for one in runs
-    ]
+    names = [one.name for one in runs]
+    its = {"demonstration": names, "primitive": names if given == PARTS else given, "method": RESULT}
     return Segmentation(
-        cuts=pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"]),
+        cuts=pd.DataFrame(its | {"start_s": 0.0, "end_s": [float(one.time[-1]) for one in runs]}),
         pairs=pd.DataFrame(columns=PAIR_COLUMNS),
         left_out=pd.DataFrame(columns=["demonstration", "reason"]),
         doubts=pd.DataFrame(columns=DOUBT_COLUMNS).astype({"number": float}),
@@ -71,9 +69,9 @@ def learned_cuts(segmentation: Segmentation, keep_doubtful: bool) -> dict[str, p
     doubtful = [] if keep_doubtful else segmentation.doubts["demonstration"].unique()
     found = {name: cuts[~cuts.index.isin(doubtful)] for name, cuts in segmentation.results.items()}
     if not all(len(cuts) for cuts in found.values()):
+        reason = segmentation.doubts["reason"].iloc[0]
         raise InputError(
-            f"no demonstration is without a cut warning ({segmentation.doubts['reason'].iloc[0]}); "
-            "`keep_doubtful: true` learns from all"
+            f"no demonstration is without a cut warning ({reason}); `keep_doubtful: true` learns from all"
         )
     return found
 
@@ -87,11 +85,8 @@ def cut_metrics(runs: Sequence[Demonstration], segmentation: Segmentation) -> Me
     }
     for name, cuts in segmentation.results.items():
         found[f"cuts_{name}_mean_s"] = float((cuts["end_s"] - cuts["start_s"]).mean())
-    known = all(
-        one.true_segments is not None and len(one.true_segments) == len(segmentation.primitives)
-        for one in runs
-    )
-    if known and len(runs) > 1:
+    count, true = len(segmentation.primitives), [one.true_segments for one in runs]
+    if len(runs) > 1 and all(its is not None and len(its) == count for its in true):
         errors = mean_cut_errors_ms(cut_errors(runs, segmentation))
         found["cuts_error_ms"] = float(errors.loc[RESULT, "mean_ms"])
     return found
@@ -105,16 +100,13 @@ def cut_errors_between_rests(
     The first movement, treated in the same way, is the reference. Rests are the same at every noise level.
     Returns rows of `cut_errors` with `noise_mm` and `seed`.
     """
-    work = [(noise, seed) for noise in rests.noise_mm for seed in range(rests.seeds)]
+    work = product(rests.noise_mm, range(rests.seeds))
     find = partial(_found_again, runs=runs, cutting=cutting, rests=rests)
     return pd.concat(parallel_map(find, work, "movements between rests"), ignore_index=True)
 
 
 def _found_again(
-    level: tuple[float, int],
-    runs: Sequence[Demonstration],
-    cutting: SegmentParameters,
-    rests: RestParameters,
+    level: tuple[float, int], runs: Sequence[Demonstration], cutting: SegmentParameters, rests: RestParameters
 ) -> pd.DataFrame:
     noise, seed = level
     embedded = [
@@ -125,10 +117,7 @@ def _found_again(
 
 
 def reproduction(
-    runs: Sequence[Demonstration],
-    cuts: Mapping[str, pd.DataFrame],
-    parameters: FitParameters,
-    fold: int,
+    runs: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], parameters: FitParameters, fold: int
 ) -> pd.DataFrame:
     """Distance of primitives from what they were learned from and from what was left out.
 
@@ -147,17 +136,13 @@ def reproduction(
         keys = {"primitive": name, "demonstration": names, "regression": parameters.regression}
         if any(parameters.scaled_axes):
             tables.append(errors.assign(**keys, left_out=False, scaled=False))
-        spread |= {(name, one): mm for one, mm in zip(names, _from_mean_mm(segments, primitive), strict=True)}
+        paths = [in_local_frame(position, primitive.position.frame).position for position, _ in segments]
+        curves = np.array([signals.time_normalised(path, SAMPLES) for path in paths])
+        off_mm = 1e3 * np.linalg.norm(curves - curves.mean(axis=0), axis=2).mean(axis=1)
+        spread |= {(name, one): mm for one, mm in zip(names, off_mm, strict=True)}
     table = pd.concat(tables, ignore_index=True)
-    return table.assign(
-        from_mean_mm=[spread[key] for key in zip(table["primitive"], table["demonstration"], strict=True)]
-    )
-
-
-def _from_mean_mm(segments: Sequence[Segment], primitive: PosePrimitive) -> np.ndarray:
-    paths = [in_local_frame(position, primitive.position.frame).position for position, _ in segments]
-    curves = np.array([signals.time_normalised(path, SAMPLES) for path in paths])
-    return 1e3 * np.linalg.norm(curves - curves.mean(axis=0), axis=2).mean(axis=1)
+    both = zip(table["primitive"], table["demonstration"], strict=True)
+    return table.assign(from_mean_mm=[spread[key] for key in both])
 
 
 def fit_metrics(reproduction: pd.DataFrame, parameters: FitParameters) -> Metrics:
@@ -166,9 +151,9 @@ def fit_metrics(reproduction: pd.DataFrame, parameters: FitParameters) -> Metric
     found: Metrics = {}
     for name, its in used.groupby("primitive", sort=False):
         told, word = (its[its["left_out"]], "left_out") if its["left_out"].any() else (its, "fit")
-        found[f"primitives_{name}_{word}_mm"] = float(told["mean_mm"].mean())
-        if "mean_deg" in told:
-            found[f"primitives_{name}_{word}_deg"] = float(told["mean_deg"].mean())
+        for unit in ("mm", "deg"):
+            if f"mean_{unit}" in told:
+                found[f"primitives_{name}_{word}_{unit}"] = float(told[f"mean_{unit}"].mean())
     return found
 
 
@@ -181,21 +166,19 @@ def turns(runs: Sequence[Demonstration], primitive: PosePrimitive, parameters: F
     time-normalised mean. Raises InputError: a run has no orientation.
     """
     segments = segment_paths(runs, whole(runs), parameters.smoothing_hz)
-    paths = orientations(segments)
-    rows = []
-    for run, segment, path in zip(runs, segments, paths, strict=True):
+    paths, recorded = orientations(segments), [run.signal("orientation") for run in runs]
+    turned, rows = [np.degrees(largest_turn([path])) for path in paths], []
+    for run, segment, path, turn_deg, reference in zip(runs, segments, paths, turned, recorded, strict=True):
         own = learn_primitive(primitive.name, [segment], parameters).orientation
         assert own is not None
         turn = own.unroll(path.dt, path.orientation[0], path.orientation[-1], path.duration)
-        errors = angular_errors(turn.orientation, run.signal("orientation"))
-        rows.append((run.name, run.name, np.degrees(largest_turn([path])), *errors.values()))
+        row = {"learned_from": run.name, "compared_with": run.name, "turn_deg": turn_deg}
+        rows.append(row | angular_errors(turn.orientation, reference))
     assert primitive.orientation is not None
     turn = primitive.orientation.unroll(paths[0].dt)
-    mean = mean_orientation_path([run.signal("orientation") for run in runs], len(turn.time))
-    net = np.mean([np.degrees(largest_turn([path])) for path in paths])
-    rows.append(("all", "their mean", net, *angular_errors(turn.orientation, mean).values()))
-    columns = ["learned_from", "compared_with", "turn_deg", "mean_deg", "max_deg", "end_deg"]
-    return pd.DataFrame(rows, columns=columns)
+    row = {"learned_from": "all", "compared_with": "their mean", "turn_deg": np.mean(turned)}
+    rows.append(row | angular_errors(turn.orientation, mean_orientation_path(recorded, len(turn.time))))
+    return pd.DataFrame(rows)
 
 
 def angular_errors(path: np.ndarray, reference: np.ndarray) -> dict[str, float]:
@@ -206,10 +189,9 @@ def angular_errors(path: np.ndarray, reference: np.ndarray) -> dict[str, float]:
 
 def mean_orientation_path(paths: Sequence[np.ndarray], samples: int) -> np.ndarray:
     """Mean orientation (samples, 4) of paths (T_l, 4) at each fraction of their durations."""
-    stretched = np.array([signals.time_normalised(path, samples) for path in paths])
-    return quaternion.sign_continuous(
-        np.array([quaternion.mean(quaternion.normalised(stretched[:, k])) for k in range(samples)])
-    )
+    stretched = np.stack([signals.time_normalised(path, samples) for path in paths], axis=1)
+    means = [quaternion.mean(quaternion.normalised(turns)) for turns in stretched]
+    return quaternion.sign_continuous(np.array(means))
 
 
 def execution_errors(parts: Sequence[Demonstration], path: SequencePath) -> pd.DataFrame:
@@ -234,30 +216,24 @@ def learn_traces(
 ) -> tuple[dict[str, VectorPrimitive], pd.DataFrame, pd.DataFrame]:
     """Sensor primitives of all tactile channels in every part of an execution.
 
-    The sensors' offset is taken at the start of the first part and stays for the whole execution.
-
-    Returns:
-        By part: its sensor primitive; a table per primitive and electrode with `range` (largest minus
-        smallest count), `rms` (root mean squared error in counts) and `nmse`; and the traces, with
-        `primitive`, `electrode`, `time_s`, `recorded`, `expected` (counts).
+    The sensors' offset is taken at the start of the first part and stays for the whole execution. Returns
+    by part: its sensor primitive; a table per primitive and electrode with `range` (largest minus
+    smallest count), `rms` (root mean squared error in counts) and `nmse`; and the traces, with
+    `primitive`, `electrode`, `time_s`, `recorded`, `expected` (counts).
     """
     primitives, scores, traces = {}, [], []
     for part in parts:
         recorded = without_offset(part.signal("tactile"), parts[0].signal("tactile"))
         primitives[part.name] = fit_expected_traces([recorded], part.dt, smoothing_hz)
         expected = expected_traces(primitives[part.name], len(recorded), part.dt)
-        electrodes = np.arange(1, recorded.shape[1] + 1)
+        its = pd.DataFrame({"primitive": part.name, "electrode": np.arange(1, recorded.shape[1] + 1)})
         errors = {
             "range": np.ptp(recorded, axis=0),
             "rms": np.sqrt(np.mean((expected - recorded) ** 2, axis=0)),
             "nmse": metrics.nmse(expected, recorded),
         }
-        scores.append(pd.DataFrame({"primitive": part.name, "electrode": electrodes, **errors}))
-        values = {
-            "electrode": np.repeat(electrodes, len(recorded)),
-            "time_s": np.tile(part.time, len(electrodes)),
-            "recorded": recorded.T.ravel(),
-            "expected": expected.T.ravel(),
-        }
-        traces.append(pd.DataFrame({"primitive": part.name, **values}))
+        scores.append(its.assign(**errors))
+        values = {"recorded": recorded.T.ravel(), "expected": expected.T.ravel()}
+        each = its.loc[its.index.repeat(len(recorded))]
+        traces.append(each.assign(time_s=np.tile(part.time, len(its)), **values))
     return primitives, pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)

@@ -12,12 +12,10 @@ from structlearn.feedback.coupling_targets import CorrectionParameters
 from structlearn.feedback.skill_file import SkillParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.readers.source import ClockParameters, Setting, SourceParameters
-from structlearn.readers.topics import JointPose, TopicMap
+from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 
-PARTS = "parts"
-"""Recordings that are the primitives of one execution, each under its own name."""
+PARTS = "parts"  # recordings that are the primitives of one execution, each under its own name
 
 
 class RestParameters(Parameters):
@@ -53,8 +51,8 @@ class PhaseCorrectionParameters(Parameters):
     seed: int = Field(ge=0)
 
 
+# One for all joints, or one for each.
 Bound = PositiveFloat | Annotated[tuple[PositiveFloat, ...], Field(min_length=1)]
-"""One for all joints, or one for each."""
 
 
 class Placement(Parameters):

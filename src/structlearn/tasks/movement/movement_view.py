@@ -50,11 +50,13 @@ its duration and turn to their goals, where every pointer meets its mark. The ax
 is left of the motion is the swing.
 
 """
-
 RECORDED, PRIMITIVE = Look("recorded", DEMONSTRATION_COLOUR), Look("primitive", REPRODUCTION_COLOUR)
-
-EXECUTION = "execution"
-"""Name of an execution whose parts were recorded one by one."""
+EXECUTION = "execution"  # name of an execution whose parts were recorded one by one
+RATE_HZ = 50.0  # of turns
+RADIUS, APART = 0.04, 0.11  # of the caps in m, and from one's middle to the next one's
+EYE = np.array([0.26, 0.0, 0.2])  # camera in m, from the middle of the row
+UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # the chart's dominant axis points up
+CHART = ("twist", "swing", "second swing")
 
 
 def write_movements(files: TaskFiles, folder: Path) -> None:
@@ -81,20 +83,17 @@ def write_corrected(
     networks: Mapping[str, CouplingModel],
 ) -> None:
     """The complete corrected runs, and the nominal primitive with and without the coupling learned."""
-    tables = {
-        PHASE_PATHS[name].name: sequence.sequence_table(
-            sequence.SequencePath(unrolled, None, np.array([0, len(unrolled.time) - 1])), [nominal[0].name]
-        )
-        for name, unrolled in typical_paths(nominal[0].position, corrected, list(networks.items())).items()
-    }
+    tables = {}
+    for name, unrolled in typical_paths(nominal[0].position, corrected, list(networks.items())).items():
+        whole_path = sequence.SequencePath(unrolled, None, np.array([0, len(unrolled.time) - 1]))
+        tables[PHASE_PATHS[name].name] = sequence.sequence_table(whole_path, [nominal[0].name])
     colours = dict(PHASE_PATHS[name] for name in ("nominal", "coupling"))
     note = (
         f"The nominal primitive among {len(corrected)} corrected runs, from their mean start to the mean "
         f"goal, without and with the coupling term learned from most of them:\n\n{legend(colours)}"
     )
-    write_primitives(
-        path, corrected, nominal, tables, "Corrected runs: the primitive with coupling", note, colours=colours
-    )
+    title = "Corrected runs: the primitive with coupling"
+    write_primitives(path, corrected, nominal, tables, title, note, colours=colours)
 
 
 def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segmentation]:
@@ -108,26 +107,9 @@ def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segment
         its = [getattr(part, name) for part in parts]
         recorded[name] = None if any(one is None for one in its) else np.concatenate(its)
     execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **recorded)
-    rows = [
-        (EXECUTION, part.name, RESULT, start, end)
-        for part, start, end in zip(parts, starts[:-1], starts[1:], strict=True)
-    ]
-    cuts = pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"])
+    of = {"demonstration": EXECUTION, "primitive": [part.name for part in parts], "method": RESULT}
+    cuts = pd.DataFrame(of | {"start_s": starts[:-1], "end_s": starts[1:]})
     return [execution], Segmentation(cuts, pd.DataFrame(), pd.DataFrame(), pd.DataFrame(), EXECUTION)
-
-
-RATE_HZ = 50.0
-
-RADIUS, APART = 0.04, 0.11
-"""Of the caps in m, and from one's middle to the next one's."""
-
-EYE = np.array([0.26, 0.0, 0.2])
-"""Camera in m, from the middle of the row."""
-
-UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-"""Axes of the chart for drawing: the dominant one points up."""
-
-CHART = ("twist", "swing", "second swing")
 
 
 def write_turns(path: Path, logs: Sequence[OrientationTrajectory], primitive: PosePrimitive) -> None:
@@ -157,23 +139,23 @@ def _send_cap(
     orientation: np.ndarray,
 ) -> None:
     """A cap with a pointer at its place in the row, turning with orientations (T, 4), and the goal's mark."""
-    middle = np.array([0.0, APART * place, 0.0])
-    cap = entity("caps", name)
-    solid = rr.components.FillMode.Solid
-    disc = rr.Cylinders3D(lengths=[0.5 * RADIUS], radii=[RADIUS], colors=rgba([colour], 0.8), fill_mode=solid)
-    stream.log(cap, disc, static=True)
-    height = 0.27 * RADIUS
-    radius = [[0.0, 0.0, height], [RADIUS, 0.0, height]]
-    pointer = rr.LineStrips3D([radius], colors=rgba([LIGHT_GREY]), radii=0.003)
-    stream.log(entity("caps", name, "pointer"), pointer, static=True)
+    middle, height, paint = np.array([0.0, APART * place, 0.0]), 0.27 * RADIUS, rgba([colour])
+    front = middle + np.array([[1.15 * RADIUS, 0.0, height], [1.8 * RADIUS, 0.0, 0.0]])
+    solid, radius = rr.components.FillMode.Solid, [[0.0, 0.0, height], [RADIUS, 0.0, height]]
+    for place_in_scene, shape in {
+        entity("caps", name): rr.Cylinders3D(
+            lengths=[0.5 * RADIUS], radii=[RADIUS], colors=rgba([colour], 0.8), fill_mode=solid
+        ),
+        entity("caps", name, "pointer"): rr.LineStrips3D([radius], colors=rgba([LIGHT_GREY]), radii=0.003),
+        entity("marks", name): rr.Points3D(front[:1], colors=paint, radii=0.004),
+        entity("marks", name, "name"): rr.Points3D(
+            front[1:], colors=paint, radii=0.0, labels=[name], show_labels=True
+        ),
+    }.items():
+        stream.log(place_in_scene, shape, static=True)
     translation = np.tile(middle, (len(orientation), 1))
     turns = rr.Transform3D.columns(translation=translation, quaternion=quaternion.to_xyzw(orientation))
-    stream.send_columns(cap, times, turns)
-    front = middle + np.array([[1.15 * RADIUS, 0.0, height], [1.8 * RADIUS, 0.0, 0.0]])
-    mark = rr.Points3D(front[:1], colors=rgba([colour]), radii=0.004)
-    stream.log(entity("marks", name), mark, static=True)
-    label = rr.Points3D(front[1:], colors=rgba([colour]), radii=0.0, labels=[name], show_labels=True)
-    stream.log(entity("marks", name, "name"), label, static=True)
+    stream.send_columns(entity("caps", name), times, turns)
 
 
 def _blueprint(shown: Sequence[str]) -> rrb.Blueprint:

@@ -32,11 +32,12 @@ from structlearn.primitives.vector import VectorPrimitive, sample_count
 from structlearn.readers.demonstration import Demonstration
 from structlearn.tasks.movement.movement_parameters import PhaseCorrectionParameters
 
-AXES = ("x", "y", "z")
-"""Of the local frame: x from start to goal, z upwards, y to the side."""
-
-Networks = Sequence[tuple[str, CouplingModel]]
-"""One network per local axis, by its name in `AXES`."""
+AXES = ("x", "y", "z")  # of the local frame: x from start to goal, z upwards, y to the side
+SAMPLES = 500  # of a movement in normalised time, for distances and tables
+# Last part of the movement that is looked at alone: there the phase velocity fades, and with it all that a
+# phase-modulated network can say.
+END = 0.1
+Networks = Sequence[tuple[str, CouplingModel]]  # one network per local axis, by its name in `AXES`
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,9 @@ def corrected_runs(
     found = []
     for run in runs:
         path = in_local_frame(differentiated(run.position, run.dt, smoothing_hz), nominal.frame)
-        target = position_target(path, nominal.local, goal=path.position[-1])
-        found.append(CorrectedRun(run.name, path, target))
+        found.append(
+            CorrectedRun(run.name, path, position_target(path, nominal.local, goal=path.position[-1]))
+        )
     return found
 
 
@@ -126,14 +128,6 @@ def typical_paths(
     }
 
 
-SAMPLES = 500
-"""Of a movement in normalised time, for distances and tables."""
-
-END = 0.1
-"""Last part of the movement that is looked at alone: there the phase velocity fades, and with it all that a
-phase-modulated network can say."""
-
-
 def learn_corrections(
     runs: Sequence[CorrectedRun], nominal: VectorPrimitive, parameters: PhaseCorrectionParameters
 ) -> tuple[Networks, dict[str, pd.DataFrame]]:
@@ -169,32 +163,39 @@ def learn_corrections(
         networks.append(phase_networks([runs[place].target for place in seen], parameters.kernel_count))
         coupled = np.array([_curve(adapted_path(nominal, runs[at].path, networks[-1])) for at in unseen])
         paths = {"nominal": unchanged[unseen], "coupling": coupled, "spread": curves[seen].mean(axis=0)}
-        away = {f"{name}_mm": _distances_mm(its, curves[unseen]) for name, its in paths.items()}
-        profiles.append({name: mm.mean(axis=0) for name, mm in away.items()})
+        away = {
+            f"{name}_mm": 1e3 * np.linalg.norm(its - curves[unseen], axis=-1) for name, its in paths.items()
+        }  # (M, S) each
+        profiles.append(pd.DataFrame({name: mm.mean(axis=0) for name, mm in away.items()}))
         names = [runs[place].name for place in unseen]
-        distances = {"run": names, "learned_from": len(seen)} | {
-            name: mm.mean(axis=1) for name, mm in away.items()
-        }
-        distances["end_share"] = _end_share(away["coupling_mm"])
-        found["distances"].append(pd.DataFrame(distances).assign(split=split))
+        distances = {name: mm.mean(axis=1) for name, mm in away.items()}
+        distances |= {"end_share": _end_share(away["coupling_mm"]), "split": split}
+        found["distances"].append(pd.DataFrame({"run": names, "learned_from": len(seen)} | distances))
         found["scores"].append(_scores(networks[-1], targets[unseen]).assign(split=split))
         if split == 0:
-            shown = {"recorded": curves[unseen]} | {name: paths[name] for name in ("nominal", "coupling")}
+            shown = {"recorded": curves[unseen], "nominal": paths["nominal"], "coupling": coupled}
             found["paths"] = [
-                pd.DataFrame({"run": name, "path": kind, "fraction": fraction} | _columns(curve))
+                pd.DataFrame(
+                    {"run": name, "path": kind, "fraction": fraction} | dict(zip(AXES, curve.T, strict=True))
+                )
                 for kind, its in shown.items()
                 for name, curve in zip(names, its, strict=True)
             ]
     tables = {name: pd.concat(its, ignore_index=True) for name, its in found.items()}
-    means = {name: np.mean([one[name] for one in profiles], axis=0) for name in profiles[0]}
-    tables["profile"] = pd.DataFrame(clock | means)
-    learned = phase_coupling(networks[0], SAMPLES)
+    tables["profile"] = pd.DataFrame(
+        clock | {name: np.mean([one[name] for one in profiles], axis=0) for name in profiles[0]}
+    )
+    columns = zip(
+        AXES,
+        targets.mean(axis=0).T,
+        targets.std(axis=0).T,
+        phase_coupling(networks[0], SAMPLES).T,
+        strict=True,
+    )
     tables["targets"] = pd.concat(
         [
             pd.DataFrame({"axis": axis, **clock, "mean": mean, "std": std, "learned": coupling})
-            for axis, mean, std, coupling in zip(
-                AXES, targets.mean(axis=0).T, targets.std(axis=0).T, learned.T, strict=True
-            )
+            for axis, mean, std, coupling in columns
         ],
         ignore_index=True,
     )
@@ -224,15 +225,6 @@ def _scores(networks: Networks, targets: np.ndarray) -> pd.DataFrame:
 
 def _curve(path: Trajectory) -> np.ndarray:
     return signals.time_normalised(path.position, SAMPLES)
-
-
-def _columns(curve: np.ndarray) -> dict[str, np.ndarray]:
-    return dict(zip(AXES, curve.T, strict=True))
-
-
-def _distances_mm(paths: np.ndarray, references: np.ndarray) -> np.ndarray:
-    """Distance at each sample: (..., S, 3), (..., S, 3) m -> (..., S) mm."""
-    return 1e3 * np.linalg.norm(paths - references, axis=-1)
 
 
 def _end_share(values: np.ndarray) -> np.ndarray:

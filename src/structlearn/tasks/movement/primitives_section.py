@@ -1,27 +1,15 @@
 """Primitives of a task: what was learned, over what it was learned from, and how far they are apart."""
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from structlearn import palette
 from structlearn.core import signals
-from structlearn.palette import (
-    AXIS_COLOURS,
-    BLACK,
-    BLUE,
-    CATEGORICAL_COLOURS,
-    DEMONSTRATION_COLOUR,
-    GREY,
-    LIGHT_GREY,
-    OCHRE,
-    REPRODUCTION_COLOUR,
-    primitive_colour,
-)
 from structlearn.primitives.fitting import (
     REPRODUCTION_ERRORS,
-    FitParameters,
     Segment,
     orientations,
     segment_paths,
@@ -30,9 +18,8 @@ from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.twist_swing import dominant_axes, on_chart
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import exact
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import SAMPLES, legend, panel, styled
+from structlearn.reporting.figure_style import SAMPLES, Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import fit_panel, sequence_figure, space_panels
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
@@ -42,24 +29,21 @@ from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
 TITLES = {"nominal": "Nominal", "generalised": "New situation"}
-
+# By `left_out` and `scaled`: part of a metric's name, and what a table says.
 VARIANTS = {
     (False, True): ("fit", "learned from"),
     (True, True): ("left_out", "left out"),
     (False, False): ("fit_unscaled", "learned from, forcing not scaled"),
 }
-"""By `left_out` and `scaled`: part of a metric's name, and what a table says."""
-
-MANY = 30
-"""Demonstrations from which on their distances are shown as histograms."""
-
+MANY = 30  # demonstrations from which on their distances are shown as histograms
+STRONG_RANGE = 20  # counts; an electrode that moves more is clear of the sensor's noise of half a count
 AXES = ["x", "y", "z"]
+VIEWS = {"xz": ("From the side", "forward", "up"), "xy": ("From above", "forward", "to the side")}
 
 
 def primitives_section(files: TaskFiles) -> Section:
     """What was learned of the demonstrations, and how far it is from them."""
-    own = files.entry(MovementEntry)
-    runs, primitives = files.runs("demonstrations"), files.primitives()
+    own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
     cuts = learned_cuts(files.segmentation(), own.keep_doubtful)
     segments = {name: segment_paths(runs, its, own.fit.smoothing_hz) for name, its in cuts.items()}
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
@@ -67,8 +51,7 @@ def primitives_section(files: TaskFiles) -> Section:
     sequences = {title: files.table(f"primitives/{name}") for name, title in TITLES.items()}
     left_out = errors[errors["demonstrations"] == "left out"]
     told = left_out if len(left_out) else errors
-    spread = reproduction.groupby("primitive", sort=False)["from_mean_mm"].mean()
-    pictures = {}
+    pictures: dict[str, Drawing | Sequence[Drawing]] = {}
     if own.given in (None, PARTS):
         pictures["space"] = space_figure(runs, sequences[TITLES["nominal"]])
         pictures["fit"] = [
@@ -76,34 +59,28 @@ def primitives_section(files: TaskFiles) -> Section:
         ]
         pictures["sequence"] = sequence_figure(sequences)
     else:
-        pictures["local"] = [
-            local_panel(primitives[0], segments[primitives[0].name], *view) for view in ("xz", "xy")
-        ]
+        pictures["local"] = [local_panel(primitives[0], segments[primitives[0].name], view) for view in VIEWS]
     if len(runs) >= MANY:
         pictures["distances"] = [
-            distance_panel(reproduction, column, width) for column, width in (("mean_mm", 5), ("max_mm", 10))
+            distance_panel(reproduction, f"{which} distance of the primitive", column, width_mm)
+            for which, column, width_mm in (("Mean", "mean_mm", 5), ("Largest", "max_mm", 10))
         ]
-    main = "" if own.turns or own.given == PARTS else "space" if own.given is None else "local"
-    return Section(
-        "primitives",
-        "Primitives",
-        "primitives.html.jinja",
-        lead="primitives_lead.html.jinja",
-        facts={
-            "own": own,
-            "worst": told.loc[told["mean_mm"].idxmax()].to_dict(),
-            "jump": max(map(largest_acceleration_jump, sequences.values())),
-            "names": list(cuts),
-            "turns": "mean_deg" in errors,
-            "spread": spread.to_dict(),
-            "drawn": set(pictures),
-            "main": main,
-            "demonstrations": len(runs),
-        },
-        tables={"errors": shown(errors, end_mm=".3f")},
-        pictures=pictures,
-        find=findings(reproduction, errors, segments, own.fit),
-    )
+    facts = {
+        "own": own,
+        "worst": told.loc[told["mean_mm"].idxmax()].to_dict(),
+        "jump": max(map(largest_acceleration_jump, sequences.values())),
+        "names": list(cuts),
+        "turns": "mean_deg" in errors,
+        "spread": reproduction.groupby("primitive", sort=False)["from_mean_mm"].mean().to_dict(),
+        "drawn": set(pictures),
+        "main": "" if own.turns or own.given == PARTS else "space" if own.given is None else "local",
+        "demonstrations": len(runs),
+    }
+    numbers = fit_metrics(reproduction, own.fit)
+    find = Findings.of_metrics(numbers, tuple(numbers)[:6]).among("recorded movements")
+    add_distances(find, reproduction, errors, segments)
+    tables = {"errors": shown(errors, end_mm=".3f")}
+    return Section("primitives", "Primitives", facts=facts, tables=tables, pictures=pictures, find=find)
 
 
 def summary(reproduction: pd.DataFrame) -> pd.DataFrame:
@@ -115,15 +92,10 @@ def summary(reproduction: pd.DataFrame) -> pd.DataFrame:
     return found.iloc[np.argsort(pd.factorize(found["primitive"])[0], kind="stable")]
 
 
-def findings(
-    reproduction: pd.DataFrame,
-    errors: pd.DataFrame,
-    segments: dict[str, list[Segment]],
-    parameters: FitParameters,
-) -> Findings:
+def add_distances(
+    find: Findings, reproduction: pd.DataFrame, errors: pd.DataFrame, segments: dict[str, list[Segment]]
+) -> None:
     """Distances by primitive and variant, and what claims name, over the demonstrations of all primitives."""
-    numbers = fit_metrics(reproduction, parameters)
-    find = Findings.of_metrics(numbers, tuple(numbers)[:6]).among("recorded movements")
     for name, its in reproduction.groupby("primitive", sort=False):
         find.mean(f"{name}_own_spread_mm", its.drop_duplicates("demonstration")["from_mean_mm"], unit="mm")
     prefixes = {words: prefix for prefix, words in VARIANTS.values()}
@@ -135,20 +107,18 @@ def findings(
     published = variants.get((False, False), variants[False, True])
     paths = [path.position for name in published["primitive"].unique() for path, _ in segments[name]]
     lengths_mm = 1e3 * np.linalg.norm([path[-1] - path[0] for path in paths], axis=1)
-    find.add("reach_ends", exact((100 * published["end_mm"] / lengths_mm).max(), len(published)), unit="%")
+    find.exact("reach_ends", (100 * published["end_mm"] / lengths_mm).max(), len(published), unit="%")
     if (True, True) in variants:
         left_out = variants[True, True]
         find.mean("left_out_from_mean", left_out["mean_mm"] - left_out["from_mean_mm"], unit="mm")
-    return find
 
 
 @styled
 def space_figure(runs: list[Demonstration], nominal: pd.DataFrame) -> list[Figure]:
     """The nominal sequence over all demonstrations."""
-    thin = {"color": LIGHT_GREY, "linewidth": 0.8}
-    paths = [(one.position, thin) for one in runs]
+    paths = [(one.position, {"color": palette.LIGHT_GREY, "linewidth": 0.8}) for one in runs]
     for place, (name, part) in enumerate(nominal.groupby("primitive", sort=False)):
-        look = {"color": primitive_colour(place), "linewidth": 2.2, "label": name}
+        look = {"color": palette.primitive_colour(place), "linewidth": 2.2, "label": name}
         paths.append((part[AXES].to_numpy(), look))
     return space_panels(paths)
 
@@ -157,36 +127,33 @@ def space_figure(runs: list[Demonstration], nominal: pd.DataFrame) -> list[Figur
 def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt: float) -> Figure:
     """Segments of all demonstrations relative to their goal, and the primitive."""
     shown = [1e3 * (path.position - path.position[-1]) for path, _ in segments]
-    learned = primitive.position
-    unrolled = 1e3 * (learned.unroll(dt).position - learned.goal)
+    unrolled = 1e3 * (primitive.position.unroll(dt).position - primitive.position.goal)
     return fit_panel(primitive.name, place, shown, np.asarray(unrolled), [f"{axis} (mm)" for axis in AXES])
 
 
 @styled
-def local_panel(primitive: PosePrimitive, segments: list[Segment], first: str, second: str) -> Figure:
+def local_panel(primitive: PosePrimitive, segments: list[Segment], view: str) -> Figure:
     """Segments and their primitive in the local frame, from one side."""
-    words, seen = {"x": "forward", "y": "to the side", "z": "up"}, {"z": "the side", "y": "above"}[second]
-    figure, axes = panel(f"From {seen}", 3.3, xlabel=f"{words[first]} (mm)", ylabel=f"{words[second]} (mm)")
-    learned = primitive.position
-    recorded: dict[str, Any] = {"color": LIGHT_GREY, "linewidth": 0.7}
-    looks = [recorded | {"label": None if number else "recorded"} for number in range(len(segments))]
-    looks.append({"color": REPRODUCTION_COLOUR, "linewidth": 2.0, "label": "primitive"})
-    paths = [*(position for position, _ in segments), learned.unroll(segments[0][0].dt)]
-    for path, look in zip(paths, looks, strict=True):
+    title, *labels = VIEWS[view]
+    figure, axes = panel(title, 3.3, xlabel=f"{labels[0]} (mm)", ylabel=f"{labels[1]} (mm)")
+    learned, seen = primitive.position, [AXES.index(axis) for axis in view]
+    for number, path in enumerate([*(path for path, _ in segments), learned.unroll(segments[0][0].dt)]):
         local = in_local_frame(path, learned.frame).position
-        points = 1e3 * signals.time_normalised(local, SAMPLES)[:, [AXES.index(first), AXES.index(second)]]
-        axes.plot(*points.T, **look)
+        points = 1e3 * signals.time_normalised(local, SAMPLES)[:, seen]
+        if number < len(segments):
+            axes.plot(
+                *points.T, color=palette.LIGHT_GREY, linewidth=0.7, label=None if number else "recorded"
+            )
+        else:
+            axes.plot(*points.T, color=palette.REPRODUCTION_COLOUR, linewidth=2.0, label="primitive")
     return legend(figure)
 
 
 @styled
-def distance_panel(reproduction: pd.DataFrame, column: str, width_mm: float) -> Figure:
+def distance_panel(reproduction: pd.DataFrame, title: str, column: str, width_mm: float) -> Figure:
     """How far the primitive is from every demonstration, in bins of a width."""
-    which = {"mean_mm": "Mean", "max_mm": "Largest"}[column]
-    figure, axes = panel(
-        f"{which} distance of the primitive", xlabel="distance (mm)", ylabel="demonstrations"
-    )
-    for left_out, colour in ((False, BLUE), (True, OCHRE)):
+    figure, axes = panel(title, xlabel="distance (mm)", ylabel="demonstrations")
+    for left_out, colour in ((False, palette.BLUE), (True, palette.OCHRE)):
         values = reproduction.query("scaled and left_out == @left_out")[column]
         bins = np.arange(0.0, values.max() + width_mm, width_mm)
         label = VARIANTS[left_out, True][1]
@@ -204,15 +171,12 @@ def turns_section(files: TaskFiles) -> Section | None:
     runs, (primitive,) = files.runs("demonstrations"), files.primitives()
     segments = segment_paths(runs, files.segmentation().result(primitive.name), own.fit.smoothing_hz)
     find = Findings("logs")
-    find.add(
-        "turns_found",
-        {
-            "mean of a log": exact(single["mean_deg"].max(), len(single)),
-            "mean of all": exact(joint["mean_deg"].max(), len(single)),
-            "at the end": exact(errors["end_deg"].max(), len(errors)),
-        },
-        unit="degrees",
-    )
+    largest = {
+        "mean of a log": (single["mean_deg"].max(), len(single)),
+        "mean of all": (joint["mean_deg"].max(), len(single)),
+        "at the end": (errors["end_deg"].max(), len(errors)),
+    }
+    find.exact("turns_found", largest, unit="degrees")
     for name, value in (
         ("mean_deg_single", single["mean_deg"].mean()),
         ("mean_deg_joint", joint["mean_deg"].item()),
@@ -220,17 +184,11 @@ def turns_section(files: TaskFiles) -> Section | None:
         ("end_deg_joint", joint["end_deg"].item()),
     ):
         find.exact(f"{primitive.name}_{name}", value, unit="degrees", headline=name == "mean_deg_joint")
+    turned = {"least_turn": single["turn_deg"].min(), "most_turn": single["turn_deg"].max()}
     return Section(
         "turns",
         "Turns of the hand",
-        "turns.html.jinja",
-        lead="turns_lead.html.jinja",
-        facts={
-            "runs": list(single["learned_from"]),
-            "least_turn": single["turn_deg"].min(),
-            "most_turn": single["turn_deg"].max(),
-            "mean_deg": joint["mean_deg"].item(),
-        },
+        facts=turned | {"runs": list(single["learned_from"]), "mean_deg": joint["mean_deg"].item()},
         tables={"turns": shown(errors)},
         pictures={"turning": turn_panel(segments, primitive)},
         find=find,
@@ -245,48 +203,38 @@ def turn_panel(segments: list[Segment], primitive: PosePrimitive) -> Figure:
     assert primitive.orientation is not None
     frame, time = dominant_axes(runs), np.linspace(0.0, 1.0, 2 * SAMPLES)
     lines = {"-": "twist", "--": "swing", ":": "second swing"}
-    learned = primitive.orientation.unroll(runs[0].dt)
-    for path, colour in [*((run, DEMONSTRATION_COLOUR) for run in runs), (learned, REPRODUCTION_COLOUR)]:
+    colours = {"recorded": palette.DEMONSTRATION_COLOUR, "primitive": palette.REPRODUCTION_COLOUR}
+    for path, kind in [
+        *((run, "recorded") for run in runs),
+        (primitive.orientation.unroll(runs[0].dt), "primitive"),
+    ]:
         angles = np.degrees(signals.time_normalised(on_chart(path, frame).position, 2 * SAMPLES))
         for line, angle in zip(lines, angles.T, strict=True):
-            axes.plot(time, angle, line, color=colour)
-    for name, colour in (("recorded", DEMONSTRATION_COLOUR), ("primitive", REPRODUCTION_COLOUR)):
+            axes.plot(time, angle, line, color=colours[kind])
+    for name, colour in colours.items():
         axes.plot([], [], color=colour, label=name)
     for line, label in lines.items():
-        axes.plot([], [], line, color=BLACK, label=label)
+        axes.plot([], [], line, color=palette.BLACK, label=label)
     return legend(figure, 3)
-
-
-STRONG_RANGE = 20
-"""Counts; an electrode that moves more than this stands clear of the sensor's noise of half a count."""
 
 
 def execution_section(files: TaskFiles) -> Section | None:
     """An execution that was recorded in parts: the sequence over it, and its sensor primitives."""
-    own = files.entry(MovementEntry)
-    if own.given != PARTS:
+    if files.entry(MovementEntry).given != PARTS:
         return None
-    errors = files.table("primitives/execution")
-    find = Findings("primitives")
-    measured = {
-        column: words
-        for column, words in (("mean_mm", "position (mm)"), ("mean_deg", "orientation (°)"))
-        if column in errors
-    }
+    errors, nominal = files.table("primitives/execution"), files.table("primitives/nominal")
+    words = {"mean_mm": "position (mm)", "mean_deg": "orientation (°)"}
+    measured, find = [column for column in words if column in errors], Findings("primitives")
     for row in errors.to_dict("records"):
         for column in measured:
             find.exact(f"{files.name}_{row['primitive']}_{column}", row[column])
-    largest = {words: exact(errors[column].max(), len(errors)) for column, words in measured.items()}
-    find.add("sequence", largest, headline=True)
+    largest = {words[column]: (errors[column].max(), len(errors)) for column in measured}
+    find.exact("sequence", largest, headline=True)
     return Section(
         "execution",
         "The execution",
-        "execution.html.jinja",
-        lead="execution_lead.html.jinja",
         tables={"execution": shown(errors)},
-        pictures={
-            "execution": execution_panel(files.runs("demonstrations"), files.table("primitives/nominal"))
-        },
+        pictures={"execution": execution_panel(files.runs("demonstrations"), nominal)},
         find=find,
     )
 
@@ -297,8 +245,7 @@ def traces_section(files: TaskFiles) -> Section | None:
         return None
     scores, traces = files.table("primitives/trace_scores"), files.table("primitives/traces")
     strong, find = scores[scores["range"] > STRONG_RANGE], Findings("electrodes that move")
-    by = scores.groupby("primitive", sort=False)
-    table = by.agg(rms=("rms", "median"), nmse=("nmse", "median"))
+    table = scores.groupby("primitive", sort=False).agg(rms=("rms", "median"), nmse=("nmse", "median"))
     table["strong"] = strong.groupby("primitive").size().reindex(table.index, fill_value=0)
     table["strong_nmse"] = strong.groupby("primitive")["nmse"].mean()
     words = {"strong": f"electrodes beyond {STRONG_RANGE} counts", "strong_nmse": "their mean NMSE"}
@@ -307,15 +254,12 @@ def traces_section(files: TaskFiles) -> Section | None:
         for key, column in columns.items():
             find.exact(f"electrodes_{name}_{key}", row[column])
     find.mean("electrodes", strong["nmse"], missing="no electrode moves enough")
+    by_primitive = shown(table.reset_index().rename(columns=words))
     return Section(
         "traces",
         "Touch of the execution",
-        "traces.html.jinja",
         facts={"electrodes": scores["electrode"].nunique(), "strong_range": STRONG_RANGE},
-        tables={
-            "electrodes": Table(scores),
-            "electrode_errors": shown(table.reset_index().rename(columns=words)),
-        },
+        tables={"electrodes": Table(scores), "electrode_errors": by_primitive},
         pictures={"electrodes": [electrode_errors_panel(scores), *electrode_panels(scores, traces)]},
         find=find,
     )
@@ -328,13 +272,13 @@ def execution_panel(parts: list[Demonstration], path: pd.DataFrame) -> Figure:
     first, origin = 0, path[AXES].iloc[0].to_numpy()
     for number, part in enumerate(parts):
         its = path.iloc[first : first + len(part.time) : 8]
-        for place, (axis, colour) in enumerate(zip(AXES, AXIS_COLOURS, strict=True)):
+        for place, (axis, colour) in enumerate(zip(AXES, palette.AXIS_COLOURS, strict=True)):
             recorded = 1e3 * (part.position[::8, place] - origin[place])
-            axes.plot(its["time_s"], recorded, color=LIGHT_GREY, linewidth=3.5)
+            axes.plot(its["time_s"], recorded, color=palette.LIGHT_GREY, linewidth=3.5)
             unrolled = 1e3 * (its[axis] - origin[place])
             axes.plot(its["time_s"], unrolled, color=colour, linewidth=1.2, label=None if number else axis)
         first += len(part.time) - 1
-        axes.axvline(path["time_s"].iloc[first], color=GREY, linewidth=0.7)
+        axes.axvline(path["time_s"].iloc[first], color=palette.GREY, linewidth=0.7)
     return legend(figure, 3)
 
 
@@ -342,9 +286,8 @@ def execution_panel(parts: list[Demonstration], path: pd.DataFrame) -> Figure:
 def electrode_errors_panel(scores: pd.DataFrame) -> Figure:
     """Error of all sensor primitives over how far the electrode moves."""
     figure, axes = panel("Error of all electrodes", xlabel="range of the electrode (counts)", ylabel="NMSE")
-    for colour, (name, part) in zip(
-        CATEGORICAL_COLOURS, scores.groupby("primitive", sort=False), strict=False
-    ):
+    by_primitive = scores.groupby("primitive", sort=False)
+    for colour, (name, part) in zip(palette.CATEGORICAL_COLOURS, by_primitive, strict=False):
         axes.plot(part["range"], part["nmse"], "o", markersize=4, color=colour, label=name)
     axes.set(xscale="log", yscale="log")
     return legend(figure, 3)
@@ -357,9 +300,9 @@ def electrode_panels(scores: pd.DataFrame, traces: pd.DataFrame) -> list[Figure]
     figures = []
     for name, part in traces.groupby("primitive", sort=False):
         figure, axes = panel(f"{name}: recorded (grey), primitive", xlabel="time (s)", ylabel="counts")
-        for colour, electrode in zip(CATEGORICAL_COLOURS, strongest, strict=False):
+        for colour, electrode in zip(palette.CATEGORICAL_COLOURS, strongest, strict=False):
             its = part[part["electrode"] == electrode].iloc[::8]
-            axes.plot(its["time_s"], its["recorded"], color=LIGHT_GREY, linewidth=3.0)
+            axes.plot(its["time_s"], its["recorded"], color=palette.LIGHT_GREY, linewidth=3.0)
             axes.plot(its["time_s"], its["expected"], color=colour, linewidth=1.1, label=f"E{electrode}")
         figures.append(legend(figure, 3))
     return figures

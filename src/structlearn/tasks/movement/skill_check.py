@@ -41,14 +41,23 @@ from structlearn.tasks.movement.check_results import (
     NOTHING_TRIED,
     STARTS,
     THIN,
+    TRIED,
     SkillCheck,
     verdict,
 )
-from structlearn.tasks.movement.movement_parameters import Bound, RobotParameters
+from structlearn.tasks.movement.movement_parameters import RobotParameters
 from structlearn.tasks.task_files import local_path
 
-BEYOND_ALL_BOUNDS = 1e9
-"""Weights of a network whose coupling term is at its bound from the second tick on, or on its way there."""
+RATE_HZ = 200.0  # of a run: 5 ms are short beside anything that a primitive of half a second does
+COLLISION_EVERY = 4  # samples between looks at distances: links come some centimetres nearer in 20 ms
+# Where the tip may be off: the search ends at a millionth of it or cannot reach the pose.
+REACH_M, REACH_RAD = 1e-3, np.radians(0.5)
+JUMP = 0.1  # rad or m from one sample to the next
+# By how much the workspace is made smaller on every side, and what of the bounds is left, in two attempts:
+# the latter is 1.5 times the largest correction that was demonstrated.
+INSETS_M, SHARES = (0.02, 0.05), (2.0 / 3.0, 1.0 / 3.0)
+COARSE, SEED = 20, 1  # samples between looks at the nominal run, and seed, of the search for a rest
+BEYOND_ALL_BOUNDS = 1e9  # weights of a network whose coupling term is at its bound after a tick or two
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,7 @@ def _run(
     name: str,
     start: PoseGoal,
     goals: list[PoseGoal],
+    *,
     rate_hz: float,
     slower: float,
 ) -> Unroll:
@@ -115,41 +125,21 @@ def _run(
     return Unroll(kind, name, position, orientation if turned else None)
 
 
-RATE_HZ = 200.0
-"""Samples per second of a run: 5 ms are short beside anything that a primitive of half a second does."""
-
-COLLISION_EVERY = 4
-"""Samples from one look at distances to the next: links come at most some centimetres nearer in 20 ms."""
-
-REACH_M, REACH_RAD = 1e-3, np.radians(0.5)
-"""Where the tip may be off: the search ends at a millionth of it or cannot reach the pose."""
-
-JUMP = 0.1
-"""rad or m from one sample to the next."""
-
-INSETS_M, SHARES = (0.02, 0.05), (2.0 / 3.0, 1.0 / 3.0)
-"""By how much the workspace is made smaller on every side, and what of the bounds is left, in two attempts:
-the latter is 1.5 times the largest correction that was demonstrated."""
-
-COARSE, SEED = 20, 1
-"""Samples from one look at the nominal run to the next, and seed, of the search for a rest configuration."""
-
-
+# Samples per second of a run: 5 ms are short beside anything that a primitive of half a second does.
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
     """Follow all runs of a skill with a robot, and where some fail, try what would mend them (`changes`).
 
     Raises InputError: the URDF cannot be used, there are not as many bounds as joints, or no joint
     configuration reaches the start.
     """
-    path = urdf_path(str(local_path(parameters.urdf)))
-    arm = read_arm(path, parameters.tip, parameters.locked_joints)
+    arm = read_arm(urdf_path(str(local_path(parameters.urdf))), parameters.tip, parameters.locked_joints)
     runs = [in_arm_frames(run, parameters) for run in unrolls(skill, RATE_HZ)]
     if parameters.rest_configuration is None:
         position, orientation = runs[0].position, runs[0].orientation
         turned = None if orientation is None else orientation[::COARSE]
         rest = rest_for(arm, position[::COARSE], turned, COARSE / RATE_HZ, SEED)
     else:
-        rest = _per_joint(arm, parameters.rest_configuration, "rest_configuration")
+        rest = _per_joint(arm, parameters, "rest_configuration")
     try:
         shapes = read_shapes(arm, parameters.locked_joints, rest)
         notes = tuple(f"{pair} touch at rest and are not watched" for pair in shapes.touching)
@@ -171,15 +161,13 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     check = SkillCheck(rows_of(runs), named_rest, notes, NOTHING_TRIED)
     failing, tried = set(check.failing["run"]), []
     for change, changed, slower in changes(skill, check):
-        again = (
-            in_arm_frames(run, parameters) for run in unrolls(changed, RATE_HZ, slower) if run.name in failing
-        )
-        still = rows_of(again)
+        again = (run for run in unrolls(changed, RATE_HZ, slower) if run.name in failing)
+        still = rows_of(in_arm_frames(run, parameters) for run in again)
         left = int(still.loc[still["verdict"] == NO, "run"].nunique())
         tried.append((change, len(failing), left, float(still["margin"].min())))
         if left == 0:
             break
-    return replace(check, tried=pd.DataFrame(tried, columns=NOTHING_TRIED.columns)) if tried else check
+    return replace(check, tried=pd.DataFrame(tried, columns=TRIED)) if tried else check
 
 
 def changes(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, ReactiveSkill, float]]:
@@ -235,7 +223,7 @@ def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
 
 def margins(
     arm: Arm, path: JointPath, parameters: RobotParameters, shapes: LinkShapes | None
-) -> Iterator[dict[str, str | float]]:
+) -> Iterator[dict[str, Any]]:
     """The worst of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` but the run.
 
     The margin of a range is 1 in its middle, and of a joint without limits.
@@ -244,50 +232,50 @@ def margins(
     units = ["m" if prismatic else "rad" for prismatic in tree.prismatic]
     velocity = signals.derivative(joints, dt)
     acceleration = signals.derivative(velocity, dt)
-    jerk = signals.derivative(acceleration, dt)
     steps = np.diff(joints, axis=0, prepend=joints[:1])
-
-    for quantity, missed, bound, unit in (
-        ("position", path.missed_m, REACH_M, "m"),
-        ("orientation", path.missed_rad, REACH_RAD, "rad"),
-    ):
-        yield _worst(quantity, missed[:, None], bound, 1.0 - missed[:, None] / bound, ["tip"], [unit])
-    half = 0.5 * (tree.upper - tree.lower)
-    room = np.minimum(joints - tree.lower, tree.upper - joints)
-    left = np.where(np.isfinite(half), room / np.where(np.isfinite(half), half, 1.0), 1.0)
+    half, room = 0.5 * (tree.upper - tree.lower), np.minimum(joints - tree.lower, tree.upper - joints)
+    middle = np.where(np.isfinite(half), room / np.where(np.isfinite(half), half, 1.0), 1.0)
     nearer = np.where(joints - tree.lower <= tree.upper - joints, tree.lower, tree.upper)
-    yield _worst("joint range", joints, nearer, left, tree.names, units)
-    for quantity, values, largest, per in (
-        ("velocity", velocity, tree.velocity, "/s"),
-        (
-            "acceleration",
-            acceleration,
-            _per_joint(arm, parameters.max_acceleration, "max_acceleration"),
-            "/s²",
-        ),
-        ("jerk", jerk, _per_joint(arm, parameters.max_jerk, "max_jerk"), "/s³"),
-        ("joint jump", steps, np.full(len(units), JUMP), ""),
-    ):
+
+    def at_most(values: np.ndarray, bound: np.ndarray | float, per: str = "") -> tuple:
         size = np.abs(values)
-        yield _worst(
-            quantity, size, largest, 1.0 - size / largest, tree.names, [f"{one}{per}" for one in units]
-        )
-    least, singular = parameters.least_singular_value, path.least_singular_value[:, None]
-    yield _worst("singularity", singular, least, singular / least - 1.0, ["tip"], [""])
+        return size, bound, 1.0 - size / bound, tree.names, [f"{one}{per}" for one in units]
+
+    def of_tip(values: np.ndarray, bound: float, unit: str) -> tuple:
+        return values[:, None], bound, 1.0 - values[:, None] / bound, ["tip"], [unit]
+
+    def at_least(values: np.ndarray, bound: float, names: Sequence[str], unit: str) -> tuple:
+        return values, bound, values / bound - 1.0, names, [unit] * len(names)
+
+    for quantity, found in (
+        ("position", of_tip(path.missed_m, REACH_M, "m")),
+        ("orientation", of_tip(path.missed_rad, REACH_RAD, "rad")),
+        ("joint range", (joints, nearer, middle, tree.names, units)),
+        ("velocity", at_most(velocity, tree.velocity, "/s")),
+        ("acceleration", at_most(acceleration, _per_joint(arm, parameters, "max_acceleration"), "/s²")),
+        (
+            "jerk",
+            at_most(signals.derivative(acceleration, dt), _per_joint(arm, parameters, "max_jerk"), "/s³"),
+        ),
+        ("joint jump", at_most(steps, np.full(len(units), JUMP))),
+        (
+            "singularity",
+            at_least(path.least_singular_value[:, None], parameters.least_singular_value, ["tip"], ""),
+        ),
+    ):
+        yield {"quantity": quantity} | _worst(*found)
     if shapes is None:
         yield {"quantity": "self-collision", "where": "", "unit": "m", "verdict": NOT_TESTED}
     else:
         apart = parameters.least_distance_m
         distances = link_distances(shapes, joints[::COLLISION_EVERY], apart * (1.0 + THIN))
-        where, meters = shapes.pairs, ["m"] * len(shapes.pairs)
-        yield _worst(
-            "self-collision", distances, apart, distances / apart - 1.0, where, meters, COLLISION_EVERY
-        )
+        its = _worst(*at_least(distances, apart, shapes.pairs, "m"))
+        yield {"quantity": "self-collision"} | its | {"time_s": COLLISION_EVERY * its["time_s"]}
 
 
-def _per_joint(arm: Arm, values: Bound | Sequence[float], key: str) -> np.ndarray:
+def _per_joint(arm: Arm, parameters: RobotParameters, key: str) -> np.ndarray:
     """(n,) of one number, or of as many as there are joints."""
-    array = np.atleast_1d(np.array(values, dtype=float))
+    array = np.atleast_1d(np.array(getattr(parameters, key), dtype=float))
     count = len(arm.tree.names)
     if array.size not in ({count} if key == "rest_configuration" else {1, count}):
         raise InputError(
@@ -297,24 +285,21 @@ def _per_joint(arm: Arm, values: Bound | Sequence[float], key: str) -> np.ndarra
 
 
 def _worst(
-    quantity: str,
     values: np.ndarray,
     bound: np.ndarray | float,
     left: np.ndarray,
     names: Sequence[str],
     units: Sequence[str],
-    every: int = 1,
 ) -> dict[str, Any]:
     """Where the margin `left` (T, K) of values (T, K) is least; one above 1 says no more than 1."""
     sample, place = map(int, np.unravel_index(np.argmin(left), left.shape))
     margin = min(float(left[sample, place]), 1.0)
     return {
-        "quantity": quantity,
         "where": names[place],
         "value": float(values[sample, place]),
         "bound": float(np.broadcast_to(bound, values.shape)[sample, place]),
         "unit": units[place],
         "margin": margin,
-        "time_s": sample * every / RATE_HZ,
+        "time_s": sample / RATE_HZ,
         "verdict": verdict(margin),
     }

@@ -1,9 +1,8 @@
-"""Representations of the coupling term past obstacles, and what the phase adds to them (IV.8).
+"""Representations of the coupling term past obstacles, and the gain by seeing the phase (IV.8).
 
 Cross-validation over blocks of consecutive samples. Errors are pooled: squared errors of all held-out samples
-over the variance of all targets, axis by axis. Where samples were shuffled before they were published, those
-next to a held-out one in time may be in the training blocks: errors are those of new samples of known
-demonstrations, not of new demonstrations.
+over the variance of all targets, axis by axis. If samples were shuffled before they were published, errors
+are those of new samples of known demonstrations, not of new demonstrations.
 """
 
 from collections.abc import Sequence
@@ -36,7 +35,7 @@ INPUTS = tuple(COLUMNS)
 
 
 class RepresentationParameters(Parameters):
-    """Blocks left out, and the models compared."""
+    """Number of blocks left out in turn, and the models compared."""
 
     folds: int = Field(ge=2)
     ridge_decay: float = Field(gt=0)
@@ -47,14 +46,14 @@ class RepresentationParameters(Parameters):
 
 RIDGE, HUMAN_INSPIRED, STOPPED = "ridge", "human_inspired", "network_validation"
 NETWORK, ENSEMBLE, PMNN = "network", "ensemble", "pmnn"
+# representations, and their inputs beside the features (`network_training.COLUMNS`)
 REPRESENTATIONS = (
     (HUMAN_INSPIRED, "features"),
     (STOPPED, "features"),
     *((name, inputs) for name in (RIDGE, NETWORK, ENSEMBLE) for inputs in INPUTS),
     (PMNN, "phase"),
 )
-"""Representations and what they see beside the features (`models.COLUMNS`)."""
-
+# longest first; the ensemble's first member is the network
 FITS = (
     *((ENSEMBLE, inputs) for inputs in reversed(INPUTS)),
     (PMNN, "phase"),
@@ -62,13 +61,12 @@ FITS = (
     (STOPPED, "features"),
     *((RIDGE, inputs) for inputs in INPUTS),
 )
-"""Longest first. The ensemble's first member is the network."""
 
 
 def samples_of_reaches(
     runs: Sequence[Demonstration], parameters: SceneLearningParameters
 ) -> AvoidanceDataset:
-    """Samples of the coupling term of reaches past obstacles, with the published features of the nearest."""
+    """Samples of the coupling term of reaches, with the published features of the nearest obstacle."""
     reaches, _ = reaches_past_obstacles(runs, parameters)
     baseline = straight_baseline(reaches, parameters.straight_share)
     states = scene_states([reach.path for reach in reaches], baseline, parameters.keep_every)
@@ -78,17 +76,13 @@ def samples_of_reaches(
 def compare_representations(
     dataset: AvoidanceDataset, parameters: RepresentationParameters
 ) -> dict[str, pd.DataFrame]:
-    """Cross-validate every representation.
+    """Cross-validate every representation; raises MissingInputError for fewer than two samples a fold.
 
     Returns:
         `scores` per `representation`, its `inputs` and `axis`: held-out `nmse` over all samples, and `train`,
-        the mean of the training errors over the folds. `folds`: likewise per `fold`, held-out squared error
-        over the variance of all targets, `nmse`, and the number of held-out `samples`. `phase_worth`: per
-        `representation`, `inputs` with the phase, and `axis`: `gain`, mean over folds of the held-out error
-        without it minus that with it, and `half_width` of its 95 % interval.
-
-    Raises:
-        MissingInputError: there are fewer than two samples a fold.
+        the mean training error of the folds. `folds`: likewise per `fold`, with the number of held-out
+        `samples`. `phase_worth`: `gain`, mean over folds of the held-out error without the phase minus that
+        with it, and `half_width` of its 95 % interval.
     """
     if len(dataset) < 2 * parameters.folds:
         raise MissingInputError(f"{len(dataset)} samples are too few for {parameters.folds} folds")
@@ -100,8 +94,8 @@ def compare_representations(
     ]
     tables = parallel_map(_held_out, work, "representations of the coupling term")
     errors, keys = pd.concat(tables, ignore_index=True), ["representation", "inputs", "axis"]
-    summed = errors.groupby(keys, sort=False)[["squared", "weighted_train"]].sum()
-    scores = summed.rename(columns={"squared": "nmse", "weighted_train": "train"})
+    summed = errors.groupby(keys, sort=False)[["squared", "train"]].sum()
+    scores = summed.rename(columns={"squared": "nmse"})
     scores["train"] /= parameters.folds
     order = [(*pair, axis) for pair in REPRESENTATIONS for axis in AXES]
     folds = errors[[*keys, "fold"]].assign(
@@ -115,20 +109,18 @@ def compare_representations(
 def _held_out(
     work: tuple[AvoidanceDataset, np.ndarray, tuple[int, str, str], RepresentationParameters],
 ) -> pd.DataFrame:
-    """Errors of one fit on one fold: `squared` is its share in the error over all samples."""
+    """Errors of one fit on one fold; `squared` is the share in the error over all samples."""
     dataset, block, (fold, name, inputs), parameters = work
     held_out = np.zeros(len(dataset), dtype=bool)
     held_out[block] = True
     training, rest = dataset.where(~held_out), dataset.where(held_out)
-    rows = []
+    tables = []
     for fitted, model in _fitted(name, inputs, training, fold, parameters).items():
-        error = np.square(_predicted(model, rest) - rest.target).sum(axis=0)
-        shares = error / (dataset.target.var(axis=0) * len(dataset))
-        train = nmse(_predicted(model, training), training.target)
-        for axis, squared, weighted in zip(AXES, shares, train, strict=True):
-            rows.append((fitted, inputs, axis, fold, squared, weighted))
-    columns = ["representation", "inputs", "axis", "fold", "squared", "weighted_train"]
-    return pd.DataFrame(rows, columns=columns)
+        known, new = (model(its.features, its.phase, its.phase_velocity) for its in (training, rest))
+        error = np.square(new - rest.target).sum(axis=0) / (dataset.target.var(axis=0) * len(dataset))
+        columns = {"axis": list(AXES), "fold": fold, "squared": error, "train": nmse(known, training.target)}
+        tables.append(pd.DataFrame({"representation": fitted, "inputs": inputs} | columns))
+    return pd.concat(tables, ignore_index=True)
 
 
 def _fitted(
@@ -138,7 +130,7 @@ def _fitted(
     fold: int,
     parameters: RepresentationParameters,
 ) -> dict[str, CouplingModel]:
-    """Coupling models of one fit by the name of their representation."""
+    """Coupling models of one fit, keyed by representation."""
     if name == RIDGE:
         return {name: _ridge(training, inputs, parameters.ridge_decay)}
     if name == HUMAN_INSPIRED:
@@ -173,12 +165,8 @@ def _ridge(training: AvoidanceDataset, inputs: str, decay: float) -> CouplingMod
     )
 
 
-def _predicted(model: CouplingModel, dataset: AvoidanceDataset) -> np.ndarray:
-    return model(dataset.features, dataset.phase, dataset.phase_velocity)
-
-
 def _phase_worth(folds: pd.DataFrame) -> pd.DataFrame:
-    """Gains of seeing the phase, in pairs over the folds."""
+    """Gains by seeing the phase, paired over the folds."""
     by = folds.sort_values("fold").groupby(["representation", "inputs", "axis"])["nmse"]
     errors, rows = {key: its.to_numpy() for key, its in by}, []
     for (name, inputs, axis), seen in errors.items():

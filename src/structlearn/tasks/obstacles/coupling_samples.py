@@ -1,8 +1,8 @@
-"""Reader of public samples of the coupling term past obstacles: three text files in, one dataset out.
+"""Reader of public samples of the coupling term past obstacles: three text files.
 
 Samples of many demonstrations, drawn at random and shuffled, in the local frame: 17 features, three
 coupling terms, 25 phase kernels times the phase velocity. They have no times and no demonstration numbers;
-the phase is found again from the kernels.
+the phase is recovered from the kernels.
 """
 
 from collections.abc import Mapping
@@ -16,28 +16,22 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.primitives import canonical, kernels
 from structlearn.readers.clmc import SOURCE
-from structlearn.readers.text_log import read_table
+from structlearn.readers.foreign_tables import read_table
 
 FOLDER = "obs_avoid/pmnn_unroll_test_dataset"
+# parts of the files' names, and numbers of columns
 FILES = {
-    "features": ("subsampled_test_unroll_prim_1_X_raw_obs_avoid.txt", 17),
-    "target": ("subsampled_test_unroll_prim_1_Ct_target_obs_avoid.txt", 3),
-    "modulation": (
-        "subsampled_test_unroll_prim_1_normalized_phase_PSI_mult_phase_V_obs_avoid.txt",
-        kernels.KERNEL_COUNT,
-    ),
+    "features": ("X_raw", 17),
+    "target": ("Ct_target", 3),
+    "modulation": ("normalized_phase_PSI_mult_phase_V", kernels.KERNEL_COUNT),
 }
-"""Names and columns."""
-
+# between the kernels of a sample, up to 4.6, and those of the nearest time; the files are within 0.05
 LARGEST_PHASE_ERROR = 0.2
-"""Between the kernels of a sample, up to 4.6, and those of the nearest time. The files are within 0.05."""
-
-GRID = np.linspace(0.0, 1.05, 4201)
-"""Times of a movement of duration one at which the phase is looked for."""
+GRID = np.linspace(0.0, 1.05, 4201)  # candidate times in a movement of duration one
 
 
 class RecordedSamples(NamedTuple):
-    """Samples of the coupling term, and where they come from."""
+    """Samples of the coupling term, and their origin."""
 
     samples: AvoidanceDataset
     provenance: Mapping[str, str]
@@ -51,15 +45,11 @@ def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str]) -> Record
 
 
 def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
-    """The samples as a dataset of one scenario in which every row is a demonstration of its own.
+    """Dataset of one scenario in which every row is a separate demonstration; `time` is a fraction.
 
-    `time` is the fraction of the movement.
-
-    Raises:
-        MissingInputError: none of the files is there.
-        InputError: one of them is missing, no table of its columns, or has another number of rows than its
-            fellows; the distance to the centre is not that of the centre's vector, or no time of a movement
-            has the phase kernels.
+    Raises MissingInputError: there are no files. Raises InputError: a file is missing, has other columns or
+    another number of rows; the distance to the centre is not the length of its vector, or no time of a
+    movement has the phase kernels.
     """
     paths = sample_files(folder)
     if not any(path.exists() for path in paths.values()):
@@ -96,15 +86,13 @@ def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
 
 
 def sample_files(folder: str | Path) -> dict[str, Path]:
-    """Path of each table, by its name in `FILES`."""
-    return {name: Path(folder) / FOLDER / file for name, (file, _) in FILES.items()}
+    """Path of each table, keyed as in `FILES`."""
+    stem = "subsampled_test_unroll_prim_1_{}_obs_avoid.txt"
+    return {name: Path(folder) / FOLDER / stem.format(part) for name, (part, _) in FILES.items()}
 
 
 def phase_times(modulation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times (S,) whose phase kernels are nearest to given ones (S, N), and the distance (S,) of the kernels.
-
-    Kernels are normalised and times the phase velocity; a time is a fraction of the movement.
-    """
+    """Fractions of the movement (S,) with kernels times phase velocity nearest to (S, N), and distances."""
     p, u = canonical.phase(GRID, canonical.time_constant(1.0))
     grid = kernels.features(p, u, modulation.shape[1])
     squared = (modulation**2).sum(axis=1)[:, None] - 2.0 * modulation @ grid.T + (grid**2).sum(axis=1)

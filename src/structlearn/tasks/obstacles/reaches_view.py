@@ -1,4 +1,4 @@
-"""Recording of reaches past obstacles: the recorded hand and those of models in the same scenes."""
+"""Recording of reaches past obstacles: the recorded hand and hands of models in the same scenes."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -32,24 +32,32 @@ LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
     if way in ("none", "text", "scene", "planned")  # all six would hide each other
 }
 
+# from the middle of a scene to the eye: behind the person, from above, so that gaps are visible
 EYE_M = np.array([0.0, -0.55, 0.75])
-"""From the middle of a scene to the eye: behind the person, from above, so that gaps are seen."""
+EXTENT, PLACE = ["width_m", "depth_m", "height_m"], ["x_m", "y_m", "z_m"]
+
+
+NOTE = (
+    "Obstacles and the hand called *recorded* were recorded. The other hands are computed: models that "
+    "learned from other people move them through this scene, in the time that the person took. Obstacles are "
+    "filled, walls are outlined; a square of the floor is 0.1 m wide."
+)
 
 
 def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataFrame], title: str) -> None:
-    """Write the reaches that the page shows, a tab for each scene, as a recording.
+    """Write the reaches shown on the page, a tab for each scene.
 
     `tables`: `paths` and `shapes` of `avoidance.scene_folds.SceneResults`.
     """
+    colours = legend({look.name: look.colour for look in LOOKS.values()})
     with recording(path, title) as stream:
-        send_notes(stream, _note(title))
+        send_notes(stream, f"# {title}\n\n{NOTE}\n\n{colours}")
         tabs = []
         for name, paths in tables["paths"].groupby("reach", sort=False):
             shapes = tables["shapes"].query("reach == @name")
             middle, floor = _send_shapes(stream, name, shapes)
             for way, look in LOOKS.items():
-                its = paths[paths["way"] == way]
-                _send_way(stream, name, look, its, shapes[shapes["box"]])
+                _send_way(stream, name, look, paths[paths["way"] == way], shapes[shapes["box"]])
             scene = eye_view(name, [f"{entity(name)}/**"], middle, EYE_M, floor)
             clearance = plot("distance to the nearest obstacle (mm)", [f"{entity('distance', name)}/**"])
             beside = rrb.Vertical(notes_view(), clearance)
@@ -57,18 +65,9 @@ def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataF
         stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
-def _note(title: str) -> str:
-    return (
-        f"# {title}\n\nObstacles and the hand called *recorded* were recorded. The other hands are computed: "
-        "models that learned from other people move them through this scene, in the time that the person "
-        "took. Obstacles are filled, walls are outlined; a square of the floor is 0.1 m wide.\n\n"
-        + legend({look.name: look.colour for look in LOOKS.values()})
-    )
-
-
 def _send_shapes(stream: rr.RecordingStream, name: str, shapes: pd.DataFrame) -> tuple[np.ndarray, float]:
     """Log obstacles, walls and axes; returns the obstacles' middle (3,) m and the floor's height."""
-    sizes, centres = (shapes[list(columns)].to_numpy() for columns in (EXTENT, PLACE))
+    sizes, centres = (shapes[columns].to_numpy() for columns in (EXTENT, PLACE))
     solid = shapes["box"].to_numpy(bool)
     stream.log(entity(name, "obstacles"), solid_boxes(sizes[solid], centres[solid], [GREY]), static=True)
     edges = rr.components.FillMode.MajorWireframe
@@ -80,19 +79,16 @@ def _send_shapes(stream: rr.RecordingStream, name: str, shapes: pd.DataFrame) ->
     return centres[solid].mean(axis=0), floor
 
 
-EXTENT, PLACE = ("width_m", "depth_m", "height_m"), ("x_m", "y_m", "z_m")
-
-
 def _send_way(
     stream: rr.RecordingStream, name: str, look: Look, its: pd.DataFrame, boxes: pd.DataFrame
 ) -> None:
     """Log a hand over time, its whole path as a line, and its distance from the obstacles' extents."""
-    points, time = its[list(PLACE)].to_numpy(), its["time_s"].to_numpy()
+    points, time = its[PLACE].to_numpy(), its["time_s"].to_numpy()
     width = 1.0 if look.colour == LIGHT_GREY else 2.0
     line = rr.LineStrips3D([points], colors=rgba([look.colour]), radii=-width)
     path = entity(name, look.name)
     stream.log(f"{path}/path", line, static=True)
     send_moving_frame(stream, f"{path}/hand", [time_column(time)], points, None, look.colour, 0.0)
-    beyond = np.abs(points[:, None] - boxes[list(PLACE)].to_numpy()) - 0.5 * boxes[list(EXTENT)].to_numpy()
+    beyond = np.abs(points[:, None] - boxes[PLACE].to_numpy()) - 0.5 * boxes[EXTENT].to_numpy()
     apart = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1).min(axis=1)
     send_curve(stream, entity("distance", name, look.name), time, 1e3 * apart, look.name, look.colour)

@@ -1,4 +1,4 @@
-"""Representations of the coupling term on a task's page: errors on samples left out, gain by the phase."""
+"""Page section of representations of the coupling term: errors on samples left out, gain by the phase."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -19,6 +19,7 @@ from structlearn.tasks.task_files import TaskFiles
 
 AXES = ["x", "y", "z"]
 
+# as published, the network stops by validation samples
 REPRESENTATIONS = {
     "human_inspired": "human-inspired (Rai et al.)",
     "network_validation": "network, as published",
@@ -27,27 +28,23 @@ REPRESENTATIONS = {
     "ensemble": "ensemble of networks",
     "pmnn": "phase-modulated network",
 }
-"""Of `coupling_representations`; as published, the network stops by validation samples."""
-
 INPUTS = {
     "features": Look("features", GREY),
     "phase_velocity": Look("features, phase velocity", OCHRE),
     "phase": Look("features, phase and its velocity", BLUE),
 }
-"""What a representation sees."""
 
-Tables = Mapping[str, pd.DataFrame]
-"""Of `coupling_representations.compare_representations`, by name."""
+Tables = Mapping[str, pd.DataFrame]  # of `coupling_representations.compare_representations`
+KEYS = ["representation", "inputs"]
 
 
 def by_axis(table: pd.DataFrame, column: str) -> pd.DataFrame:
     """A column by `representation` and `inputs`, with a local axis per column."""
-    keys = ["representation", "inputs"]
-    return table.pivot_table(index=keys, columns="axis", values=column, sort=False)[AXES]
+    return table.pivot_table(index=KEYS, columns="axis", values=column, sort=False)[AXES]
 
 
 def best_representation(found: Tables) -> tuple[str, str]:
-    """Representation and inputs of the smallest error on samples left out, averaged over the axes."""
+    """Representation and inputs of the smallest held-out error, averaged over the axes."""
     return by_axis(found["scores"], "nmse").mean(axis=1).idxmin()
 
 
@@ -57,7 +54,7 @@ def listed(values: Any) -> str:
 
 
 def section(files: TaskFiles) -> Section | None:
-    """Of a task whose samples of the coupling term are compared by representation."""
+    """Section of a task whose samples of the coupling term are compared by representation."""
     if not files.has("representations"):
         return None
     found = {name: files.table(f"obstacles/{name}") for name in ("scores", "folds", "phase_worth")}
@@ -74,8 +71,8 @@ def section(files: TaskFiles) -> Section | None:
 
 
 def representation_findings(found: Tables) -> Findings:
-    """What claims and headlines name, by local axis; intervals are over the blocks left out."""
-    folds = found["folds"].set_index(["representation", "inputs", "axis"])["nmse"].sort_index()
+    """Findings by local axis; intervals are over the blocks left out."""
+    folds = found["folds"].set_index([*KEYS, "axis"])["nmse"].sort_index()
     best = best_representation(found)
     pooled = by_axis(found["scores"], "nmse").loc[best]
     blocks = found["folds"]["fold"].nunique()
@@ -99,7 +96,7 @@ def representation_findings(found: Tables) -> Findings:
 
 
 def representation_facts(found: Tables) -> dict[str, object]:
-    """Words of its sentences."""
+    """Values for the sentences."""
     scores, gains = by_axis(found["scores"], "nmse"), by_axis(found["phase_worth"], "gain")
     name, inputs = best_representation(found)
     folds = found["folds"].drop_duplicates("fold")
@@ -124,8 +121,7 @@ def representation_tables(found: Tables) -> dict[str, Table]:
     wide = held_out.join(train.add_suffix(", learned from"))
     worth = found["phase_worth"]
     text = [with_interval(row.gain, row.half_width, ".3f") for row in worth.itertuples()]
-    worth = worth.assign(text=text)
-    gains = worth.pivot_table("text", ["representation", "inputs"], "axis", aggfunc="first")[AXES]
+    gains = worth.assign(text=text).pivot_table("text", KEYS, "axis", aggfunc="first")[AXES]
     best = frozenset({held_out.index.get_loc(best_representation(found))})
     return {
         "representations_models": Table(_named(wide), dict.fromkeys(wide, ".2f"), strong=best),
@@ -134,7 +130,7 @@ def representation_tables(found: Tables) -> dict[str, Table]:
 
 
 def _named(wide: pd.DataFrame) -> pd.DataFrame:
-    """Rows by representation and inputs, with names for people."""
+    """Rows by representation and inputs, with readable names."""
     named = wide.reset_index(drop=True)
     named.insert(0, "model", [REPRESENTATIONS[name] for name, _ in wide.index])
     named.insert(1, "sees", [INPUTS[inputs].name for _, inputs in wide.index])
@@ -163,7 +159,7 @@ def errors_panel(found: Tables) -> Figure:
 
 @styled
 def phase_panel(found: Tables) -> Figure:
-    """What phase and its velocity take off the error, with the interval over the blocks."""
+    """Reduction of the error by phase and phase velocity, with the interval over the blocks."""
     figure, axes = panel("What the phase adds", 3.4, ylabel="NMSE less with phase and its velocity")
     worth = found["phase_worth"].query("inputs == 'phase'").set_index(["representation", "axis"])
     for offset, (name, colour) in enumerate((("ridge", GREY), ("network", OCHRE), ("ensemble", BLUE)), -1):

@@ -1,4 +1,4 @@
-"""Reaches past obstacles on a task's page: models learned from some people, in the scenes of others."""
+"""Page section of reaches past obstacles: models learned from some people, in the scenes of others."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,27 +18,18 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import TaskFiles
 
+# ways of `avoidance.scene_folds`, as text, since drawing does not import what learns
 RECORDED, OURS, TEXT, NONE, PLANNED = "recorded", "scene", "text", "none", "planned"
-"""Ways of `avoidance.scene_folds`, as text: drawing does not import what learns."""
-
 LOOKS = {RECORDED: Look("recorded", DEMONSTRATION_COLOUR)} | SCENE_WAYS
-WIDTHS = {RECORDED: 3.5, NONE: 1.0, TEXT: 1.3, OURS: 1.8, PLANNED: 1.0}
-"""Ways that are drawn, with the width of their lines."""
-
-TABLES = ("reaches", "errors", "people", "left_out", "paths", "shapes")
-"""Of `avoidance.scene_folds.SceneResults`."""
-
+WIDTHS = {RECORDED: 3.5, NONE: 1.0, TEXT: 1.3, OURS: 1.8, PLANNED: 1.0}  # of the lines of ways drawn
+TABLES = ("reaches", "errors", "people", "left_out", "paths", "shapes")  # of `SceneResults`
 FIRST = 2  # panels of paths in view; the others are folded
 FEWEST = 20  # reaches, below which the page says that they are few
 AXES = ["x", "y", "z"]
 
 
 class SceneWays(dict[str, pd.DataFrame]):
-    """`TABLES` by name: reaches by who or what moves the hand.
-
-    Attributes:
-        ways: keys of `SCENE_WAYS` that were tried, in their order.
-    """
+    """`TABLES` by name, and reaches by the way the hand is moved."""
 
     def __init__(self, tables: Mapping[str, pd.DataFrame]) -> None:
         super().__init__(tables)
@@ -46,7 +37,7 @@ class SceneWays(dict[str, pd.DataFrame]):
         self.ways = [way for way in SCENE_WAYS if way in tried]
 
     def of(self, way: str, blocked: bool = False) -> pd.DataFrame:
-        """Reaches of one way; `blocked`: only those whose straight line meets an obstacle."""
+        """Reaches of one way; `blocked`: only if their straight line meets an obstacle."""
         its = self["reaches"].query("way == @way")
         return its[its["blocked"]] if blocked else its
 
@@ -61,7 +52,7 @@ class SceneWays(dict[str, pd.DataFrame]):
 
 
 def section(files: TaskFiles) -> Section | None:
-    """Of a task with reaches past obstacles."""
+    """Section of a task with reaches past obstacles."""
     if not (files.folder / "obstacles/reaches.parquet").exists():
         return None
     found = SceneWays({name: files.table(f"obstacles/{name}") for name in TABLES})
@@ -91,7 +82,7 @@ def section(files: TaskFiles) -> Section | None:
 
 
 def scene_findings(found: SceneWays) -> Findings:
-    """What claims, sentences and headlines name."""
+    """Findings, by the names that claims and sentences use."""
     its, apart = found.of(OURS), found["people"]["path_mm"]
     people = its["person"].nunique()
     find = Findings(f"reaches of {people} people left out in turn")
@@ -115,13 +106,10 @@ def scene_findings(found: SceneWays) -> Findings:
     find.add("same_gap", found.share("same_gaps"))
     if len(apart):
         find.exact("people_apart", apart.mean(), len(apart), unit="mm")
-    for name, number in (
-        ("people", people),
-        ("reaches", len(its)),
-        ("blocked", its["blocked"].sum()),
-        ("left_out", len(found["left_out"])),
-    ):
-        find.exact(name, number)
+    find.exact("people", people)
+    find.exact("reaches", len(its))
+    find.exact("blocked", its["blocked"].sum())
+    find.exact("left_out", len(found["left_out"]))
     return find
 
 
@@ -174,11 +162,8 @@ def scene_pictures(found: SceneWays) -> dict[str, list[Drawing]]:
     """Figures by name."""
     paths: list[Drawing] = [paths_panel(found, reach) for reach in found["paths"]["reach"].unique()]
     pictures: dict[str, list[Drawing]] = {"obstacles_rates": [rates_panel(found), distance_panel(found)]}
-    return pictures | {
-        name: its
-        for name, its in (("obstacles_paths", paths[:FIRST]), ("obstacles_more_paths", paths[FIRST:]))
-        if its
-    }
+    pictures |= {"obstacles_paths": paths[:FIRST], "obstacles_more_paths": paths[FIRST:]}
+    return {name: its for name, its in pictures.items() if its}
 
 
 @styled
@@ -205,10 +190,8 @@ def paths_panel(found: SceneWays, reach: str) -> Figure:
 def rates_panel(found: SceneWays) -> Figure:
     """Share of reaches that touch an obstacle, of all reaches and of the blocked ones."""
     figure, axes = panel("Reaches that touch an obstacle", 3.6, xlabel="share (%)")
-    for offset, label, blocked, fill in (
-        (-0.15, "all reaches", False, "full"),
-        (0.15, "blocked ones", True, "none"),
-    ):
+    groups = (-0.15, "all reaches", False, "full"), (0.15, "blocked ones", True, "none")
+    for offset, label, blocked, fill in groups:
         for place, way in enumerate(found.ways):
             rate = found.share("hit", way, blocked)
             bars = 100 * np.array([[rate.value - rate.low], [rate.high - rate.value]])
@@ -222,7 +205,7 @@ def rates_panel(found: SceneWays) -> Figure:
 
 @styled
 def distance_panel(found: SceneWays) -> Figure:
-    """Distance from recorded paths, a stroke per person, a dot for their mean; dashed: two people apart."""
+    """Distance from recorded paths, a stroke per person, a dot for the mean; dashed: between two people."""
     figure, axes = panel("Distance from the recorded path", 3.6, xlabel="mean of a person (mm)")
     for place, way in enumerate(found.ways):
         means, colour = found.by_person(way, "path_mm"), LOOKS[way].colour
@@ -237,7 +220,7 @@ def distance_panel(found: SceneWays) -> Figure:
 
 
 def _name_ways(found: SceneWays, axes: Any) -> None:
-    """All ways from top to bottom."""
+    """Label the vertical axis with all ways from top to bottom."""
     labels = [LOOKS[way].name.replace(" (", "\n(").replace(", ", ",\n") for way in found.ways]
     axes.set_yticks(range(len(labels)), labels)
     axes.grid(axis="y", visible=False)

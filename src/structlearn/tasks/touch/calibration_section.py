@@ -1,4 +1,4 @@
-"""The page of simulated touch beside recorded touch: tables, claims, figures."""
+"""Page that compares simulated with recorded touch: tables, claims, figures."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -22,10 +22,9 @@ from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, WORLDS
 
 PACKAGE = __package__
 PIPELINE = "stages/tasks/dvc.yaml"
+SHOWN = 4  # electrodes of a finger that have a colour; all others are grey
 
-SHOWN = 4
-"""Electrodes of a finger that have a colour; all others are grey."""
-
+# of `touch_calibration.comparison`
 STATISTICS = {
     "contact_strongest": "contact, strongest electrode (counts)",
     "contact_second": "contact, second strongest (counts)",
@@ -44,23 +43,15 @@ STATISTICS = {
     "power_middle": "2 to 10 Hz, strongest electrode (counts)",
     "power_fast": "10 to 50 Hz, strongest electrode (counts)",
 }
-"""What the statistics of `touch_calibration.comparison` are called."""
-
-CLAIMS = {
-    "contact": "contact",
-    "range": "range",
-    "noise": "noise",
-    "active": "active",
-    "dimensions": "pca",
-    "spectrum": "power",
-}
-"""Claims, and with what the names of their statistics begin."""
+# beginnings of the names of a claim's statistics
+CLAIMS = {name: name for name in ("contact", "range", "noise", "active")}
+CLAIMS |= {"dimensions": "pca", "spectrum": "power"}
 
 HEADLINES = ("contact_strongest", "noise_median", "pca_dimensions")
 
 
 def publish_calibration(stored: Mapping[str, pd.DataFrame], parameters: CalibrationParameters) -> None:
-    """Publish the page, which says so where nothing was recorded (no tables)."""
+    """Publish the page; without tables it states that nothing is recorded."""
     find = find_calibration(stored)
     pages = {"index": calibration_document(stored, find, parameters)}
     drawn = calibration_pictures(stored, parameters.variance) if stored else {}
@@ -68,7 +59,7 @@ def publish_calibration(stored: Mapping[str, pd.DataFrame], parameters: Calibrat
 
 
 def find_calibration(stored: Mapping[str, pd.DataFrame]) -> Findings:
-    """Medians of all statistics, and by claim the ratios of medians, simulated over recorded."""
+    """Medians of all statistics, and ratios of medians by claim, simulated over recorded."""
     find = Findings("fingers in runs")
     if not stored:
         for claim in CLAIMS:
@@ -93,7 +84,7 @@ def _case(name: str) -> str:
 
 
 def calibration_tables(stored: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
-    """By name: the comparison, and medians of all sets."""
+    """The comparison, and medians of all sets."""
     statistics = [name for name in STATISTICS if name in stored["fingers"]]
     medians = stored["fingers"].groupby("group")[statistics].median().T
     medians = medians[[group for group in WORLDS if group in medians]]
@@ -106,7 +97,7 @@ def calibration_tables(stored: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
 
 
 def strongest(electrodes: pd.DataFrame, group: str) -> str:
-    """`16 (left, +100) and 1 (right, +300)`: what contact moves most of every finger, two each, first run."""
+    """`16 (left, +100) and 1 (right, +300)`: the two electrodes per finger that change most, first run."""
     its = electrodes[electrodes["group"] == group]
     its = its[its["run"] == its["run"].iloc[0]]
     order = its["contact"].abs().sort_values(ascending=False, kind="stable").index
@@ -149,7 +140,7 @@ def calibration_document(
 def calibration_pictures(
     stored: Mapping[str, pd.DataFrame], variance: float
 ) -> dict[str, Drawing | Sequence[Drawing]]:
-    """All figures by name; `variance` is the share that principal components must hold."""
+    """Figures by name; `variance`: share that principal components must hold."""
     noise = stored["electrodes"].sort_values("noise", kind="stable")[["group", "noise"]]
     by_group = noise.groupby("group")["noise"]
     noise["share"] = by_group.cumcount() / (by_group.transform("size") - 1)
@@ -204,7 +195,7 @@ def trace_panels(traces: pd.DataFrame) -> list[Figure]:
 
 @styled
 def amplitude_panel(electrodes: pd.DataFrame, name: str, title: str) -> Figure:
-    """A column's magnitude for every finger of both sets of scraping, electrodes in falling order."""
+    """Magnitudes of a column for every finger of both sets of scraping, electrodes in decreasing order."""
     figure, axes = panel(title, xlabel="electrodes of a finger, sorted", ylabel="counts", yscale="log")
     for group, width, opacity in ((CALIBRATED, 0.7, 0.6), (REFERENCE, 1.8, 1.0)):
         label: str | None = group
@@ -232,7 +223,7 @@ def sets_panel(table: pd.DataFrame, title: str, ticks: Sequence[float], **labels
 
 @styled
 def components_panel(components: pd.DataFrame, variance: float) -> Figure:
-    """Variance that is left after some principal components of a finger's electrodes, in all sets."""
+    """Variance left after some principal components of a finger, in all sets."""
     figure, axes = panel("Dimensions of the movement", yscale="log", ylim=(1e-5, 1.3))
     axes.set(xlabel="principal components of a finger", ylabel="share of variance left")
     for group, its in components.groupby("group", sort=False):

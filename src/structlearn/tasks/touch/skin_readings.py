@@ -1,4 +1,4 @@
-"""What models make of touches, and how far off it is: whether the latent map is the skin (II.3.3, II.4.3).
+"""Estimates of touches by latent spaces and rivals, and their errors (II.3.3, II.4.3).
 
 Rivals see the same signals: an autoencoder without structure, principal components, a Gaussian process.
 """
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.networks.torch_settings import as_tensor
-from structlearn.readers.touch_log import TouchLog
+from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.electrodes import map_laying
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin
@@ -18,92 +18,79 @@ from structlearn.tasks.touch.skin_touches import NEVER_VARIES, LearnedSkin, Touc
 from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_BLOCKS, NEW_RUN, PLAIN, PROCESS, STRUCTURED
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
-DIMENSIONS = 3
-"""Of the latent spaces; as many principal components has the rival."""
-
-TUNING_SAMPLES = 400
-"""Presses on which the Gaussian process chooses its length scale and noise."""
+DIMENSIONS = 3  # of the latent spaces; as many principal components has the rival
+TUNING_SAMPLES = 400  # presses on which the Gaussian process chooses its length scale and noise
 
 NMSES = ("map_nmse", "pressure_nmse", "signal_nmse", "worst_nmse", "depth_nmse")
+# from errors of presses to one of their block
 BY_BLOCK = dict.fromkeys(NMSES, "mean") | dict.fromkeys(("laid_mm", "latent_mm"), "median")
-"""How errors of presses become one of their block."""
+
+Estimate = Callable[[np.ndarray], np.ndarray]  # of coordinates or signals (N, D), with values (N, K)
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What one model, of `touch_names.SPACES`, makes of N presses; None where it has no such thing."""
+    """Estimates of N presses by one model of `touch_names.SPACES`; None where it has no such number."""
 
     model: str
-    coordinates: np.ndarray  # (N, D), of which distances are those on the skin
-    place: np.ndarray  # (N, 2) m, read by regression
-    depth: np.ndarray | None  # (N,) m, height of the probe, read by regression
+    coordinates: np.ndarray  # (N, D), whose distances are those on the skin
+    place: np.ndarray  # (N, 2) m, by regression
+    depth: np.ndarray | None  # (N,) m, height of the probe, by regression
     seed: int = 0
-    laid: np.ndarray | None = None  # (N, 2) m, the map once it is turned and shifted onto the plate
+    laid: np.ndarray | None = None  # (N, 2) m, the map, rotated and shifted onto the plate
     pressure: np.ndarray | None = None  # (N,), the third latent number
     decoded: np.ndarray | None = None  # (N, E) signals in the networks' units, from the coordinates
 
 
-def fold_errors(work: tuple[Touches, int], parameters: TouchParameters) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors on the blocks of one fold, held out of what is learned from.
+def errors_of_fold(
+    work: tuple[Touches, int], parameters: TouchParameters
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Errors on the blocks of one fold held out.
 
     Returns:
-        `block_scores` with `learned_from` and `asked_about`, the same recording, and `new` (`NEW_BLOCKS`).
-        Where these touches lie in the map: `x_m`, `y_m`, `z_m` of touches, `map_x_m`, `map_y_m` of the map
-        laid onto the plate, `pressure`, and the recordings.
+        `block_scores` with `learned_from` and `asked_about`, here the same recording, and `new`
+        (`NEW_BLOCKS`). Where these touches lie in the map: `x_m`, `y_m`, `z_m` of touches, `map_x_m`,
+        `map_y_m` of the map laid onto the plate, `pressure`, and the recordings.
     """
     run, fold = work
-    left_out = run.blocks(parameters)[1] == fold
+    left_out = run.blocks()[1] == fold
     learned = learn_skin(run, ~left_out, parameters, with_dynamics=False)
-    known, asked = (run, np.flatnonzero(~left_out)), (run, np.flatnonzero(left_out))
-    return _errors(learned, known, asked, NEW_BLOCKS, parameters)
+    return _errors(learned, (run, np.flatnonzero(~left_out)), (run, np.flatnonzero(left_out)), parameters)
 
 
-def other_errors(
-    work: tuple[LearnedSkin, Touches, Sequence[Touches]], parameters: TouchParameters
+def errors_on_other(
+    work: tuple[LearnedSkin, Touches, Touches], parameters: TouchParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """As `fold_errors`, of what was learned from one recording on others; `new` is `NEW_RUN`."""
-    learned, run, others = work
-    known = run, np.arange(len(run.counts))
-    found = [
-        _errors(learned, known, (other, np.arange(len(other.counts))), NEW_RUN, parameters)
-        for other in others
-    ]
-    tables, maps = (joined([one[part] for one in found]) for part in range(2))
-    return tables, maps
+    """As `errors_of_fold`, of what was learned from one recording on another; `new` is `NEW_RUN`."""
+    learned, *runs = work
+    known, asked = ((run, np.arange(len(run.counts))) for run in runs)
+    return _errors(learned, known, asked, parameters)
 
 
 def _errors(
     learned: LearnedSkin,
     known: tuple[Touches, np.ndarray],
     asked: tuple[Touches, np.ndarray],
-    new: str,
     parameters: TouchParameters,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     (run, rows), names = asked, {"learned_from": known[0].name, "asked_about": asked[0].name}
     found = readings(learned, known, run.skin(rows), parameters)
-    table = block_scores(found, learned, asked, run.blocks(parameters)[0][rows], parameters)
+    table = block_scores(found, learned, asked, parameters)
     lies = pd.DataFrame(run.place[rows], columns=["x_m", "y_m", "z_m"], dtype=float)
     lies[["map_x_m", "map_y_m"]] = found[0].laid
+    new = NEW_BLOCKS if run is known[0] else NEW_RUN
     return table.assign(**names, new=new), lies.assign(pressure=found[0].pressure, **names)
 
 
-def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Of no tables an empty one."""
-    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+def within_runs(logs: Sequence[TouchLog], share: float) -> pd.DataFrame:
+    """Errors of a Gaussian process on the end of each run, after its first share: the skin's authors' test.
 
-
-def within_runs(logs: Sequence[TouchLog], parameters: TouchParameters) -> pd.DataFrame:
-    """Errors of a Gaussian process on the end of each run, after its start: as the skin's authors test.
-
-    Every place and depth recurs in a run, so what is tested on is known already. A run whose channels are not
-    those of the first one is of two skins, and its force is along them. What the process sees (`SEEN`) is
-    chosen run by run, on the end of the part that is learned from.
-
-    Returns:
-        `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `seen`, `rms`, and the `readings` tested on.
+    Every place and depth recurs in a run, so they are known. A run with other channels than the first one is
+    of two skins, and its force is along them. The input (`SEEN`) is chosen run by run, on the end of the part
+    that is learned from. Returns `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `seen`, `rms`, and the
+    number of `readings` tested on.
     """
-    assert parameters.published is not None
-    share, rows = parameters.published.first_share, []
+    rows = []
     for log in logs:
         kept, quantity, wanted = np.full(len(log.counts), True), "place_mm", log.place
         if log.force is not None:
@@ -117,17 +104,17 @@ def within_runs(logs: Sequence[TouchLog], parameters: TouchParameters) -> pd.Dat
         candidates = SEEN if log.force is None else SEEN | SEEN_OVER_TIME
         seen = {name: inputs(log)[kept] for name, inputs in candidates.items()}
         tried = {
-            name: _end_errors(its[:end], wanted[:end], 1.0 - (1.0 - share) / share)
+            name: np.mean(_end_errors(its[:end], wanted[:end], 1.0 - (1.0 - share) / share) ** 2)
             for name, its in seen.items()
         }
-        best = min(tried, key=lambda name: np.mean(tried[name] ** 2))
+        best = min(tried, key=lambda name: tried[name])
         missed = _end_errors(seen[best], wanted, share)
         rows.append((log.name, quantity, best, np.sqrt(np.mean(missed**2)), len(missed)))
     return pd.DataFrame(rows, columns=["run", "quantity", "seen", "rms", "readings"])
 
 
 def _end_errors(seen: np.ndarray, wanted: np.ndarray, share: float) -> np.ndarray:
-    """Distance of what is read from the end of a run, after its first share, to what was wanted."""
+    """Distances of estimates from the end of a run, after its first share, to the true values."""
     end = round(share * len(seen))
     signals = (seen - seen[:end].mean(axis=0)) / np.maximum(seen[:end].std(axis=0), NEVER_VARIES)
     read = gaussian_process(signals[:end], wanted[:end], end)
@@ -141,22 +128,21 @@ def _directions(log: TouchLog) -> np.ndarray:
 
 
 def _earlier(log: TouchLog, seconds: float) -> np.ndarray:
-    """Counts so many seconds before each reading; before the first, those of the first."""
+    """Counts some seconds before each reading; before the first, those of the first."""
     assert log.time is not None
     return np.stack([np.interp(log.time - seconds, log.time, values) for values in log.counts.T], axis=1)
 
 
+# inputs of the Gaussian process
 SEEN: dict[str, Callable[[TouchLog], np.ndarray]] = {
     "counts": lambda log: log.counts,
     "counts over their norm": _directions,
 }
-"""What a Gaussian process may see of a run."""
-
+# for force only: skins creep and lag; for places, earlier readings would reveal the probe's path
 SEEN_OVER_TIME: dict[str, Callable[[TouchLog], np.ndarray]] = {
     "counts and their change": lambda log: np.hstack([log.counts, log.counts - _earlier(log, 0.3)]),
     "earlier counts": lambda log: _earlier(log, 0.1),
 }
-"""Likewise of force: skins creep, and lag behind. Of places, readings before would tell the probe's path."""
 
 
 def readings(
@@ -165,10 +151,10 @@ def readings(
     asked: PressedSkin,
     parameters: TouchParameters,
 ) -> list[Reading]:
-    """What all models make of touches, by what they know of those learned from (a recording and its rows).
+    """Estimates of touches by all models, from training touches (a recording and its rows).
 
-    Place and depth are read off latent coordinates by polynomials, place off the map alone where there is
-    one. Rivals have no map: their coordinates are scaled so that distances between taught touches fit best.
+    Place and depth are read from latent coordinates by polynomials, place from the map alone where there is
+    one. Rivals have no map: their coordinates are scaled to fit the distances between training touches best.
     """
     run, rows = known
     taught, degree = run.skin(rows), parameters.degree
@@ -176,14 +162,14 @@ def readings(
     spaces, units, wanted = learned.models, learned.units, taught.place
 
     def space(model: str, known: np.ndarray, new: np.ndarray) -> Reading:
-        """By the latent states (N, 3) of a space that has no map."""
+        """From latent states (N, 3) of a space without a map."""
         apart = np.linalg.norm(known[pairs.first] - known[pairs.second], axis=1)
         scale = float(apart @ pairs.distance / (apart @ apart))
         read = polynomial(known, wanted, degree)(new)
         return Reading(model, scale * new, read[:, :PLANE], read[:, PLANE])
 
     def map_of(known: np.ndarray, new: np.ndarray) -> Reading:
-        """By the latent states (N, 3) of a map."""
+        """From latent states (N, 3) whose first two are a map."""
         length, plane = float(units.length), wanted[:, :PLANE]
         flat = length * new[:, :PLANE]
         return Reading(
@@ -209,13 +195,13 @@ def readings(
     found.append(replace(space(COMPONENTS, *components), decoded=components[1] @ axes + middle))
     read = gaussian_process(seen, wanted, parameters.rival_samples)(new)
     found.append(Reading(PROCESS, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
-    if np.std(wanted[:, PLANE]) < NEVER_VARIES:  # a run of one depth teaches nothing of others
+    if np.std(wanted[:, PLANE]) < NEVER_VARIES:  # a run of one depth holds no other
         found = [replace(one, depth=None) for one in found]
     return found
 
 
-def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Least-squares polynomial of coordinates (N, D): function of others (M, D) with values (M, K)."""
+def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Estimate:
+    """Least-squares polynomial of coordinates (N, D) with values (N, K)."""
     from sklearn.linear_model import LinearRegression
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import PolynomialFeatures, StandardScaler
@@ -224,11 +210,11 @@ def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Callable[[
     return model.fit(known, wanted).predict
 
 
-def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Callable[[np.ndarray], np.ndarray]:
-    """A Gaussian process with one length scale, the rival that sees all channels and has no map.
+def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Estimate:
+    """Gaussian process with one length scale, the rival that sees all channels and has no map.
 
-    Columns of `wanted` (N, K) that hardly vary are held at their mean; at most `count` of the samples are
-    known, evenly taken. The function takes signals (M, E) and gives values (M, K).
+    Columns of `wanted` (N, K) that hardly vary are held at their mean; at most `count` samples, evenly taken,
+    are learned from.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
@@ -255,22 +241,20 @@ def block_scores(
     found: Sequence[Reading],
     learned: LearnedSkin,
     about: tuple[Touches, np.ndarray],
-    block: np.ndarray,
     parameters: TouchParameters,
 ) -> pd.DataFrame:
-    """Errors of readings of N touches, rows of a recording, by the (N,) blocks that they belong to.
+    """Errors of readings of N touches, rows of a recording, by blocks of places.
 
-    Errors are normalised by the variance over all touches asked about, so that their mean over blocks of
-    like size is the NMSE.
+    Errors are normalised by the variance over all touches tested on, so that their mean over blocks of
+    similar size is the NMSE. NaN where a model has no such number, or all touches are equally deep.
 
     Returns:
-        `block`, `presses`, `model`, `seed`; `map_nmse`: of distances to random touches asked about;
-        `pressure_nmse`, `signal_nmse` (of what is decoded), `worst_nmse` (of the worst channel) and
-        `depth_nmse`; `laid_mm`, `latent_mm`: median distance of where the map lies, or of the place that is
-        read, from where the touch was. NaN where a model has no such number, or all touches are equally deep.
+        `block`, `presses`, `model`, `seed`; `map_nmse`: of distances to random other touches;
+        `pressure_nmse`, `signal_nmse` (decoded), `worst_nmse` (the worst channel) and `depth_nmse`;
+        `laid_mm`, `latent_mm`: median distance from the true place of the map, and of the place read.
     """
-    asked, units = about[0].skin(about[1]), learned.units
-    pairs = _asked_pairs(*about, parameters)
+    (run, rows), units = about, learned.units
+    asked, pairs, block = run.skin(rows), _asked_pairs(run, rows, parameters), run.blocks()[0][rows]
     place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
     pressure, signals = units.pressure(asked.pressure), units.signals(asked.signals)
     tables = []
@@ -297,7 +281,7 @@ def block_scores(
 
 
 def _asked_pairs(run: Touches, rows: np.ndarray, parameters: TouchParameters) -> Pairs:
-    """Pairs of touches asked about; on a plate each touch is the first of equally many."""
+    """Pairs among the touches tested on; on a plate each touch is the first of equally many."""
     rng, count = np.random.default_rng(parameters.spaces.training.seed), len(rows)
     each = max(parameters.spaces.evaluation_pairs // count, 1)
     if run.along is not None:
@@ -308,7 +292,7 @@ def _asked_pairs(run: Touches, rows: np.ndarray, parameters: TouchParameters) ->
 
 
 def _by_first(errors: np.ndarray, first: np.ndarray, count: int) -> np.ndarray:
-    """(N,) mean error of the pairs whose first is each touch; NaN where there is none."""
+    """(N,) mean error of the pairs that begin with each touch; NaN where there is none."""
     order = np.argsort(first, kind="stable")
     each = np.bincount(first, minlength=count)
     if (each == each[0]).all():

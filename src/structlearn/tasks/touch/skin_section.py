@@ -1,14 +1,17 @@
-"""A skin that was touched at known places: is its map the skin, how hard was it pressed, servoing in it."""
+"""Page section of a skin touched at known places: its map, forces, and servoing in the map."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
-from structlearn.palette import Look
+from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE, Look
 from structlearn.reporting.claims import Evidence, Found, by_case, mean, unknown
 from structlearn.reporting.document import Table
+from structlearn.reporting.figure_style import Drawing, Raster, legend, map_panels, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.tasks.section import Section
@@ -26,12 +29,14 @@ from structlearn.tasks.touch.touch_names import (
     SPACES,
     STRUCTURED,
     TEXT_SERVO,
+    shown_map,
 )
 from structlearn.tasks.touch.touch_parameters import PublishedParameters, TouchParameters
 
-ENDINGS = {STRUCTURED: "", PLAIN: "_plain", COMPONENTS: "_components", PROCESS: "_process"}
-"""Of the findings' names."""
+Tables = Mapping[str, pd.DataFrame]
 
+# endings of the findings' names
+ENDINGS = {STRUCTURED: "", PLAIN: "_plain", COMPONENTS: "_components", PROCESS: "_process"}
 ERRORS = {
     "map_nmse": "map, NMSE",
     "laid_mm": "map laid down (mm)",
@@ -52,26 +57,30 @@ HEADINGS = ERRORS | {
     "force_s": "scale lags (s)",
     "readings": "readings of the scale",
 }
+# of `skin_readings.within_runs`
 QUANTITIES = {"place_mm": "place (mm)", "force_n": "normal force (N)", "shear_n": "shear force (N)"}
-"""Of `skin_readings.within_runs`."""
-
 HEADLINES = ("map_nmse", "latent_mm", "laid_mm", "laid_cross_run_mm", "force_n", "servo_success")
+KEYS = ["learned_from", "asked_about"]
 ARROW = "\N{RIGHTWARDS ARROW}"
 MISSING = unknown("no runs for it are recorded here")
 
+BOUND_MM = 0.8  # the aim of the claims
+PATHS = 16  # paths that are drawn
+STROKES_S = 120.0  # of the forces that are drawn
+
 
 class SkinRuns:
-    """The tables of `skin_touches.learn_touch`; runs are called `run 1`, `run 2` in the order of their names.
+    """Tables of `skin_protocol.learn_touch`; runs are numbered in the order of their names.
 
-    Blocks of places are what is independent in a run, as far as anything is: touches of a block lie together.
-    Seeds are averaged before.
+    Samples are blocks of places, presses or trials, averaged over seeds: touches of a block lie together, so
+    blocks are the independent units of a run as far as there are any.
 
     Attributes:
         tables, tuned_on: tables by name; runs on which constants were tuned.
-        numbers: what runs are called: over places, on a scale, and along the skin.
+        numbers: names of runs on the page: over places, on a scale, and along the skin.
     """
 
-    def __init__(self, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
+    def __init__(self, tables: Tables, tuned_on: tuple[str, ...]) -> None:
         self.tables, self.tuned_on = tables, tuned_on
         self.numbers = {
             name: f"{word} {number}"
@@ -86,24 +95,29 @@ class SkinRuns:
     def __getitem__(self, name: str) -> pd.DataFrame:
         """A table with the runs' numbers."""
         table = self.tables[name]
-        columns = [column for column in ("run", "learned_from", "asked_about") if column in table]
+        columns = [column for column in ("run", *KEYS) if column in table]
         return table.assign(**{column: table[column].map(self.numbers) for column in columns})
 
+    def pairs(self, name: str) -> list[tuple[tuple[str, str], pd.DataFrame]]:
+        """Numbers of a training and a test run, and their rows of a table."""
+        groups = self.tables[name].groupby(KEYS)
+        return [((self.numbers[first], self.numbers[second]), its) for (first, second), its in groups]
+
     def values(self, table: str, value: str, sample: str, **chosen: str | tuple[str, ...]) -> pd.Series:
-        """Mean values by `learned_from`, `asked_about` and sample of some rows; none where there are none."""
+        """Means of some rows by training run, test run and sample; empty if the table is missing."""
         if table not in self.tables:
             return pd.Series(dtype=float)
         its = self.tables[table]
         for column, names in chosen.items():
             its = its[its[column].isin(np.atleast_1d(names))]
-        return its.groupby(["learned_from", "asked_about", sample])[value].mean().dropna()
+        return its.groupby([*KEYS, sample])[value].mean().dropna()
 
     def errors(self, new: str, error: str, model: str = STRUCTURED) -> pd.Series:
         """By block of places."""
         return self.values("errors", error, "block", new=new, model=model)
 
     def held_out(self, error: str, model: str = STRUCTURED) -> pd.Series:
-        """On blocks held out of runs on which nothing was tuned; depth, which varies in few, of all runs."""
+        """On blocks held out of runs not used for tuning; depth, which varies in few runs, of all runs."""
         found = self.errors(NEW_BLOCKS, error, model)
         if not len(found) or error == "depth_nmse":
             return found
@@ -127,14 +141,12 @@ class SkinRuns:
 
 
 def of_mean(samples: pd.Series) -> Evidence:
-    """Mean of independent samples, `MISSING` of none."""
+    """Mean of independent samples; `MISSING` if there are none."""
     return mean(samples.to_numpy(float)) if len(samples) else MISSING
 
 
-def section(tables: Mapping[str, pd.DataFrame], parameters: TouchParameters, folder: Path) -> Section:
-    """Of a skin whose tables and networks are in a folder."""
-    from structlearn.tasks.touch.skin_figures import skin_pictures
-
+def section(tables: Tables, parameters: TouchParameters, folder: Path) -> Section:
+    """Section of a skin whose tables and networks are in a folder."""
     runs = SkinRuns(tables, parameters.tuned_on)
     find = find_skin(runs)
     return Section(
@@ -150,7 +162,7 @@ def section(tables: Mapping[str, pd.DataFrame], parameters: TouchParameters, fol
 
 
 def find_skin(runs: SkinRuns) -> Findings:
-    """What was found, by the names that claims and sentences use."""
+    """Findings, by the names that claims and sentences use."""
     find, rows = Findings("blocks of places, presses or trials"), {}
     for error in ERRORS:
         stem, _, unit = error.rpartition("_")
@@ -189,8 +201,8 @@ def find_skin(runs: SkinRuns) -> Findings:
 
 
 def skin_tables(runs: SkinRuns, published: PublishedParameters | None) -> dict[str, Table]:
-    """By name: errors by model, those published, trials of servoing, forces, lags, recordings."""
-    tables, keys = {}, ["new", "learned_from", "asked_about", "model"]
+    """Errors by model, those published, trials of servoing, forces, lags, recordings."""
+    tables, keys = {}, ["new", *KEYS, "model"]
 
     def shown(frame: pd.DataFrame, formats: Mapping[str, str], looks: Mapping[str, Look] = SPACES) -> Table:
         words = {"model": {name: look.name for name, look in looks.items()}}
@@ -227,7 +239,7 @@ def skin_tables(runs: SkinRuns, published: PublishedParameters | None) -> dict[s
 
 
 def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> dict[str, object]:
-    """All findings, and other values for the sentences."""
+    """Findings and other values for the sentences."""
     facts: dict[str, object] = find.numbers() | {
         "runs": listing(f"{number} is {name}" for name, number in runs.numbers.items()),
         "touches": 0,
@@ -235,11 +247,7 @@ def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> d
         "depth_runs": "no run",
         "tuned": listing((runs.numbers.get(name, name) for name in runs.tuned_on), ""),
         "judged": "map_nmse" in find.numbers(),
-        "crossed": "maps" in runs.tables,
-        "served": "paths" in runs.tables,
-        "weighed": "traces" in runs.tables,
-        "forces": "force" in runs.tables,
-        "reported": "published" in runs.tables,
+        "there": set(runs.tables),
         "settings": parameters,
     }
     if "errors" in runs.tables:
@@ -254,3 +262,87 @@ def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> d
         facts["lag_force"] = listing(f"{lag:.2f}" for lag in lags["force_s"])
         facts["worst_press"] = {"n": force.max(), "press": press + 1, "run": runs.numbers[run]}
     return facts
+
+
+def skin_pictures(runs: SkinRuns) -> dict[str, Drawing | Sequence[Drawing]]:
+    """Figures by name, as far as there are data for them."""
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {}
+    if "errors" in runs.tables:
+        drawn = {"skin_map": skin_map(runs), "skin_errors": errors_panel(runs)}
+    if "paths" in runs.tables:
+        drawn["skin_paths"] = paths_panel(runs)
+    if "traces" in runs.tables:
+        drawn["skin_force"] = force_panel(runs)
+    return drawn
+
+
+def skin_map(runs: SkinRuns) -> list[Raster]:
+    """Places of touches, and the same in the map learned from another run or other blocks."""
+    if "maps" not in runs.tables:
+        maps = runs.tables["map"]
+        extent = 0.1e3 * np.ptp(maps[["x_m", "y_m"]], axis=0).max()
+        return map_panels(maps, ("Where touches were", "Where they lie in the map"), 4.4, extent)
+    maps = shown_map(runs.tables["maps"], runs.tuned_on)
+    learned, asked = (runs.numbers[maps[column].iloc[0]] for column in KEYS)
+    titles = f"The skin: where {asked} pressed it", f"Its map, learned from {learned}"
+    return map_panels(maps, titles, 4.6, 2.5)
+
+
+@styled
+def errors_panel(runs: SkinRuns) -> list[Figure]:
+    """Map error and place error of all models, on blocks held out and on other runs."""
+    cases: dict[str, Callable[[str, str], pd.Series]] = {"blocks held out": runs.held_out}
+    if "maps" in runs.tables:
+        cases["other run"] = partial(runs.errors, NEW_RUN)
+    figures, apart = [], len(SPACES) + 1
+    for error, title, label in (
+        ("map_nmse", "Distances on the map", "NMSE"),
+        ("latent_mm", "Place of the press", "median error (mm)"),
+    ):
+        figure, axes = panel(title, ylabel=label, yscale="log" if error == "map_nmse" else "linear")
+        for place, (model, look) in enumerate(SPACES.items()):
+            for group, of in enumerate(cases.values()):
+                found = of_mean(of(error, model))
+                if np.isfinite(found.value):
+                    ends = np.nan_to_num([[found.value - found.low], [found.high - found.value]])
+                    name, at = None if group else look.name, group * apart + place
+                    axes.bar(at, found.value, 0.8, color=look.colour, label=name)
+                    axes.errorbar(at, found.value, ends, color=BLACK, capsize=2.0)
+        axes.set_xticks([1.5 + group * apart for group in range(len(cases))], list(cases))
+        axes.grid(visible=False, axis="x")
+        if error == "latent_mm" and "maps" in runs.tables:
+            axes.axhline(BOUND_MM, color=BLACK, linewidth=0.8, linestyle="--")
+        figures.append(legend(figure))
+    return figures
+
+
+@styled
+def paths_panel(runs: SkinRuns) -> list[Figure]:
+    """Paths of the probe from press to press, a panel per training run."""
+    figures = []
+    for (first, second), its in runs.pairs("paths"):
+        title = f"Servoing, {first} {ARROW} {second}"
+        figure, axes = panel(title, 4.4, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
+        middle = 0.5e3 * (its[["x_m", "y_m"]].min() + its[["x_m", "y_m"]].max()).to_numpy()
+        for _, way in its[its["trial"] < PATHS].groupby("trial"):
+            path = 1e3 * way.sort_values("step")[["x_m", "y_m"]].to_numpy() - middle
+            target = 1e3 * way[["target_x_m", "target_y_m"]].to_numpy()[0] - middle
+            axes.plot(*np.array([path[0], target]).T, color=LIGHT_GREY, linewidth=0.9)
+            axes.plot(*path.T, color=BLUE, linewidth=1.0)
+            axes.plot(*path[0], "o", color=GREY, markersize=3.0)
+            axes.plot(*target, "x", color=ORANGE, markersize=5.0)
+        figures.append(figure)
+    return figures
+
+
+@styled
+def force_panel(runs: SkinRuns) -> list[Figure]:
+    """Force of the scale, and estimated from the skin by a model of another run."""
+    figures = []
+    for (first, second), its in runs.pairs("traces"):
+        its = its[its["time_s"] - its["time_s"].iloc[0] < STROKES_S].iloc[::2]
+        figure, axes = panel(f"{first.capitalize()} {ARROW} {second}", xlabel="time (s)", ylabel="force (N)")
+        axes.plot(its["time_s"], its["force_n"], color=GREY, linewidth=2.4, label="scale")
+        axes.plot(its["time_s"], its["read_n"], color=BLUE, linewidth=1.1, label="read off the skin")
+        figures.append(legend(figure))
+    return figures

@@ -1,4 +1,4 @@
-"""Slides of a finger over materials: what expected traces predict, what deviations from them tell."""
+"""Page section of slides over materials: predictions of expected traces, and deviations from them."""
 
 from collections.abc import Mapping
 
@@ -17,25 +17,18 @@ from structlearn.tasks.touch.touch_names import SLIDE_GROUPS
 
 Tables = Mapping[str, pd.DataFrame]
 
-TOO_FEW = unknown("it takes two slides over each of two materials")
-"""To tell materials apart."""
+TOO_FEW = unknown("it takes two slides over each of two materials")  # to tell materials apart
+FEW = 3  # materials that sentences name; tables have all
 
-FEW = 3
-"""Materials that sentences name; tables have all."""
-
-STREAM_UNITS = {
-    "pose": "m",
-    "joint_positions": "rad",
-    "joint_velocities": "rad/s",
-    "joint_torques": "N m",
-    "wrench": "N, N m",
-    "tactile": "counts",
-}
+STREAM_UNITS = {"pose": "m", "joint_positions": "rad", "joint_velocities": "rad/s"}
+STREAM_UNITS |= {"joint_torques": "N m", "wrench": "N, N m", "tactile": "counts"}
 
 
 def section(tables: Tables) -> Section:
-    """Of tables by name."""
+    """Section of the tables of `surface_traces.learn_surfaces`."""
     find, clock = find_surfaces(tables), tables["clock_errors"]
+    rms = tables["deviations"].groupby("group", sort=False)["rms"]
+    by_group = rms.agg(trials="size", median_rms="median", largest_rms="max").reset_index()
     first, *others = [slide_panel(tables, place) for place in range(3)]
     return Section(
         "touch",
@@ -47,23 +40,21 @@ def section(tables: Tables) -> Section:
         tables={
             "slide_channels": shown(by_channels(tables)),
             "slide_clock": shown(clock.assign(unit=clock["kind"].map(STREAM_UNITS))),
-            "slides": shown(by_group(tables)),
+            "slides": shown(by_group),
         },
         pictures={"slides": [first, trials_panel(tables)], "slides_more": others},
     )
 
 
 def find_surfaces(tables: Tables) -> Findings:
-    """What was found, by the names that claims and sentences use; predictions are NMSEs by material."""
+    """Findings, by the names that claims and sentences use; predictions are NMSEs by material."""
     find, channels = Findings("slides"), tables["channels"]
     own = {name: its["rms"] for name, its in tables["left_one_out"].groupby("material", sort=False)}
     across = tables["across_materials"].groupby("expected", sort=False)["rms"]
     either = {name: (its, own[name]) for name, its in across if name in own}
     find.add("other_material", by_case(group_difference, either) or TOO_FEW)
-    for name, table in (
-        ("predicted", tables["left_one_out"]),
-        ("predicted_strong", channels[channels["channels"] == "strong"]),
-    ):
+    strong = channels[channels["channels"] == "strong"]
+    for name, table in (("predicted", tables["left_one_out"]), ("predicted_strong", strong)):
         cases = {material: [its.to_numpy()] for material, its in table.groupby("material")["nmse"]}
         found = by_case(geometric_mean, cases) or unknown("no slide could be left out")
         find.add(name, found, headline=name == "predicted")
@@ -71,26 +62,19 @@ def find_surfaces(tables: Tables) -> Findings:
 
 
 def group_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean of (N,) minus mean of (M,) samples that are no pairs, with Welch's interval."""
+    """Mean of (N,) minus mean of (M,) unpaired samples, with Welch's interval."""
     from scipy import stats
 
     if min(len(first), len(second)) < 2:
         return TOO_FEW
     test = stats.ttest_ind(np.asarray(first), np.asarray(second), equal_var=False)
     interval = test.confidence_interval(confidence(comparisons))
-    return Evidence(
-        float(np.mean(first) - np.mean(second)), interval.low, interval.high, len(first) + len(second)
-    )
-
-
-def by_group(tables: Tables) -> pd.DataFrame:
-    """Deviation from the expected traces by group of trials."""
-    by = tables["deviations"].groupby("group", sort=False)["rms"]
-    return by.agg(trials="size", median_rms="median", largest_rms="max").reset_index()
+    value = float(np.mean(first) - np.mean(second))
+    return Evidence(value, interval.low, interval.high, len(first) + len(second))
 
 
 def by_channels(tables: Tables) -> pd.DataFrame:
-    """Errors of the slides left out, by material and channels: all of a trial's electrodes, or a group."""
+    """Errors of slides left out, by material and channels: all electrodes, or a group of them."""
     count = tables["statistics"]["electrode"].nunique()
     whole = tables["left_one_out"].assign(channels="all", electrodes=count)
     by = pd.concat([whole, tables["channels"]]).groupby(["material", "channels"], sort=False)
@@ -105,11 +89,12 @@ def by_channels(tables: Tables) -> pd.DataFrame:
 
 
 def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
-    """All findings, and other values for the sentences."""
+    """Findings and other values for the sentences."""
     deviations, left_out = tables["deviations"], tables["left_one_out"]
     learned = deviations.loc[deviations["group"] == "learned", "demonstration"]
-    either = find["other_material"]
+    other = find["other_material"]
     channels = by_channels(tables).set_index(["material", "channels"])["nmse"]
+    by_material = () if isinstance(other, Evidence) else other.items()
     better = [
         f"{(its < 1).sum()} of {len(its)} over {name}"
         for name, its in list(left_out.groupby("material", sort=False)["nmse"])[:FEW]
@@ -121,10 +106,7 @@ def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
         "material": material_of(learned.iloc[0]),
         "predicted": listing(better, ""),
         "worst": deviations.loc[deviations["rms"].idxmax()].to_dict(),
-        "more_counts": {
-            name: in_words(its, ".1f")
-            for name, its in list(({} if isinstance(either, Evidence) else either).items())[:FEW]
-        },
+        "more_counts": {name: in_words(its, ".1f") for name, its in list(by_material)[:FEW]},
         "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)[:FEW]},
     }
 

@@ -1,7 +1,4 @@
-"""A finger that slides over surfaces: expected traces of one material, deviations on another (IV.6).
-
-Trials are called MATERIAL_NUMBER.
-"""
+"""Slides over surfaces, called MATERIAL_NUMBER: expected traces and deviations from them (IV.6)."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -16,22 +13,17 @@ from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
 from structlearn.readers import synchronise
 from structlearn.readers.clock import held_out_error
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Demonstration, Recording
 from structlearn.readers.slide import material_of
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters
 
-PLACES = {
-    "side, 1 to 6": (1, 6),
-    "tip, 7 to 10": (7, 10),
-    "side, 11 to 16": (11, 16),
-    "middle, 17 to 19": (17, 19),
-}
-"""First and last electrode of each part of a BioTac's core (see `tactile.electrodes`)."""
+# first and last electrode of each part of a BioTac's core (see `tactile.electrodes`)
+PLACES = {"side, 1 to 6": (1, 6), "tip, 7 to 10": (7, 10)}
+PLACES |= {"side, 11 to 16": (11, 16), "middle, 17 to 19": (17, 19)}
 
 
 def learn_surfaces(recordings: Sequence[Recording], parameters: SurfaceParameters, folder: Path) -> None:
-    """Learn expected traces, score every trial, and write all of it into a folder that is there."""
+    """Learn expected traces, score every trial, and write everything into an existing folder."""
     trials = on_one_clock(recordings, parameters)
     left_one_out, channels = leave_one_out(trials, parameters)
     expected, deviations, statistics = deviations_from_expected(trials, parameters)
@@ -54,18 +46,15 @@ def on_one_clock(recordings: Sequence[Recording], parameters: SurfaceParameters)
 
 
 def clock_errors(recordings: Sequence[Recording]) -> pd.DataFrame:
-    """What it costs to put the streams on one clock: error of interpolation, measured on held-out samples.
+    """Interpolation error of the common clock: every second sample is predicted from its neighbours.
 
-    Returns:
-        Per kind of stream: `samples`, `median_gap_ms`, `longest_gap_ms`, and `rms_error`, `max_error` (in the
-        unit of the signal) of every second sample predicted from its neighbours. The gaps bridged here are
-        twice the real ones, so these are upper bounds; noise of the sensor counts in full.
+    Gaps are then twice the real ones and noise counts in full, so errors are upper bounds. Returns per kind
+    of stream `samples`, `median_gap_ms`, `longest_gap_ms`, and `rms_error`, `max_error` in the signal's unit.
     """
     rows = []
     for stream in (stream for recording in recordings for stream in recording.streams):
         gaps = 1e-6 * np.diff(stream.stamps)
-        row = (stream.kind, len(stream.stamps), np.median(gaps), gaps.max(), *held_out_error(stream))
-        rows.append(row)
+        rows.append((stream.kind, len(stream.stamps), np.median(gaps), gaps.max(), *held_out_error(stream)))
     how = {"samples": "sum", "median_gap_ms": "median", "longest_gap_ms": "max"}
     how |= {"rms_error": "mean", "max_error": "max"}
     return pd.DataFrame(rows, columns=["kind", *how]).groupby("kind", sort=False).agg(how).reset_index()
@@ -74,15 +63,11 @@ def clock_errors(recordings: Sequence[Recording]) -> pd.DataFrame:
 def deviations_from_expected(
     trials: Sequence[Demonstration], parameters: SurfaceParameters
 ) -> tuple[VectorPrimitive, pd.DataFrame, pd.DataFrame]:
-    """Expected traces from some trials of one material, and how all trials deviate from them.
+    """Expected traces from some trials of one material, and deviations of all trials from them.
 
-    Returns:
-        The expected traces. Per trial `demonstration`, `group` (see `trial_groups`), `rms` and `largest`
-        (deviation in counts over all electrodes and times). Over the trials of a group, mean and standard
-        deviation of every electrode's deviation: `group`, `electrode`, `time_s`, `mean`, `std`.
-
-    Raises:
-        MissingInputError: there is no trial to learn from.
+    Returns the expected traces; `demonstration`, `group` (see `trial_groups`), `rms` and `largest` deviation
+    in counts; and over the trials of a group `mean` and `std` of the deviation by `group`, `electrode` and
+    `time_s`. Raises MissingInputError: there is no trial to learn from.
     """
     groups = trial_groups([one.name for one in trials], parameters)
     traces = {one.name: without_offset(one.signal("tactile")) for one in trials}
@@ -108,13 +93,11 @@ def deviations_from_expected(
 def leave_one_out(
     trials: Sequence[Demonstration], parameters: SurfaceParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """How every trial deviates from the traces expected from the other trials over its own material.
+    """Deviation of every trial from the traces expected from the other trials over its material.
 
-    Returns:
-        Per trial `demonstration`, `material`, `rms` of the deviation in counts, and its `nmse` over all
-        electrodes: 1 is as good as the electrodes' own means over the trial. And the same per trial and
-        `channels` (strong or weak ones of its material, or of one of the `PLACES`), with the number of these
-        `electrodes`.
+    Returns per trial `demonstration`, `material`, `rms` in counts and `nmse` over all electrodes (1: as good
+    as their means over the trial); and the same also by `channels` (strong or weak ones of the material, or
+    one of the `PLACES`) with the number of these `electrodes`.
     """
     dt = trials[0].dt
     whole, parts = [], []
@@ -141,7 +124,7 @@ def leave_one_out(
 
 
 def across_materials(trials: Sequence[Demonstration], parameters: SurfaceParameters) -> pd.DataFrame:
-    """Per material `expected` and trial of another one: `demonstration`, `material`, `rms`, `nmse`."""
+    """`rms`, `nmse` by material `expected`, and `demonstration` and `material` of trials of the others."""
     by_material, dt, rows = _by_material(trials, parameters), trials[0].dt, []
     for expected, learned in by_material.items():
         primitive = fit_expected_traces(list(learned.values()), dt, parameters.smoothing_hz)
@@ -152,7 +135,7 @@ def across_materials(trials: Sequence[Demonstration], parameters: SurfaceParamet
 
 
 def trial_groups(names: Sequence[str], parameters: SurfaceParameters) -> dict[str, str]:
-    """Group of every trial: `learned`, `left out` (a fault of the sensor) or `other material`."""
+    """Group of every trial: `learned`, `left out` (sensor fault) or `other material`."""
     sound = Counter(material_of(name) for name in names if name not in parameters.left_out)
     learned = parameters.material
     if sound and learned not in sound:
@@ -162,7 +145,7 @@ def trial_groups(names: Sequence[str], parameters: SurfaceParameters) -> dict[st
 
 
 def _errors(left: np.ndarray, trace: np.ndarray) -> tuple[float, float]:
-    """Root mean square of a deviation, and its squared sum over that from the electrodes' own means."""
+    """Root mean square of a deviation, and its square over that from the electrodes' means."""
     own = np.sum((trace - trace.mean(axis=0)) ** 2)
     return np.sqrt(np.mean(left**2)), np.sum(left**2) / own
 
@@ -170,7 +153,7 @@ def _errors(left: np.ndarray, trace: np.ndarray) -> tuple[float, float]:
 def _by_material(
     trials: Sequence[Demonstration], parameters: SurfaceParameters
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Traces (T, E) by material and trial, without the trials that are never learned from."""
+    """Traces (T, E) by material and trial, without trials never learned from."""
     found: dict[str, dict[str, np.ndarray]] = {}
     for one in trials:
         if one.name not in parameters.left_out:

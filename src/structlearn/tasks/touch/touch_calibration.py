@@ -1,7 +1,7 @@
-"""Simulated touch beside recorded touch: the same statistics of both, finger by finger.
+"""Statistics of simulated and of recorded touch, finger by finger.
 
 Every statistic takes the counts (T, E) of one finger at a constant rate, as the sensor gave them: neither
-smoothed nor interpolated, for that would take noise away.
+smoothed nor interpolated, which would remove noise.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,28 +13,17 @@ from pydantic import Field
 
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import Parameters
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Demonstration, Recording
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, SCRAPING, SLIDES, UNSCREWING
 
-RANGE_QUANTILES = (0.005, 0.995)
-"""A range leaves out this much at either end: single spikes are no motion."""
-
-NOISE_WINDOW_S = 0.5
-"""Noise is measured in windows of this length, and the median window counts: quick motion is no noise."""
-
+RANGE_QUANTILES = (0.005, 0.995)  # so that single spikes do not count as range
+NOISE_WINDOW_S = 0.5  # noise is that of the median window: quick motion is not noise
 FINGERS = ("left", "right")
-ELECTRODES = 19
-"""Of one finger."""
-
-CONTACT_COUNTS = 100.0
-"""Contact moves a few electrodes of a finger by more than this, and the others by far less."""
-
-RANKS = {"strongest": 0, "second": 1, "fourth": 3}
-"""Electrodes of a finger in falling order, from 0."""
-
+ELECTRODES = 19  # of one finger
+CONTACT_COUNTS = 100.0  # contact moves a few electrodes of a finger by more than this, the others by far less
+RANKS = {"strongest": 0, "second": 1, "fourth": 3}  # electrodes of a finger in decreasing order, from 0
+# bands of the strongest electrode's spectrum in Hz: motion, quick motion, noise
 BANDS = {"power_slow": (0.4, 2.0), "power_middle": (2.0, 10.0), "power_fast": (10.0, 50.0)}
-"""Bands of the strongest electrode's spectrum in Hz: motion, quick motion, noise."""
 
 
 class CalibrationParameters(Parameters):
@@ -56,13 +45,13 @@ class CalibrationParameters(Parameters):
 
 @dataclass(frozen=True)
 class FingerTrace:
-    """What one finger read in one run of a set: counts (T, 19) at the sensor's rate."""
+    """Counts (T, 19) of one finger in one run of a set, at the sensor's rate."""
 
     group: str
     run: str
     finger: str
     counts: np.ndarray
-    contact: int | None = None  # sample from which on the contact stands; None: from the start
+    contact: int | None = None  # first sample in steady contact; None: in contact from the start
 
     @property
     def moving(self) -> np.ndarray:
@@ -71,7 +60,7 @@ class FingerTrace:
 
 
 def in_sets(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
-    """Recordings called SET/NAME, by NAME and by their set."""
+    """Recordings called SET/NAME by their set; each is then called NAME."""
     found: dict[str, list[Recording]] = {}
     for one in recordings:
         name, _, rest = one.name.partition("/")
@@ -80,14 +69,26 @@ def in_sets(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
 
 
 def finger_traces(
-    group: str, recording: Recording | Demonstration, rate_hz: float, settling_s: float = 0.0
+    group: str, run: str, parts: Sequence[Recording | Demonstration], rate_hz: float, settling_s: float = 0.0
 ) -> list[FingerTrace]:
-    """Traces of the fingers of one recording; where its segments are known, the first one makes the contact.
+    """Traces of the fingers in one run, whose primitives may be separate recordings.
 
-    Raises:
-        InputError: there are no electrodes, not 19 per finger, or they come slower than `rate_hz`.
+    The first primitive makes contact: the first of several recordings, or the first segment of a single one;
+    without segments a run is in contact from the start.
     """
-    if isinstance(recording, Demonstration):  # those of all fingers are side by side
+    fingers = [_fingers(part, rate_hz) for part in parts]
+    contact, segments = None, parts[0].true_segments
+    if len(parts) > 1:
+        contact = len(fingers[0][0]) + round(settling_s * rate_hz)
+    elif segments is not None:
+        contact = round((float(segments[0, 1]) + settling_s) * rate_hz)
+    traces = zip(FINGERS, zip(*fingers, strict=True), strict=False)
+    return [FingerTrace(group, run, finger, np.vstack(its), contact) for finger, its in traces]
+
+
+def _fingers(recording: Recording | Demonstration, rate_hz: float) -> list[np.ndarray]:
+    """Counts (T, 19) of every finger; raises InputError for other numbers of electrodes or a slower rate."""
+    if isinstance(recording, Demonstration):  # has all fingers side by side
         touch = [(recording.signal("tactile"), recording.dt)]
     else:
         touch = [
@@ -97,30 +98,15 @@ def finger_traces(
         ]
     fingers: list[np.ndarray] = []
     for values, step in touch:
-        count = values.shape[1]
+        count, held = values.shape[1], round(1 / (step * rate_hz))
         if count % ELECTRODES:
             raise InputError(f"{recording.name}: has {count} electrodes, a finger has 19")
-        held = round(1 / (step * rate_hz))
         if held < 1:
             raise InputError(f"{recording.name}: touch comes at {1 / step:.0f} Hz, not at {rate_hz:g}")
         fingers += np.split(values[::held], count // ELECTRODES, axis=1)
     if not 1 <= len(fingers) <= len(FINGERS):
         raise InputError(f"{recording.name}: has electrodes of {len(fingers)} fingers, not of one or two")
-    segments = recording.true_segments
-    contact = None if segments is None else round((float(segments[0, 1]) + settling_s) * rate_hz)
-    named = zip(FINGERS, fingers, strict=False)
-    return [FingerTrace(group, recording.name, finger, counts, contact) for finger, counts in named]
-
-
-def joined(
-    group: str, run: str, parts: Sequence[Recording], rate_hz: float, settling_s: float = 0.0
-) -> list[FingerTrace]:
-    """Traces of one run whose primitives were recorded as files of their own; the first makes the contact."""
-    settled, found = round(settling_s * rate_hz), []
-    for its in zip(*(finger_traces(group, part, rate_hz) for part in parts), strict=True):
-        counts = np.vstack([one.counts for one in its])
-        found.append(FingerTrace(group, run, its[0].finger, counts, len(its[0].counts) + settled))
-    return found
+    return fingers
 
 
 def calibration_traces(
@@ -128,26 +114,25 @@ def calibration_traces(
     simulated: Sequence[Recording | Demonstration],
     parameters: CalibrationParameters,
 ) -> list[FingerTrace]:
-    """Traces of the recorded sets, by their names, and of simulated scraping.
+    """Traces of the recorded sets, keyed by name, and of simulated scraping.
 
-    Raises:
-        MissingInputError: no scraping execution is recorded.
+    Raises MissingInputError: no scraping execution is recorded.
     """
     if not recorded.get(SCRAPING):
         raise MissingInputError("no scraping execution is recorded")
     clock = parameters.rate_hz, parameters.settling_s
-    traces = joined(REFERENCE, "execution", recorded[SCRAPING], *clock)
+    traces = finger_traces(REFERENCE, "execution", recorded[SCRAPING], *clock)
     others = {f"{name}, recorded": recorded.get(name, ()) for name in (UNSCREWING, SLIDES)}
     for group, recordings in ({CALIBRATED: simulated} | others).items():
-        traces += [trace for one in recordings for trace in finger_traces(group, one, *clock)]
+        for one in recordings:
+            traces += finger_traces(group, one.name, [one], *clock)
     return traces
 
 
 def contact_change(counts: np.ndarray, contact: int, average: int) -> np.ndarray:
-    """How far contact moved every electrode: mean of the samples before `contact` less that of the first.
+    """Change of every electrode by contact: mean of the samples before `contact` less that of the first.
 
-    Raises:
-        MissingInputError: the trace ends before the contact is made, or both means overlap.
+    Raises MissingInputError: the trace ends before the contact is made, or both means overlap.
     """
     if not 2 * average <= contact <= len(counts):
         raise MissingInputError(
@@ -158,15 +143,14 @@ def contact_change(counts: np.ndarray, contact: int, average: int) -> np.ndarray
 
 def movement_range(counts: np.ndarray) -> np.ndarray:
     """Range of every electrode, (E,) counts, between `RANGE_QUANTILES`."""
-    low, high = np.quantile(counts, RANGE_QUANTILES, axis=0)
-    return high - low
+    return np.diff(np.quantile(counts, RANGE_QUANTILES, axis=0), axis=0)[0]
 
 
 def noise(counts: np.ndarray, rate_hz: float) -> np.ndarray:
     """Standard deviation of the white noise of every electrode, rounding included, (E,) counts.
 
-    Second differences take a straight line away and multiply the variance of white noise by 6. The root mean
-    square is that of the median window; a MissingInputError where the trace is shorter than one.
+    Second differences remove a straight line and multiply the variance of white noise by 6; the root mean
+    square is that of the median window. Raises MissingInputError: the trace is shorter than one window.
     """
     window = round(NOISE_WINDOW_S * rate_hz)
     second = np.diff(counts, n=2, axis=0)
@@ -180,13 +164,10 @@ def noise(counts: np.ndarray, rate_hz: float) -> np.ndarray:
 
 
 def spectrum(counts: np.ndarray, rate_hz: float, segment_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Power density of every electrode (Welch: Hann windows, half overlapping, straight lines taken away).
+    """Frequencies (F,) in Hz and power densities (F, E) in counts^2 / Hz, whose integral is the variance.
 
-    Returns:
-        Frequencies (F,) in Hz and densities (F, E) in counts^2 / Hz; their integral is the variance.
-
-    Raises:
-        MissingInputError: the trace is shorter than one window.
+    By Welch: Hann windows, half overlapping, detrended. Raises MissingInputError: the trace is shorter than
+    one window.
     """
     from scipy.signal import welch
 
@@ -197,7 +178,7 @@ def spectrum(counts: np.ndarray, rate_hz: float, segment_s: float) -> tuple[np.n
 
 
 def variance_shares(counts: np.ndarray) -> np.ndarray:
-    """Share of the variance in every principal component, (E,), falling; zeros if nothing moves."""
+    """Share of the variance in every principal component, (E,), decreasing; zeros if nothing moves."""
     values = np.linalg.svd(counts - counts.mean(axis=0), compute_uv=False) ** 2
     shares = np.zeros(counts.shape[1])
     shares[: len(values)] = values / values.sum() if values.sum() > 0 else 0.0
@@ -216,49 +197,25 @@ def calibration_tables(
 
     Returns:
         `electrodes`: `group`, `run`, `finger`, `electrode`, `contact` (change by contact in counts; NaN if
-        always in contact), `range` in contact, `noise`. `fingers`: per finger of a run, a column for each
-        statistic that is compared. `spectra`: per `group` and `frequency_hz` the density in contact, in
-        counts^2 / Hz, of the `median` electrode and of the `strongest` one of a finger. `components`: per
-        `group` and number of `components` of a finger, 0 to 19, the share of variance `left` in contact.
-        These two are medians over runs and fingers. `traces`: see `trace_table`; `comparison`: likewise.
+        always in contact), `range` in contact, `noise`. `fingers`: a column per statistic, by finger and run.
+        `spectra`: density in contact of the `median` and of the `strongest` electrode of a finger, by `group`
+        and `frequency_hz`. `components`: share of variance `left` in contact, by `group` and number of
+        `components`; these two are medians over runs and fingers. `traces`, `comparison`: see the functions.
     """
     electrodes, fingers, spectra, components = [], [], [], []
     for trace in traces:
         keys = {"group": trace.group, "run": trace.run, "finger": trace.finger}
-        contact = np.full(ELECTRODES, np.nan)
+        contact, reach = np.full(ELECTRODES, np.nan), movement_range(trace.moving)
         if trace.contact is not None:
             contact = contact_change(trace.counts, trace.contact, parameters.average)
-        columns = {"electrode": np.arange(1, ELECTRODES + 1), "contact": contact}
-        columns |= {"range": movement_range(trace.moving), "noise": noise(trace.counts, parameters.rate_hz)}
-        electrodes.append(pd.DataFrame(keys | columns))
-        change, reach = (np.sort(np.abs(columns[name]))[::-1] for name in ("contact", "range"))
-        fingers.append(
-            keys
-            | {f"contact_{name}": change[place] for name, place in RANKS.items()}
-            | {
-                "contact_median": np.median(change),
-                "contact_many": float((change > CONTACT_COUNTS).sum()) if trace.contact else np.nan,
-            }
-            | {f"range_{name}": reach[place] for name, place in RANKS.items()}
-            | {
-                "range_median": np.median(reach),
-                "noise_median": np.median(columns["noise"]),
-                "noise_largest": columns["noise"].max(),
-                "active": float((reach > parameters.active_counts).sum()),
-                "pca_dimensions": float(pca_dimensions(trace.moving, parameters.variance)),
-            }
-        )
+        by_electrode = {"electrode": np.arange(1, ELECTRODES + 1), "contact": contact, "range": reach}
+        by_electrode["noise"] = noise(trace.counts, parameters.rate_hz)
+        electrodes.append(pd.DataFrame(keys | by_electrode))
+        fingers.append(keys | _finger_statistics(trace, by_electrode, parameters))
         frequency, density = spectrum(trace.moving, parameters.rate_hz, parameters.segment_s)
-        spectra.append(
-            pd.DataFrame(
-                {
-                    "group": trace.group,
-                    "frequency_hz": frequency,
-                    "median": np.median(density, axis=1),
-                    "strongest": density[:, density.sum(axis=0).argmax()],
-                }
-            ).iloc[1:]  # no constant
-        )
+        strongest = density[:, density.sum(axis=0).argmax()]
+        columns = {"frequency_hz": frequency, "median": np.median(density, axis=1), "strongest": strongest}
+        spectra.append(pd.DataFrame({"group": trace.group} | columns).iloc[1:])  # no constant
         left = 1 - np.concatenate([[0.0], np.cumsum(variance_shares(trace.moving))])
         numbers = np.arange(ELECTRODES + 1)
         components.append(pd.DataFrame({"group": trace.group, "components": numbers, "left": left}))
@@ -270,24 +227,38 @@ def calibration_tables(
     return tables
 
 
-def trace_table(traces: Sequence[FingerTrace], parameters: CalibrationParameters) -> pd.DataFrame:
-    """Traces of the first run of both sets of scraping, to look at.
+def _finger_statistics(
+    trace: FingerTrace, columns: Mapping[str, np.ndarray], parameters: CalibrationParameters
+) -> dict[str, float]:
+    """Statistics of one finger in one run, from the columns of its electrodes."""
+    change, reach = (np.sort(np.abs(columns[name]))[::-1] for name in ("contact", "range"))
+    return {
+        **{f"contact_{name}": change[place] for name, place in RANKS.items()},
+        "contact_median": np.median(change),
+        "contact_many": float((change > CONTACT_COUNTS).sum()) if trace.contact else np.nan,
+        **{f"range_{name}": reach[place] for name, place in RANKS.items()},
+        "range_median": np.median(reach),
+        "noise_median": np.median(columns["noise"]),
+        "noise_largest": columns["noise"].max(),
+        "active": float((reach > parameters.active_counts).sum()),
+        "pca_dimensions": float(pca_dimensions(trace.moving, parameters.variance)),
+    }
 
-    Returns:
-        `group`, `finger`, `electrode`, `time_s` since the contact, `change` (counts less the mean at the
-        start of the run).
+
+def trace_table(traces: Sequence[FingerTrace], parameters: CalibrationParameters) -> pd.DataFrame:
+    """`change` (counts less their mean at the start) in the first run of both sets of scraping.
+
+    By `group`, `finger`, `electrode` and `time_s` since contact.
     """
     tables = []
     for group in (REFERENCE, CALIBRATED):
         run = next(trace.run for trace in traces if trace.group == group)
         for trace in (one for one in traces if (one.group, one.run) == (group, run)):
             change = trace.counts - trace.counts[: parameters.average].mean(axis=0)
-            time = (np.arange(len(change)) - (trace.contact or 0)) / parameters.rate_hz
-            columns = {
-                "electrode": np.repeat(np.arange(1, ELECTRODES + 1), len(change)),
-                "time_s": np.tile(time, ELECTRODES),
-                "change": change.T.ravel(),
-            }
+            electrode, sample = np.indices(change.T.shape).reshape(2, -1)
+            columns = {"electrode": electrode + 1}
+            columns |= {"time_s": (sample - (trace.contact or 0)) / parameters.rate_hz}
+            columns |= {"change": change.T.ravel()}
             tables.append(pd.DataFrame({"group": group, "finger": trace.finger} | columns))
     return pd.concat(tables, ignore_index=True)
 
@@ -295,11 +266,9 @@ def trace_table(traces: Sequence[FingerTrace], parameters: CalibrationParameters
 def comparison(fingers: pd.DataFrame, spectra: pd.DataFrame, factor: float) -> pd.DataFrame:
     """Simulated beside recorded scraping, statistic by statistic.
 
-    Returns:
-        `statistic`, and of both sets the median over runs and fingers with its range: `recorded`,
-        `recorded_low`, `recorded_high`, `simulated`, `simulated_low`, `simulated_high`; `ratio` of the
-        medians, simulated to recorded (NaN for nothing over nothing), and `agrees`. Bands of the spectrum
-        have no range: theirs is the amplitude in counts, the root of the strongest electrode's power.
+    Returns `statistic`; of both sets the median over runs and fingers with its range, `recorded`,
+    `recorded_low`, ...; `ratio` of the medians, simulated to recorded (NaN for nothing over nothing), and
+    `agrees`. A band of the spectrum has no range: its amplitude in counts is the root of its power.
     """
     both = []
     for name, group in (("recorded", REFERENCE), ("simulated", CALIBRATED)):

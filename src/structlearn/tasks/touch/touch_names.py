@@ -1,51 +1,45 @@
-"""What models, sets and controllers of touch are called, and how they look on pages and in recordings."""
+"""Names of models, sets and controllers of touch, and their looks on pages and in recordings."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
+
+import pandas as pd
 
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, OCHRE, ORANGE, PINK, Look
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-STRUCTURED, PLAIN, COMPONENTS, PROCESS = (
-    "structured",
-    "reconstruction only",
-    "3 principal components",
-    "Gaussian process",
-)
+# latent spaces and their rivals, which see the same channels
+STRUCTURED, PLAIN = "structured", "reconstruction only"
+COMPONENTS, PROCESS = "3 principal components", "Gaussian process"
 SPACES = {
     STRUCTURED: Look("structured latent space", BLUE),
     PLAIN: Look("latent space without structure", OCHRE),
     COMPONENTS: Look("3 principal components", GREY),
     PROCESS: Look("Gaussian process on all channels", GREEN),
 }
-"""Latent spaces and their rivals, which see the same channels."""
 
+# models of force; the pressure of a magnetic skin is the norm of all its channels
 QUADRATIC, PRESSURE = "channels and their products", "pressure alone"
 FORCE_MODELS = {
     QUADRATIC: Look("ridge regression, channels and their products", BLUE),
     PRESSURE: Look("pressure alone", GREY),
     PROCESS: SPACES[PROCESS],
 }
-"""Of forces; the pressure of a magnetic skin is the norm of all its channels."""
 
+# what is new in the touches that are tested on; a new set is always standardised by itself
 NEW_BLOCKS, NEW_PRESSES, NEW_RUN = "new blocks", "new presses", "new run"
 NEW_TRIALS, NEW_MATERIAL, NEW_SET = "new trials", "new material", "new set"
 OWN_UNITS = "new material, standardised by itself"
-"""What is new in the touches that are tested on; a new set is always standardised by itself."""
 
+# controllers: the dissertation's, and ours that rests where it is and corrects its model
 TEXT_SERVO: tuple[Literal["LL", "NG", "NJ"], ...] = ("LL", "NG", "NJ")
 CORRECTED = "NJ, corrected"
-"""Controllers: the dissertation's, and ours that rests where it is and learns from what its steps missed."""
 
+# sets of touches; `MAGNITUDES` are only the sizes of the changes, as published for the slides
 SLIDES, UNSCREWING, SCRAPING, SIMULATED = "slides", "unscrewing", "scraping", "simulated"
 MAGNITUDES = "simulated, magnitudes"
-"""Sets of touches; of `MAGNITUDES` only the size of the changes is kept, as of the slides."""
-
+# the set tested on after a set was learned from
 PARTNERS = {SLIDES: MAGNITUDES, MAGNITUDES: SLIDES, UNSCREWING: SIMULATED, SIMULATED: UNSCREWING}
-"""Per set, the one that is tested on after it was learned from."""
-
+# learned from, tested on, and what was new in it, in the order of tables
 ASKED = (
     (SLIDES, SLIDES, NEW_TRIALS),
     (SLIDES, SLIDES, NEW_MATERIAL),
@@ -56,29 +50,27 @@ ASKED = (
     (SIMULATED, UNSCREWING, NEW_SET),
     (UNSCREWING, SIMULATED, NEW_SET),
 )
-"""Learned from, tested on, and what was new in it, in the order of tables."""
 
+# trials of slides over materials
 SLIDE_GROUPS = {
     "learned": Look("this material", BLUE),
     "left out": Look("fault of the sensor", OCHRE),
     "other material": Look("other material", ORANGE),
 }
-"""Trials of slides over materials."""
 
-REFERENCE = "scraping, recorded"
-CALIBRATED = "scraping, simulated"
-WORLDS = {
-    REFERENCE: BLACK,
-    CALIBRATED: ORANGE,
-    "unscrewing, recorded": PINK,
-    "slides, recorded": GREEN,
-}
-"""Colours of the sets whose statistics are compared; the first two are of the same task."""
+# colours of the sets whose statistics are compared; the first two are of the same task
+REFERENCE, CALIBRATED = "scraping, recorded", "scraping, simulated"
+WORLDS = {REFERENCE: BLACK, CALIBRATED: ORANGE, "unscrewing, recorded": PINK, "slides, recorded": GREEN}
 
 
-def shown_map(maps: "pd.DataFrame", tuned_on: Sequence[str]) -> "pd.DataFrame":
-    """The map of the skin that is shown: the first that is tested on a run on which nothing was tuned."""
+def shown_map(maps: pd.DataFrame, tuned_on: Sequence[str]) -> pd.DataFrame:
+    """The map of the skin that is shown: the first one tested on a run not used for tuning."""
     untouched = maps[~maps["asked_about"].isin(tuned_on)]
     maps = untouched if len(untouched) else maps
-    first = maps[["learned_from", "asked_about"]].iloc[0]
-    return maps[(maps[["learned_from", "asked_about"]] == first).all(axis=1)]
+    return of_pair(maps, maps)
+
+
+def of_pair(table: pd.DataFrame, first: pd.DataFrame) -> pd.DataFrame:
+    """Rows of a table with the training and test run of the first row of another one."""
+    keys = ["learned_from", "asked_about"]
+    return table[(table[keys] == first[keys].iloc[0]).all(axis=1)]

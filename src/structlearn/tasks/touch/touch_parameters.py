@@ -5,13 +5,12 @@ from typing import Literal
 from pydantic import Field, PositiveFloat
 
 from structlearn.core.params import Parameters
-from structlearn.readers.source import ClockParameters, SourceParameters
-from structlearn.readers.topics import TopicMap
-from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters, SensorDescription
+from structlearn.readers.source import ClockParameters, SourceParameters, TopicMap
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 
 
 class ForceParameters(Parameters):
-    """Forces read off a skin, learned from presses on a scale."""
+    """Forces estimated from a skin, learned from presses on a scale."""
 
     longest_lag_s: float = Field(gt=0)
     pressed_n: float = Field(gt=0)
@@ -19,7 +18,7 @@ class ForceParameters(Parameters):
 
 
 class PublishedParameters(Parameters):
-    """Errors that a skin's authors report of the end of each run, after the start was learned from."""
+    """Errors published for the end of each run, after training on its start."""
 
     first_share: float = Field(gt=0, lt=1)
     place_mm: float = Field(gt=0)
@@ -93,15 +92,5 @@ class TouchParameters(SourceParameters):
 
     @property
     def over_time(self) -> bool:
-        """Whether touches are learned from as streams."""
+        """Whether touches are stored as streams."""
         return self.surfaces is not None or self.transfer is not None
-
-    def sensor(self, channels: tuple[str, ...]) -> SensorDescription:
-        """The sensor that has these channels."""
-        return SensorDescription(
-            channels=channels,
-            places_mm=self.channels_mm,
-            change=self.change,
-            by_norm=self.by_norm,
-            gain_spread=self.gain_spread,
-        )

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from structlearn.core.artefacts import read_table
-from structlearn.readers.runs import read_series
+from structlearn.readers.demonstration import read_series
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch import skin_section, surface_section, transfer_section

@@ -1,13 +1,13 @@
-"""Latent spaces of recorded touch, and what carries over between simulated and recorded touch (II.4).
+"""Latent spaces of recorded touch, and transfer between simulated and recorded touch (II.4).
 
-Sets of BioTac touches, slides over materials and logs of unscrewing, stand beside simulated touches of a
+Sets of BioTac touches, slides over materials and logs of unscrewing, are compared with simulated touches of a
 handle. The same code learns from each set; whole trials are left out. Then what was learned from one set is
 tested on its partner, each standardised by itself, with principal components as the simple rival.
 
-What the counts mean differs. In the logs of unscrewing they rise under pressure: the contact force that a log
-itself holds rises with their mean (correlation 0.98 and more), so their sign is turned. The slides were
-published as magnitudes of change: none is below zero. Which way an electrode changed is lost, so each is
-taken for pressed, and magnitudes are compared with magnitudes.
+Counts differ in meaning. In the logs of unscrewing they rise under pressure: the contact force in a log rises
+with their mean (correlation 0.98 and more), so their sign is turned. The slides were published as magnitudes
+of change, none below zero: the direction of a change is lost, so each electrode counts as pressed, and
+magnitudes are compared with magnitudes.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -22,15 +22,14 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.readers import synchronise
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Demonstration, Recording
 from structlearn.readers.slide import material_of
+from structlearn.simulation import touch_demonstrator
 from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate
-from structlearn.simulation.touch_demonstrator import recorded as demonstrated
 from structlearn.tactile.electrodes import SKINS, Skin
 from structlearn.tactile.geodesics import Geodesics, geodesics
-from structlearn.tactile.latent_comparison import latent_errors, seen_in
+from structlearn.tactile.latent_comparison import latent_errors, split_data
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 from structlearn.tactile.latent_training import learn_spaces, own_units
 from structlearn.tactile.touch_dataset import (
@@ -49,14 +48,12 @@ from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 LEARNED = "learned from"
 RECORDED = (SLIDES, UNSCREWING)
-
-DIMENSIONS = 3
-"""Of the latent space; as many principal components has the rival."""
+DIMENSIONS = 3  # of the latent space; the rival has as many principal components
 
 
 @dataclass(frozen=True)
 class TouchSet:
-    """Touches of one origin, by what was touched in each trial; the split of the samples does not count."""
+    """Touches of one origin, with what was touched in each trial; the split of the samples is not used."""
 
     name: str
     samples: TouchDataset
@@ -64,23 +61,22 @@ class TouchSet:
     groups: tuple[str, ...]
 
     def without(self, trials: Sequence[int] | np.ndarray) -> TouchDataset:
-        """The samples with these trials as the test split, all others to be learned from."""
+        """The samples with these trials as the test split and all others as the training split."""
         return replace(self.samples, split=np.where(np.isin(self.samples.trial, trials), TEST, TRAIN))
 
 
 def held_touch(demonstrations: Sequence[Demonstration], skin: Skin, cutoff_hz: float) -> TouchDataset:
-    """Samples of trials in which something touches from start to end; every trial is one contact."""
-    parts: dict[str, list[np.ndarray]] = {}
+    """Samples of trials in contact from start to end; every trial is one contact."""
+    parts = []
     for one in demonstrations:
         orientation = quaternion.normalised(signals.low_pass(one.signal("orientation"), one.dt, cutoff_hz))
         position = signals.low_pass(one.position, one.dt, cutoff_hz)
         velocity = signals.derivative(position, one.dt), quaternion.angular_velocity(orientation, one.dt)
-        columns = {"signals": -signals.low_pass(one.signal("tactile"), one.dt, cutoff_hz)}
-        columns |= {"velocity": np.hstack(velocity), "orientation": orientation, "time": one.time}
-        for name, values in columns.items():
-            parts.setdefault(name, []).append(values)
+        counts = -signals.low_pass(one.signal("tactile"), one.dt, cutoff_hz)
+        parts.append((counts, np.hstack(velocity), orientation, one.time))
+    columns = (np.concatenate(its).astype(np.float32) for its in zip(*parts, strict=True))
+    found = dict(zip(("signals", "velocity", "orientation", "time"), columns, strict=True))
     trial = np.repeat(np.arange(len(demonstrations)), [len(one.time) for one in demonstrations])
-    found = {name: np.concatenate(its).astype(np.float32) for name, its in parts.items()}
     return TouchDataset(
         **found,
         pressure=-found["signals"].mean(axis=1),
@@ -95,7 +91,7 @@ def held_touch(demonstrations: Sequence[Demonstration], skin: Skin, cutoff_hz: f
 
 
 def magnitudes(samples: TouchDataset, skin: Skin) -> TouchDataset:
-    """The same touches when the directions of the changes are lost: every electrode is taken for pressed."""
+    """The same touches without the directions of the changes: every electrode counts as pressed."""
     found = -np.abs(samples.signals)
     points = contact_points(found, skin).astype(np.float32)
     return replace(samples, signals=found, pressure=-found.mean(axis=1), contact_point=points)
@@ -109,12 +105,10 @@ def touch_sets(
     left_out: Collection[str],
     parameters: GeodesicParameters,
 ) -> list[TouchSet]:
-    """Recorded sets that have several trials, and their partners, with their distances on the skin.
+    """Recorded sets of several trials, and their partners, with their distances on the skin.
 
-    A set is left aside with its partner if it has too few samples, or patches too far apart, for distances.
-
-    Raises:
-        MissingInputError: no set is left.
+    A set is skipped with its partner if it has too few samples, or patches too far apart, for distances.
+    Raises MissingInputError: no set is left.
     """
     found = {}
     for name, trials in recorded.items():
@@ -146,7 +140,7 @@ def compare_sets(
     finger: FingerParameters,
     samples: TouchDataParameters,
 ) -> dict[str, pd.DataFrame]:
-    """Put recorded sets beside touches by a simulated person, and learn from all; see `learn_transfer`."""
+    """Compare recorded sets with touches by a simulated person; see `learn_transfer`."""
     chosen, skin = parameters.transfer, SKINS["biotac"]
     assert chosen is not None
     recorded = {
@@ -158,9 +152,9 @@ def compare_sets(
         raise MissingInputError("two slides or two logs of unscrewing are needed")
     fewer = dict.fromkeys(("rotations", "translations"), chosen.simulated_repeats) | {"skin": skin.name}
     person = person.model_copy(update=fewer)
-    touches = [synchronise(demonstrated(one, person), samples.rate_hz) for one in demonstrate(person, finger)]
-    simulated = prepare(touches, skin, samples)
-    sets = touch_sets(recorded, simulated, skin, samples.cutoff_hz, chosen.left_out, parameters.geodesics)
+    simulated = [touch_demonstrator.recorded(one, person) for one in demonstrate(person, finger)]
+    touches = prepare([synchronise(one, samples.rate_hz) for one in simulated], skin, samples)
+    sets = touch_sets(recorded, touches, skin, samples.cutoff_hz, chosen.left_out, parameters.geodesics)
     return learn_transfer(sets, skin, parameters)
 
 
@@ -169,7 +163,7 @@ def learn_transfer(
 ) -> dict[str, pd.DataFrame]:
     """Learn from every set, and test on what was left out and on its partner.
 
-    Of the simulated sets only the first part of the trials is left out: they are many, and like each other.
+    Of the simulated sets, whose many trials are alike, only the first part of the trials is left out.
 
     Returns:
         `errors` per `learned_from` and `asked_about` (sets), `new` (what is new in the samples), `part` (its
@@ -201,7 +195,7 @@ def learn_transfer(
 
 
 def parts_left_out(touches: TouchSet, folds: int) -> dict[str, list[np.ndarray]]:
-    """Trials that are left out in turn, by what is new: whole trials, or a group that has several."""
+    """Trials left out in turn, keyed by what is new: whole trials, or a group that has several."""
     groups = np.array(touches.groups)
     trials = np.arange(len(groups))
     if len(trials) < 2:
@@ -231,8 +225,9 @@ def _errors(
     else:
         whole = partner.without(())
         asked[names.NEW_SET] = (own_units(whole, partner.geodesics), whole, partner, TRAIN)
+    pairs = parameters.evaluation_pairs
     seen = {
-        name: seen_in(its_units, touches, of.geodesics, split, parameters.evaluation_pairs)
+        name: split_data(its_units, touches, of.geodesics, split, pairs, np.random.default_rng(split))
         for name, (its_units, touches, of, split) in asked.items()
     }
     spaces = latent_errors(models, seen).rename(columns={"split": "new"})
@@ -244,20 +239,14 @@ def _errors(
         rival.append((name, names.COMPONENTS, 0, errors.mean(), errors.max()))
     columns = ["new", "model", "seed", "reconstruction", "worst_electrode"]
     table = pd.concat([spaces, pd.DataFrame(rival, columns=columns)], ignore_index=True)
-    if new == NEW_MATERIAL:  # its errors on what it learned from tell nothing more than those of `NEW_TRIALS`
+    if new == NEW_MATERIAL:  # training errors add nothing to those of `NEW_TRIALS`
         table = table[table["new"] != LEARNED]
     about = table["new"].map({name: of.name for name, (_, _, of, _) in asked.items()})
     return table.assign(learned_from=source.name, asked_about=about, part=part)
 
 
 def _statistics(touches: TouchSet, skin: Skin) -> dict[str, float | str]:
-    """Of one set.
-
-    `counts`: root mean square over electrodes of their standard deviations; `against`: share of changes
-    against the pressure; `start_counts`, `end_counts`: mean pressure of the trials there; `components`:
-    principal components that hold 99 % of the standardised variance; `along_mm`, `across_mm`: mean place of
-    the contact points on the skin.
-    """
+    """Row of `sets`; their columns are explained on the page."""
     samples = touches.samples
     along, across = skin.coordinates(samples.contact_point.astype(float))
     starts = np.flatnonzero(np.diff(samples.trial, prepend=-1))

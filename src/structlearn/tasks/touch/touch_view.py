@@ -1,4 +1,4 @@
-"""Recordings of touch to look at: presses and their map, servoing, forces; slides and their deviations."""
+"""Recordings of touch for the viewer: presses and their map, servoing, forces; slides and deviations."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -15,7 +15,7 @@ from structlearn.primitives.vector import VectorPrimitive, deviation, without_of
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.slide import material_of
 from structlearn.tasks.touch.surface_traces import trial_groups
-from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, shown_map
+from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, of_pair, shown_map
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
 from structlearn.viewer.rrd import (
@@ -32,13 +32,10 @@ from structlearn.viewer.rrd import (
     time_column,
 )
 
-PRESS_MM, PROBE_MM = 0.3, 0.7
-"""Radii of dots."""
+PRESS_MM, PROBE_MM = 0.3, 0.7  # radii of dots
 
 MARGIN_MM = 2.5
-
-TRIALS = 12
-"""Paths that follow each other, one step a second."""
+TRIALS = 12  # paths that follow each other, one step a second
 
 IN_FRONT = 30.0
 
@@ -53,7 +50,7 @@ skin by another run.
 
 
 def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
-    """Write the recording of a skin; of a single run there is no map to show, but forces where weighed."""
+    """Write the recording of a skin: its map, if there are several runs, and forces if it was weighed."""
     with recording(path, "A skin and its map") as stream:
         views: list[rrb.Container | rrb.View] = []
         if "maps" in tables:
@@ -67,7 +64,7 @@ def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[s
 
 
 def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFrame | None) -> rrb.Horizontal:
-    """Presses on the plate and in the map in mm about the plate's middle, y up."""
+    """Log presses on the plate and in the map, in mm from the plate's middle."""
     plate = maps[["x_m", "y_m"]].to_numpy()
     middle, colours = 0.5 * (plate.min(axis=0) + plate.max(axis=0)), place_colours(plate)
 
@@ -78,10 +75,8 @@ def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFra
         presses = rr.Points2D(drawn(points), colors=colours, radii=PRESS_MM)
         stream.log(entity(name, "presses"), presses, static=True)
     if paths is not None:
-        pair = (paths[["learned_from", "asked_about"]] == maps[["learned_from", "asked_about"]].iloc[0]).all(
-            axis=1
-        )
-        shown = paths[pair & (paths["trial"] < TRIALS)].sort_values(["trial", "step"])
+        shown = of_pair(paths, maps)
+        shown = shown[shown["trial"] < TRIALS].sort_values(["trial", "step"])
         times = [time_column(np.arange(len(shown), dtype=float))]
         for name, columns, colour in (
             ("probe", ["x_m", "y_m"], LIGHT_GREY),
@@ -100,8 +95,7 @@ def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFra
 
 
 def _send_forces(stream: rr.RecordingStream, traces: pd.DataFrame) -> None:
-    keys = ["learned_from", "asked_about"]
-    its = traces[(traces[keys] == traces[keys].iloc[0]).all(axis=1)]
+    its = of_pair(traces, traces)
     for name, column, colour in (("scale", "force_n", ORANGE), ("read off the skin", "read_n", BLUE)):
         path, time = entity("force", name), its["time_s"].to_numpy()
         send_curve(stream, path, time, its[column].to_numpy(), name, colour)
@@ -110,7 +104,7 @@ def _send_forces(stream: rr.RecordingStream, traces: pd.DataFrame) -> None:
 def write_slides(
     path: Path, trials: Sequence[Demonstration], expected: VectorPrimitive, parameters: SurfaceParameters
 ) -> None:
-    """Write the slides; electrodes show their deviation from the expected traces."""
+    """Write the slides, with the electrodes' deviations from the expected traces."""
     groups = trial_groups([trial.name for trial in trials], parameters)
     materials = dict.fromkeys(material_of(trial.name) for trial in trials)
     learned = next(material_of(name) for name, group in groups.items() if group == "learned")

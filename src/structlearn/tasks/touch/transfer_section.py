@@ -14,31 +14,18 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing, rounded, with_spread
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
-from structlearn.tasks.touch.touch_names import (
-    ASKED,
-    COMPONENTS,
-    NEW_MATERIAL,
-    NEW_SET,
-    NEW_TRIALS,
-    PARTNERS,
-    PLAIN,
-    SIMULATED,
-    SLIDES,
-    SPACES,
-    STRUCTURED,
-    UNSCREWING,
-)
+from structlearn.tasks.touch import touch_names as names
+from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_SET, NEW_TRIALS, SLIDES, SPACES, STRUCTURED
 
 Tables = Mapping[str, pd.DataFrame]
 
-TEXT_NMSE = 0.25
-"""Bound of the claims, drawn as a dashed line."""
-
-MODELS = (STRUCTURED, PLAIN, COMPONENTS)
+TEXT_NMSE = 0.25  # bound of the claims, drawn as a dashed line
+MODELS = (STRUCTURED, names.PLAIN, COMPONENTS)
+KEYS = ["learned_from", "asked_about", "new", "model"]
 
 
 def section(tables: Tables) -> Section:
-    """Of tables by name."""
+    """Section of the tables of `touch_transfer.learn_transfer`."""
     find, scores = find_transfer(tables), touch_scores(tables)
     return Section(
         "touch",
@@ -60,38 +47,37 @@ def section(tables: Tables) -> Section:
 
 
 def partners(tables: Tables) -> dict[str, str]:
-    """Recorded sets that are there, and the simulated ones that they are compared with."""
+    """Recorded sets that exist here, and the simulated ones that they are compared with."""
     there = set(tables["sets"]["set"])
-    return {name: PARTNERS[name] for name in (SLIDES, UNSCREWING) if name in there}
+    return {name: names.PARTNERS[name] for name in (SLIDES, names.UNSCREWING) if name in there}
 
 
 def touch_scores(tables: Tables) -> pd.DataFrame:
     """Mean errors of latent spaces and their `..._std`, by an entry of `ASKED` and `model`."""
-    errors = ["reconstruction", "distances", "pressure"]
-    by = tables["errors"].groupby(["learned_from", "asked_about", "new", "model"])[errors]
+    by = tables["errors"].groupby(KEYS)[["reconstruction", "distances", "pressure"]]
     scores = by.mean().join(by.std().add_suffix("_std")).sort_index()
-    return scores[[key[:3] in ASKED for key in scores.index]]
+    return scores[[key[:3] in names.ASKED for key in scores.index]]
 
 
 def find_transfer(tables: Tables) -> Findings:
-    """What was found, by the names that claims and sentences use."""
+    """Findings, by the names that claims and sentences use."""
     find, sets = Findings("parts of the trials left out, or seeds"), partners(tables)
     scores = touch_scores(tables)["reconstruction"]
     for name, source in sets.items():
         find.exact(f"reconstruction_nmse_{name}", scores[name, name, NEW_TRIALS, STRUCTURED], headline=True)
         carried = scores[source, name, NEW_SET, STRUCTURED]
         find.exact(f"reconstruction_nmse_simulated_to_{name}", carried, headline=True)
-    if (new := (SLIDES, SLIDES, NEW_MATERIAL, STRUCTURED)) in scores.index:
+    if (new := (SLIDES, SLIDES, names.NEW_MATERIAL, STRUCTURED)) in scores.index:
         find.exact("reconstruction_nmse_new_material", scores[new])
-    by_question = dict(list(tables["errors"].groupby(["learned_from", "asked_about", "new", "model"])))
+    by_question = dict(list(tables["errors"].groupby(KEYS)))
 
     def of(error: str, source: str, target: str, model: str = STRUCTURED) -> pd.Series:
-        """By part that was left out, mean over seeds; by seed where nothing was left out."""
+        """By part left out, mean over seeds; by seed if nothing was left out."""
         its = by_question[source, target, NEW_TRIALS if source == target else NEW_SET, model]
         return its.groupby("part" if len(set(its["part"])) > 1 else "seed")[error].mean()
 
     def gain(name: str) -> pd.Series:
-        """Reconstruction error of principal components, which have no seeds, minus the latent space's."""
+        """Error of principal components, which have no seeds, minus that of the latent space."""
         own, rival = of("reconstruction", name, name), of("reconstruction", name, name, COMPONENTS)
         return (rival if len(rival) == len(own) else rival.mean()) - own
 
@@ -99,25 +85,26 @@ def find_transfer(tables: Tables) -> Findings:
     find.add("map_distances", {name: mean(of("distances", name, name)) for name in sets})
     find.add("over_components", {name: mean(gain(name)) for name in sets})
     missing = unknown("its recorded set is missing")
-    simulated = mean(gain(SIMULATED)) if SIMULATED in sets.values() else missing
+    simulated = mean(gain(names.SIMULATED)) if names.SIMULATED in sets.values() else missing
     find.add("over_components_simulated", simulated)
-    carried_over = {name: mean(of("reconstruction", source, name)) for name, source in sets.items()}
-    find.add("carried_over", carried_over)
+    find.add(
+        "carried_over", {name: mean(of("reconstruction", source, name)) for name, source in sets.items()}
+    )
     return find
 
 
 def transfer_facts(tables: Tables, every: pd.DataFrame, find: Findings) -> dict[str, object]:
-    """All findings, and other values for the sentences."""
+    """Findings and other values for the sentences."""
     sets, scores = tables["sets"].set_index("set"), every["reconstruction"]
     new_sets = scores.xs(NEW_SET, level="new")
     origin, target, model = new_sets.idxmin()
     trials = scores.xs(NEW_TRIALS, level="new").groupby(level=1)
     linear = {name: its.droplevel([0, 1]).idxmin() == COMPONENTS for name, its in trials}
-    alone = [name for name in (SLIDES, UNSCREWING, SIMULATED) if name in sets.index]
+    alone = [name for name in (SLIDES, names.UNSCREWING, names.SIMULATED) if name in sets.index]
     alike = tables["likeness"].groupby(["first", "second"])["correlation"].mean()
 
     def touch(first: str, second: str, new: str, *models: str) -> str:
-        """Reconstruction errors by some models, default all."""
+        """Reconstruction errors by some models, by default all."""
         return listing(rounded(scores[first, second, new, one], ".2f") for one in models or MODELS)
 
     def error(kind: str, name: str) -> str:
@@ -132,7 +119,7 @@ def transfer_facts(tables: Tables, every: pd.DataFrame, find: Findings) -> dict[
         "alone": alone,
         "pairs": [pair for name, partner in there.items() for pair in ((partner, name), (name, partner))],
         "partners": there,
-        "new_material": (SLIDES, SLIDES, NEW_MATERIAL, STRUCTURED) in scores.index,
+        "new_material": (SLIDES, SLIDES, names.NEW_MATERIAL, STRUCTURED) in scores.index,
         "compared": (STRUCTURED, COMPONENTS),
         "only_simulated_needs_network": [linear[name] for name in alone] == [True, True, False],
         "chance": 1 - 3 / tables["correlations"]["electrode"].nunique(),
@@ -150,29 +137,24 @@ def scores_table(scores: pd.DataFrame) -> Table:
     def spread(key: tuple[str, ...], error: str) -> str:
         return with_spread(scores.loc[key, error], scores.loc[key, f"{error}_std"], ".2f")
 
+    columns = [(f"reconstruction, {SPACES[model].name}", model, "reconstruction") for model in MODELS]
+    columns += [(f"{error}, structured", STRUCTURED, error) for error in ("distances", "pressure")]
     rows = [
-        {"learned from": first, "tested on": second if new == NEW_SET else new}
-        | {
-            f"reconstruction, {SPACES[model].name}": spread((first, second, new, model), "reconstruction")
-            for model in MODELS
-        }
-        | {
-            f"{error}, structured": spread((first, second, new, STRUCTURED), error)
-            for error in ("distances", "pressure")
-        }
-        for first, second, new in ASKED
-        if (first, second, new, STRUCTURED) in scores.index
+        {"learned from": key[0], "tested on": key[1] if key[2] == NEW_SET else key[2]}
+        | {heading: spread((*key, model), error) for heading, model, error in columns}
+        for key in names.ASKED
+        if (*key, STRUCTURED) in scores.index
     ]
     return Table(pd.DataFrame(rows))
 
 
 @styled
 def touch_panel(scores: pd.DataFrame, carried: bool) -> Figure:
-    """Reconstruction error of every model; mean and std over parts that are left out and seeds."""
+    """Reconstruction error of every model; mean and std over parts left out and seeds."""
     title = "Learned from another set" if carried else "Learned from the same set"
     figure, axes = panel(title, 3.9, xscale="log", xlim=(0.03, 8), xlabel="NMSE of the reconstruction")
     there = set(scores.index.droplevel("model"))
-    asked = [key for key in ASKED if (key[2] == NEW_SET) == carried and key in there]
+    asked = [key for key in names.ASKED if (key[2] == NEW_SET) == carried and key in there]
     for offset, model in enumerate(MODELS, -1):
         its, look = scores.xs(model, level="model").loc[asked], SPACES[model]
         middle, std = its["reconstruction"], its["reconstruction_std"]

@@ -1,4 +1,4 @@
-"""The files of the dynamics stages: logs, models and tables, read as what they are."""
+"""Files of the dynamics stages: logs, models and tables."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from structlearn.rigid_body.motion import Motion, measured_motion
 
 if TYPE_CHECKING:  # torch takes a second to load, and stages that record need only paths
     from structlearn.rigid_body.dynamics_models import DynamicsModels
-    from structlearn.rigid_body.training_grid import Form
+    from structlearn.testbeds.dynamics.protocol.trainings import Form
 
 DATA = Path("data/dynamics")
 
@@ -27,8 +27,7 @@ TABLES = {
     "online": "online/errors",
     "payload": "online/payload",
 }
-"""By name; `rigid_body.training_grid`, `protocol.tracking` and `rigid_body.online_learning` say what is in
-them."""
+"""By name; `protocol.trainings`, `protocol.tracking` and `rigid_body.payload` describe their columns."""
 
 
 def read_tables(*names: str) -> dict[str, pd.DataFrame]:
@@ -37,12 +36,12 @@ def read_tables(*names: str) -> dict[str, pd.DataFrame]:
 
 
 def read_logs(kind: str) -> dict[str, JointLog]:
-    """Logs of `IDEAL`, of `ROBOT` or with a `payload`, by name: that of a robot is its seed."""
+    """Logs of `IDEAL`, of `ROBOT` or with a `payload`, by name, which is the robot's seed."""
     return {log.name: log for log in read_log_table(f"data/runs/dynamics/{kind}.parquet")}
 
 
 def as_motion(log: JointLog, cutoff_hz: float = float("inf")) -> Motion:
-    """A log as models learn from it, behind a low-pass."""
+    """A log as a motion to learn from, after a low-pass."""
     signals = (log.time, log.positions, log.velocities, log.torques)
     return measured_motion(log.name, *signals, cutoff_hz=cutoff_hz)
 

@@ -1,29 +1,25 @@
-"""How dynamics models look, on the page and in recordings: one colour, one line and one place for each.
+"""Titles, colours and lines of dynamics models, on the page and in recordings.
 
-Names of the models for people are those of `rigid_body.model_names`. The colours can be told apart on the
-page's white ground and on the viewer's dark one.
+Printed names of the models are in `rigid_body.model_names`. The colours can be distinguished on the page's
+white background and on the viewer's dark one.
 """
 
 from typing import Any
 
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, WHITE
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
-from structlearn.rigid_body.training_grid import OURS, TEXT
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 
 SINE, REACH = "sine", "reach"  # tasks
+SHOWN_FORM = OURS  # of the models whose reaches and torques are shown: networks learn best in it
 
 ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-ins (simulated)"}
-
 FORM_TITLES = {TEXT: "As published", OURS: "Our training"}
-
-SHOWN_FORM = OURS  # of the models whose reaches and torques are shown: in it networks learned what they can
-
 LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised per joint"}
 
-REFERENCE = WHITE
-"""Of what a model is held against, drawn wide: a wanted path, a measured torque, a carried mass."""
-
+REFERENCE = WHITE  # of references, drawn wide: a wanted path, a measured torque, a carried mass
 PAYLOAD = ORANGE
+WITH_COULOMB = LIGHT_BLUE  # of every structure that learned Coulomb friction too
 
 LOOKS = {
     GROUND_TRUTH: (GREY, "-"),
@@ -37,9 +33,7 @@ LOOKS = {
     "tri": (BLUE, "--"),
     "cov": (BLUE, "-"),
 }
-"""Colour and line of each model; what is known instead of learned is grey."""
-
-WITH_COULOMB = LIGHT_BLUE  # of every structure that learned Coulomb friction too
+"""Colour and line of each model; known models are grey."""
 
 
 def colour(model: str) -> str:

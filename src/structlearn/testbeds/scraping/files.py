@@ -10,15 +10,12 @@ import pandas as pd
 from structlearn.core.artefacts import read_table
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import CouplingDataset, from_table
-from structlearn.feedback.coupling_model import CouplingModel, read_networks
-from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
-from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.primitive_files import read_vector_primitive
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import Demonstration, read_runs
 
 CHECKS = "checks_"
-"""Prefix of the tables beside the datasets that say how well these hold together."""
+"""Prefix of the tables of checks beside the data sets, one per primitive."""
 
 TABLES = {
     "noise": "segments/scraping_sweep/noise",
@@ -50,11 +47,6 @@ class ScrapingFiles:
 
     data: Path = Path("data")
 
-    @property
-    def segments(self) -> Path:
-        """Folder of the segmentation, for `segments.read_segmentation`."""
-        return self.data / "segments/scraping"
-
     def table(self, name: str) -> pd.DataFrame:
         """One of `TABLES`; empty where a stage had nothing to write."""
         path = self.data / f"{TABLES[name]}.parquet"
@@ -69,26 +61,6 @@ class ScrapingFiles:
         path = self.data / "runs/scraping" / kind / model / f"{setting_deg:g}.parquet"
         return read_runs(path) if path.exists() else []
 
-    def primitives(self) -> list[PosePrimitive]:
-        """Movement primitives in order of time."""
-        return read_primitives(self.data / "primitives/scraping/primitives.safetensors")
-
-    def expected(self) -> dict[str, VectorPrimitive]:
-        """See `read_expected`."""
-        return read_expected(self.data / "feedback/scraping/expected")
-
-    def datasets(self, settings: Sequence[float] | None = None) -> dict[str, CouplingDataset]:
-        """See `read_datasets`."""
-        return read_datasets(self.data / "feedback/scraping/dataset", settings)
-
-    def checks(self, primitive: str) -> pd.DataFrame:
-        """Checks of a primitive's supervised data, of `coupling_targets.coupling_dataset`."""
-        return read_table(self.data / f"feedback/scraping/dataset/{CHECKS}{primitive}.parquet")
-
-    def networks(self, model: str) -> dict[str, CouplingModel]:
-        """Networks of a trained model by primitive."""
-        return read_networks(self.data / f"feedback/scraping/models/{model}.safetensors")
-
 
 def read_settings(folder: str | Path) -> dict[float, list[Demonstration]]:
     """Runs by setting in degrees, in rising order, from `<setting>.parquet`.
@@ -100,7 +72,7 @@ def read_settings(folder: str | Path) -> dict[float, list[Demonstration]]:
 
 
 def read_expected(folder: str | Path) -> dict[str, VectorPrimitive]:
-    """Expected traces by the primitive's name, from `<primitive>.safetensors`; none if nothing was felt.
+    """Expected traces by primitive, from `<primitive>.safetensors`; none without sensors.
 
     Raises InputError: there is no such folder, or a file is not readable.
     """
@@ -109,7 +81,7 @@ def read_expected(folder: str | Path) -> dict[str, VectorPrimitive]:
 
 
 def read_datasets(folder: str | Path, settings: Sequence[float] | None = None) -> dict[str, CouplingDataset]:
-    """Supervised data by the primitive's name, of some settings in degrees or of all.
+    """Supervised data by primitive, of some settings in degrees or of all.
 
     Raises InputError: there is no such folder, a file is not readable, or a setting was not recorded.
     """
@@ -131,7 +103,7 @@ def read_datasets(folder: str | Path, settings: Sequence[float] | None = None) -
 
 
 def _written(folder: str | Path) -> Path:
-    """The folder of an earlier stage; one without files means that there was nothing to write."""
+    """A folder written by an earlier stage; an empty one means that there was nothing to write."""
     if not Path(folder).is_dir():
         raise InputError(f"{folder}: no such folder; run the stage that writes it")
     return Path(folder)

@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from structlearn.palette import BLACK, GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, legend_above, styled
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
-from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.simulation.still import View, still
 from structlearn.testbeds.dynamics import names
@@ -29,9 +28,10 @@ from structlearn.testbeds.dynamics.names import (
 )
 from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach, tracked_reaches
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters, sine_path
 
-HIGHEST_NMSE = 1e6  # what diverges leaves the picture there
+HIGHEST_NMSE = 1e6  # upper end of the axis for what diverges
 
 EPOCH_TICKS = (0, 1, 2, 5, 10, 20, 40, 64)
 
@@ -42,18 +42,14 @@ SHOWN_REACHES = {
 """Models whose reaches are drawn, by robot."""
 
 FORM_MARKERS = {TEXT: "o", OURS: "s"}
-
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
-
-SHOWN_JOINTS = (1, 2, 4, 6)  # of which friction is drawn: large and small ones, one of a kind
-WIDE: dict[str, Any] = {"color": names.REFERENCE, "linewidth": 4.0}  # of what a model is held against
+SHOWN_JOINTS = (1, 2, 4, 6)  # whose friction is drawn: large and small ones, one of a kind
+WIDE: dict[str, Any] = {"color": names.REFERENCE, "linewidth": 4.0}  # of references
 
 VIEW = View(target=(0.0, 0.0, 0.6), distance=2.45, yaw_deg=50.0, pitch_deg=-16.0)
 
-SHOWN_AT = (0.708, 0.146, 0.925)
-"""Moments of the motion that the still shows, as shares of it, at which all joints are bent."""
-
-COLUMNS = slice(235, 785)  # pixels across that are kept of each: the arm, and little beside it
+SHOWN_AT = (0.708, 0.146, 0.925)  # shares of the motion in the still, at which all joints are bent
+COLUMNS = slice(235, 785)  # pixels of each that are kept: the arm, and little beside it
 
 
 @styled
@@ -160,7 +156,7 @@ def _tracking(results: DynamicsResults, robot: str) -> Figure:
 
 
 def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
-    """Distance of the tool from where it should be."""
+    """Distance of the tool from its reference."""
     figure, panel = _panel(2.4, title, "time (s)", "tool off by (mm)")
     for reach in reaches:
         panel.plot(reach.time, np.maximum(reach.off_mm, 1e-2), label=reach.label, **look(reach.model))
@@ -170,7 +166,7 @@ def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
 
 
 def _speeds(reaches: Sequence[TrackedReach], title: str) -> Figure:
-    """Speed of the tool, and as it should be."""
+    """Speed of the tool and of its reference."""
     figure, panel = _panel(2.2, title, "time (s)", "speed of the tool (m/s)")
     wanted = reaches[0].speeds[1]
     panel.plot(reaches[0].time, wanted, label="wanted", **WIDE)
@@ -182,7 +178,7 @@ def _speeds(reaches: Sequence[TrackedReach], title: str) -> Figure:
 
 
 def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
-    """What the structures learned over what is true, of the first seed."""
+    """Learned over true values of the structures, of the first seed."""
     figure, panel = _panel(3.3, title, "of the arm", "learned")
     first = table["seed"] == table["seed"].min()
     its = table[(table["form"] == TEXT) & first].set_index("model")
@@ -200,7 +196,7 @@ def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
 
 
 def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
-    """Torques of the robot that no rigid body explains, over the joint's speed, and the learned friction."""
+    """Torques beyond those of rigid bodies over the joint's speed, and the learned friction."""
     figure, panel = _panel(2.2, f"Joint {joint}", "speed (rad/s)", "torque (N m)")
     its = residuals.sort_values("velocity_rad_s")
     speed, measured = its["velocity_rad_s"], its["residual_n_m"]
@@ -214,7 +210,7 @@ def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
 
 
 def _payload(results: DynamicsResults) -> Figure:
-    """What is learned of a payload, as share of what it really has, a thin line per robot."""
+    """Learned mass and first moment of a payload over the true ones, a thin line per robot."""
     payload, carried = results.payload, results.chosen["record_motion"].payload
     figure, panel = _panel(2.5, "Learned of the payload", "time (s)", "share of the truth")
     truth = carried.mass_kg * np.linalg.norm(carried.point_m)
@@ -232,7 +228,7 @@ def _payload(results: DynamicsResults) -> Figure:
 
 
 def _payload_errors(results: DynamicsResults) -> Figure:
-    """What the models make of torques that they have not learned from yet, mean over robots."""
+    """Errors of torques that the models have not learned from yet, mean over robots."""
     payload = results.payload.groupby("time_s")[["nmse_fixed", "nmse_learned"]].mean()
     figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE, mean over robots")
     panel.plot(payload.index, payload["nmse_fixed"], label="model of the empty arm", **look(GROUND_TRUTH))

@@ -1,9 +1,9 @@
-"""Findings on learned dynamics: outputs of the stages, and what sentences and claims of the page name.
+"""Findings on learned dynamics, from the outputs of the stages; sentences and claims of the page name them.
 
-n counts seeds in simulation and robots elsewhere; ratios and differences are taken in pairs. Claims of the
-dissertation are decided by the published form, our form has claims of its own. Nothing follows from a model
-that did not meet the criterion (`UNMET`): the dissertation trained until it was met. To the seeds and robots
-of this run come those of the study `dynamics/robots`.
+n counts seeds in simulation and robots elsewhere; ratios and differences are paired. Claims of the
+dissertation are decided by the published form; our form has separate claims. Models that did not meet the
+criterion decide nothing (`UNMET`): the dissertation trained until it was met. The seeds and robots of the
+study `dynamics/robots` are added to those of this run.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -25,17 +25,15 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_tor
 from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, STRICT, in_order, model_name
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT, Form
 from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Mechanics
 from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN
+from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, TEXT, Form
 
-STOPPED_NMSE = 1.0
-"""What a run that had to be stopped counts at least: the error of an arm that does not move."""
-
+STOPPED_NMSE = 1.0  # least error of a run that had to be stopped: that of an arm that does not move
 SETTLED_SHARE = 0.1  # of a payload's mass; within it the learned mass counts as right, batch by batch
-TERMS: tuple[FrictionTerm, ...] = ("viscous", "coulomb")  # of friction that a true robot has
+TERMS: tuple[FrictionTerm, ...] = ("viscous", "coulomb")  # friction of the simulated robots
 RESIDUAL_RATE_HZ = 10.0  # of residual torques that are kept to be drawn
 NETWORKS = ("mlp", "delan")  # the published models without inertias
 
@@ -47,31 +45,28 @@ UNMET = "no network of this kind met the criterion"
 SUFFIXES = {OURS: "", TEXT: "_plain"}
 """Of cases, by form: the published one has plain Adam and the plain loss."""
 
-HEADLINES = (*(f"{model}_plain" for model in STRICT), "mlp", "delan", "cov")
-"""Models whose epochs stand in `metrics.json`."""
-
-ROBOTS_STUDY = "dynamics/robots"  # further seeds and robots, with whom verdicts are stated
-STUDIED = ("outcomes", "scores", "payload", "known")
-"""Tables of `DynamicsResults` that hold those of the study too."""
+HEADLINES = (*(f"{model}_plain" for model in STRICT), "mlp", "delan", "cov")  # epochs in `metrics.json`
+ROBOTS_STUDY = "dynamics/robots"  # further seeds and robots, which the verdicts include
+STUDIED = ("outcomes", "scores", "payload", "known")  # tables that include those of the study
 
 Scores = Callable[[str], pd.Series]
-"""Of a model, by seed or robot; empty where it was not run."""
+"""Scores of a model, by seed or robot; empty where it was not run."""
 
 
 @dataclass(frozen=True)
 class DynamicsResults:
-    """Outputs of the stages of the testbed, `STUDIED` with those of a study, and what follows from it.
+    """Outputs of the testbed's stages, `STUDIED` with those of a study, and quantities that follow from them.
 
-    Of robots a seed is that of the robot; in simulation it is that of a model's start and of its goals.
+    A seed is that of the robot, or in simulation that of a model's start and of its goals.
     """
 
-    errors: pd.DataFrame  # of trainings, see `rigid_body.training_grid.train`
+    errors: pd.DataFrame  # of trainings, see `protocol.trainings.train`
     outcomes: pd.DataFrame
     links: pd.DataFrame  # learned beside the truth, see `rigid_body.base_parameters`, with `model`, `form`
     base: pd.DataFrame
     scores: pd.DataFrame  # see `protocol.tracking.track`
     paths: pd.DataFrame
-    online: pd.DataFrame  # see `rigid_body.online_learning`
+    online: pd.DataFrame  # see `rigid_body.payload`
     payload: pd.DataFrame  # likewise, with `seed`
     agreement: pd.DataFrame  # a row per URDF, see `rigid_body.newton_euler`, with `robot`
     known: pd.DataFrame  # of robots' logs, see `known_errors` and below, with `seed`
@@ -91,21 +86,18 @@ class DynamicsResults:
         return in_order(self.outcomes.loc[self.outcomes["arm"] == ROBOT, "model"].unique())
 
     def tracked(self, arm: str) -> list[str]:
-        """Models that were put to the test with an arm in any form, in the order of tables."""
+        """Models that were tracked with on an arm in any form, in the order of tables."""
         return in_order(self.scores.loc[self.scores["robot"] == arm, "model"].unique())
 
     def outcome(self, arm: str, model: str, form: Form = TEXT) -> pd.DataFrame:
         """Outcomes of a model (`cov`, `cov_coulomb`) by seed; empty where it was not trained.
 
-        Epochs not reached are replaced by the most that it was given: a lower bound; `reached` says which.
+        Where the threshold was not `reached`, epochs are the limit: a lower bound.
         """
         return self._outcomes.get((arm, model, form), self._outcomes["none"])
 
     def runs(self, arm: str, model: str, task: str, form: Form = TEXT) -> pd.DataFrame:
-        """Scores of a model in a task, by seed; those of stopped runs are at least `STOPPED_NMSE`.
-
-        Models that did not meet the criterion have none.
-        """
+        """Scores of a model that met the criterion, by seed; of stopped runs at least `STOPPED_NMSE`."""
         known = self._runs.get((arm, model, task, KNOWN))
         return self._runs.get((arm, model, task, form), self._runs["none"]) if known is None else known
 
@@ -176,7 +168,7 @@ class DynamicsResults:
 
     @cached_property
     def _runs(self) -> dict[Any, pd.DataFrame]:
-        """See `runs`, by its arguments; pages ask for them hundreds of times."""
+        """See `runs`, by its arguments; pages use them hundreds of times."""
         columns = ["position_nmse", "velocity_nmse"]
         scores = self.scores.sort_values("seed").set_index("seed")
         counted = scores[columns].fillna(STOPPED_NMSE).clip(lower=STOPPED_NMSE)
@@ -186,10 +178,7 @@ class DynamicsResults:
 
 
 def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataFrame:
-    """Errors of what is known instead of learned: of the truth, and of the URDF, the default model.
-
-    Returns `model`, `joint` (from 1), `nmse`.
-    """
+    """Errors of known models, the truth and the URDF (default): `model`, `joint` (from 1), `nmse`."""
     rubbing = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
     friction = np.einsum("tjk,jk->tj", friction_columns(motion.q, motion.qd, TERMS), rubbing)
     torques = {
@@ -202,7 +191,7 @@ def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataF
 
 
 def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics) -> pd.DataFrame:
-    """Friction that models, the first one of each, learned of one robot, beside what really rubs.
+    """Friction that the first of each models learned of one robot, and the truth.
 
     Returns `model`, `joint` (from 1), `term`, `value` in N m s/rad or N m, and `truth`.
     """
@@ -217,26 +206,21 @@ def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics) -
 
 
 def residual_torques(robot: Robot, models: DynamicsModels, motion: Motion, rate_hz: float) -> pd.DataFrame:
-    """What is left of measured torques without the bodies of the first of some models: friction and noise.
+    """Measured torques less those of the first model's links: friction and noise, at `RESIDUAL_RATE_HZ`.
 
-    Returns at `RESIDUAL_RATE_HZ`: `joint` (from 1), `velocity_rad_s`, `residual_n_m`, `friction_n_m`.
+    Returns `joint` (from 1), `velocity_rad_s`, `residual_n_m`, `friction_n_m`.
     """
     kept = motion.part(slice(None, None, max(1, round(rate_hz / RESIDUAL_RATE_HZ))))
     links = rigid_body_torques(robot.tree, models.inertias(), kept)[0]
     friction = predicted_torques(models, robot.tree, kept)[0] - links
-    return pd.DataFrame(
-        {
-            "joint": np.tile(np.arange(1, kept.joints + 1), len(kept)),
-            "velocity_rad_s": kept.qd.ravel(),
-            "residual_n_m": (kept.torque - links).ravel(),
-            "friction_n_m": friction.ravel(),
-        }
-    )
+    columns = {"velocity_rad_s": kept.qd, "residual_n_m": kept.torque - links, "friction_n_m": friction}
+    joint = np.tile(np.arange(1, kept.joints + 1), len(kept))
+    return pd.DataFrame({"joint": joint} | {name: values.ravel() for name, values in columns.items()})
 
 
 @lru_cache
 def published() -> Mapping[str, Any]:
-    """What the dissertation prints, `published.yaml`."""
+    """Values of the dissertation, `published.yaml`."""
     return read_values(Path(__file__).with_name("published.yaml"))
 
 
@@ -273,7 +257,7 @@ def findings(results: DynamicsResults) -> Findings:
 
 
 def unmet(results: DynamicsResults, arm: str, form: Form) -> list[str]:
-    """Networks that did not meet the criterion with some seed or on some robot."""
+    """Models that did not meet the criterion with some seed or on some robot."""
     every = {model: results.outcome(arm, model, form)["met"] for model in RIVALS[form]}
     return [model for model, met in every.items() if len(met) and not met.all()]
 
@@ -357,7 +341,7 @@ def _online(find: Findings, results: DynamicsResults) -> None:
 
 
 def _strict(results: DynamicsResults) -> list[str]:
-    """Those of `STRICT` that were trained."""
+    """Structures of `STRICT` that were trained."""
     return [kind for kind in results.kinds if kind in STRICT]
 
 
@@ -367,7 +351,7 @@ def _velocity(results: DynamicsResults, arm: str, model: str, form: Form) -> pd.
 
 
 def _run(samples: Mapping[str, pd.Series]) -> Mapping[str, pd.Series]:
-    """Those of models that were run."""
+    """Samples of models that were run."""
     return {model: its for model, its in samples.items() if len(its)}
 
 
@@ -377,7 +361,7 @@ def _cases(found: Callable[..., Found], name: str, samples: Mapping[str, pd.Seri
 
 
 def _over(score: Scores, model: str, references: Sequence[str]) -> pd.Series:
-    """Scores of a model over the geometric mean of others, by seed; NaN where one of them lacks a seed."""
+    """Scores of a model over the geometric mean of others, by seed; NaN where one lacks it."""
     reference = 1.0
     for one in references:
         reference = reference * score(one) ** (1.0 / len(references))
@@ -387,10 +371,10 @@ def _over(score: Scores, model: str, references: Sequence[str]) -> pd.Series:
 def _ratios(
     find: Findings, name: str, score: Scores, models: Iterable[str], references: Sequence[str]
 ) -> None:
-    """Scores of models over the geometric mean of others; a seed that only one of both has is left out."""
+    """Scores of models over the geometric mean of others, over the seeds that both have."""
     _cases(find.geometric_mean, name, {model: _over(score, model, references) for model in models})
 
 
 def _largest(samples: pd.DataFrame, comparisons: int) -> Evidence:
-    """Mean of the column that may be the largest."""
+    """Mean of the column with the largest upper bound."""
     return max((mean(samples[column], comparisons) for column in samples), key=lambda one: one.high)

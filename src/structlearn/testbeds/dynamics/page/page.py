@@ -1,6 +1,6 @@
-"""The page of the dynamics testbed: its tables, what its sentences name, and where that comes from.
+"""The page of the dynamics testbed: tables, numbers in sentences, and their sources.
 
-Tables show what is published beside what was reproduced, and what was learned beside the truth.
+Tables show published beside reproduced values, and learned values beside the truth.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,6 @@ from structlearn.reporting.prose import with_spread
 from structlearn.reporting.studies import rests_on
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
-from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.page.findings import (
     ROBOTS_STUDY,
@@ -28,6 +27,7 @@ from structlearn.testbeds.dynamics.page.findings import (
     published,
     unmet,
 )
+from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, TEXT
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
@@ -48,7 +48,7 @@ SCORES = {
 """Columns of tables III.1 and III.2: task, column of the scores, heading."""
 
 CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
-"""On a physically consistent body, columns of `inertia_tables.link_table`."""
+"""Of physical consistency, columns of `base_parameters.link_table`."""
 
 DETAILED = "cov"  # structure whose learned bodies are listed
 
@@ -108,18 +108,17 @@ def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
 
 
 def _stopped(results: DynamicsResults, arm: str) -> list[str]:
-    """`DeLaN, ours 4 of 10`, of models with runs that had to be stopped."""
-    every = product(results.tracked(arm), FORM_TITLES)
-    counts = {key: results.stopped(arm, *key) for key in every}
+    """`DeLaN (our training) 4 of 10`, for models with runs that had to be stopped."""
     return [
-        f"{model_name(model)} ({FORM_TITLES[form].lower()}) {stopped} of {count}"
-        for (model, form), (stopped, count) in counts.items()
+        f"{model_name(model)} ({title.lower()}) {stopped} of {count}"
+        for model, (form, title) in product(results.tracked(arm), FORM_TITLES.items())
+        for stopped, count in [results.stopped(arm, model, form)]
         if stopped
     ]
 
 
 def _median_friction(results: DynamicsResults) -> dict[str, float]:
-    """Median relative errors of learned coefficients; `factor` of viscous ones alone."""
+    """Median relative errors of learned coefficients; `factor` where only viscous friction was learned."""
     known = results.friction
     ratio = known["value"] / known["truth"]
     median, off = (
@@ -129,7 +128,7 @@ def _median_friction(results: DynamicsResults) -> dict[str, float]:
 
 
 def tables(results: DynamicsResults) -> dict[str, Table]:
-    """Tables of the page by name, and those that a study gathers of each cell."""
+    """Tables of the page by name, and those that a study collects from each cell."""
     differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three ways to the same torques
     found = {
         "simulation": _scores(results, IDEAL),
@@ -143,7 +142,8 @@ def tables(results: DynamicsResults) -> dict[str, Table]:
         "friction": _friction(results),
         "agreement": Table(results.agreement, dict.fromkeys(differences, ".1e") | {"largest_n_m": ".0f"}),
     }
-    found |= {"robot": _scores(results, ROBOT)} if results.tracked(ROBOT) else {}
+    if results.tracked(ROBOT):
+        found["robot"] = _scores(results, ROBOT)
     found |= {name: Table(getattr(results, name)) for name in STUDIED}
     return found | {"online_scores": Table(results.learned_online)}
 
@@ -159,10 +159,8 @@ def _scores(results: DynamicsResults, robot: str) -> Table:
             nmse = published()["robot_nmse"].get(model)
             rows.append({"model": name, "source": PRINTED, "nmse": nmse} | row)
         for form in (TEXT,) if known else (TEXT, OURS):
-            outcome, (stopped, count) = (
-                results.outcome(robot, model, form),
-                results.stopped(robot, model, form),
-            )
+            outcome = results.outcome(robot, model, form)
+            stopped, count = results.stopped(robot, model, form)
             if count or len(outcome):
                 source = "here" if known else FORM_TITLES[form].lower()
                 row = {"model": name, "source": source, "epochs": _epochs_text(outcome)}
@@ -177,7 +175,7 @@ def _scores(results: DynamicsResults, robot: str) -> Table:
 
 
 def _score(runs: pd.DataFrame, score: str) -> str:
-    """Mean and spread; a model that did not meet the criterion was not tracked with."""
+    """Mean and spread; a model that did not meet the criterion has no runs."""
     if runs.empty:
         return "not tested"
     return "unstable" if (runs["stopped"] != "").all() else _spread(runs[score], ".3f")
@@ -195,7 +193,7 @@ def _epochs(results: DynamicsResults) -> Table:
 
 
 def _epochs_text(outcome: pd.DataFrame) -> str:
-    """`2.0 ± 0.7`; `3.0 (1 of 5)` where others did not get there, `> 40` where none did, or nothing."""
+    """`2.0 ± 0.7`; `3.0 (1 of 5)` where others did not reach it, `> 40` where none did, or nothing."""
     reached = outcome[outcome["reached"]]["epochs"]
     if len(outcome) and not len(reached):
         return f"> {outcome['epochs'].max():.0f}"
@@ -203,7 +201,7 @@ def _epochs_text(outcome: pd.DataFrame) -> str:
 
 
 def _counted(known: pd.Series, every: int) -> str:
-    """Mean and spread, and of how many it is unless it is all of them."""
+    """Mean and spread, with their number unless it is all of them."""
     text = with_spread(known.mean(), known.std()) if len(known) else "not reached"
     return text if len(known) in (0, every) else f"{text} ({len(known)} of {every})"
 
@@ -215,7 +213,7 @@ def _by_model(columns: Mapping[str, pd.Series], models: list[str], number_format
 
 
 def _online(results: DynamicsResults) -> Table:
-    """Of learning online, mean over seeds: NMSE after one pass, and over the course, by `model`."""
+    """Online learning, mean over seeds: NMSE after one pass, and over the course, by `model`."""
     columns: dict[str, pd.Series] = {}
     for form, loss in LOSSES.items():
         means = results.online_scores(form).groupby("model").mean()
@@ -228,7 +226,7 @@ def _structures(results: DynamicsResults) -> list[str]:
 
 
 def _bodies(results: DynamicsResults) -> Table:
-    """Per `model`: number of learned `links`, and how many of them meet each of `CONDITIONS`, and all."""
+    """Per `model`: number of learned `links`, and of those that meet each of `CONDITIONS`, and all."""
     its = _as_published(results.links)
     met = its[CONDITIONS].assign(possible=its[CONDITIONS].all(axis=1)).groupby(its["model"])
     return _by_model({"links": met.size()} | dict(met.sum()), _structures(results))
@@ -301,7 +299,7 @@ def _as_published(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _spread(values: pd.Series, number_format: str) -> str:
-    """Mean ± std, as in the dissertation without a std that would be written as zero."""
+    """Mean ± std; as in the dissertation, without a std that rounds to zero."""
     std = values.std()
     return with_spread(
         values.mean(), np.nan if float(format(std, number_format)) == 0.0 else std, number_format

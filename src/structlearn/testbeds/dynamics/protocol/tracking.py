@@ -1,4 +1,4 @@
-"""How well an arm follows with a model in its controller: sines it learned from, and reaches (III.4)."""
+"""Tracking with a model in the controller: sines like those it learned from, and reaches (III.4)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,14 +13,13 @@ from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_dynamics import (
     InverseDynamics,
-    bodies_model,
     friction_rows,
     inverse_dynamics,
 )
 from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.training_grid import Form
+from structlearn.testbeds.dynamics.protocol.trainings import Form
 from structlearn.testbeds.dynamics.world.arm_motion import (
     ReachingParameters,
     SineParameters,
@@ -31,13 +30,7 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_controller,
     sine_path,
 )
-from structlearn.testbeds.dynamics.world.controlled_arm import (
-    Feedback,
-    ReferencePath,
-    Run,
-    SimulatedArm,
-    run,
-)
+from structlearn.testbeds.dynamics.world.controlled_arm import Feedback, ReferencePath, Run, SimulatedArm, run
 
 SHOWN_RATE_HZ = 25.0  # of the paths that are kept to be looked at
 KNOWN = ""  # form of a model that is known instead of learned
@@ -54,9 +47,9 @@ class TrackingParameters(Parameters):
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model to be put into the controller."""
+    """A model for the controller."""
 
-    name: str  # of the model
+    name: str
     form: str  # of its training; `KNOWN` for one that was not learned
     seeds: tuple[int, ...]  # of its goals: that of its training, or all for a model that was not learned
     model: InverseDynamics
@@ -83,22 +76,21 @@ class Testbed:
 
 
 def known(testbed: Testbed) -> list[Candidate]:
-    """What is known of an arm: the truth, and the URDF where the truth is another."""
+    """Known models of an arm: the truth, and the URDF where that differs."""
     robot, true = testbed.arm.robot, testbed.arm.mechanics
     friction = friction_rows(np.stack([true.viscous, true.coulomb], axis=-1), ("viscous", "coulomb"))
     models = {GROUND_TRUTH: inverse_dynamics(robot.tree, true.inertias, friction)}
     if true.inertias is not robot.inertias:
         models[DEFAULT] = inverse_dynamics(robot.tree, robot.inertias)
-    return [Candidate(name, KNOWN, testbed.seeds, bodies_model(model)) for name, model in models.items()]
+    return [Candidate(name, KNOWN, testbed.seeds, model) for name, model in models.items()]
 
 
 def learned(
     testbed: Testbed, outcomes: pd.DataFrame, read: Callable[[str, str], DynamicsModels]
 ) -> list[Candidate]:
-    """Learned models, one candidate for each that met the criterion: of others nothing would follow.
+    """Learned models that met the criterion, one candidate each.
 
-    `read` gives the models of a form and name, in the order of the outcomes (of `training_grid.train`, of
-    this arm).
+    `read` gives the models of a form and name, in the order of this arm's outcomes of `trainings.train`.
     """
     return [
         Candidate(name, form, (row.seed,), compiled_model(read(form, name), place, testbed.arm.robot.tree))
@@ -109,10 +101,10 @@ def learned(
 
 
 def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Let the arm follow sines and reaches with every model.
+    """Track sines and reaches with every model.
 
     Errors are normalised by the variance of the reference: of sines per joint, then averaged; of reaches
-    over all axes. A run that was stopped (see `controlled_arm.run`) has no score and says why.
+    over all axes. A run that was stopped (see `controlled_arm.run`) has the reason instead of a score.
 
     Returns:
         scores: a row per model, seed and task: `robot`, `model`, `form`, `seed`, `task` (`sine`, `reach`),

@@ -62,8 +62,8 @@ def write_reaches(
 ) -> None:
     """Write the reaches of one arm with several models as a recording.
 
-    Every model has a view with its arm, the wanted path of the tool and its own; plots show how far each
-    tool is off and how fast it is. The first of the models ran through.
+    Every model has a view with its arm and the wanted and actual path of the tool; plots show its error and
+    its speed. The run of the first model was not stopped.
     """
     with recording(path, title) as stream:
         stream.send_blueprint(_reaches_blueprint(shown, title))
@@ -193,7 +193,7 @@ def write_payload(
 ) -> None:
     """Write an arm that picks up a payload, and what is learned of it, as a recording about the pick-up.
 
-    `learned`: see `rigid_body.online_learning.follow_payload`.
+    `learned`: see `rigid_body.payload.follow_payload`.
     """
     dt = float(log.time[1])
     pick_up_s = carried.at_share * (log.time[-1] + dt)

@@ -2,10 +2,10 @@
 
     tau = f_ID(q_r, qd_r, qdd_r) + K (q_r - q) + D (qd_r - qd)
 
-The better the model, the less the feedback has to do. Its gains are those of the robot, the same for all
-models: if it went through the model, light wrist joints would have next to none, and friction held them. The
-model is asked at the reference: viscous friction that was fitted to Coulomb friction gives more than a fast
-joint takes, and at the measured velocity that drives a light wrist away within seconds.
+The better the model, the smaller the feedback. Its gains belong to the robot and are the same for all models:
+scaled by the model's inertia, light wrist joints would have next to none, and friction would hold them. The
+model is evaluated at the reference: viscous friction that was fitted to Coulomb friction is too large for a
+fast joint, and at the measured velocity it destabilises a light wrist within seconds.
 """
 
 from typing import Literal
@@ -48,12 +48,12 @@ class SineParameters(SineMotion):
     feedback: FeedbackParameters
 
     def cut(self, duration_s: float) -> "SineParameters":
-        """Its first part."""
+        """The first part of the motion."""
         return self.model_copy(update={"duration_s": min(self.duration_s, duration_s)})
 
 
 class ArmMotionParameters(Parameters):
-    """The motion on which schedules are chosen, and the one that is scored."""
+    """The motion on which optimisers are chosen, and the one that is scored."""
 
     use: Literal["tuning", "test"]
     tuning: SineMotion
@@ -78,14 +78,13 @@ class ArmMotionParameters(Parameters):
 
 
 def joint_range(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray]:
-    """Middle and half of each joint's range (n,); a joint without ends turns half a circle either way."""
-    lower = np.where(np.isfinite(tree.lower), tree.lower, -np.pi)
-    upper = np.where(np.isfinite(tree.upper), tree.upper, np.pi)
+    """Middle and half of each joint's range (n,)."""
+    lower, upper = tree.ranges
     return 0.5 * (lower + upper), 0.5 * (upper - lower)
 
 
 def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: FeedbackParameters) -> Feedback:
-    """Gains of an arm with the inertias of its URDF; InputError where stiffnesses are too few."""
+    """Gains of an arm with the inertias of its URDF; InputError for too few stiffnesses."""
     stiffness = of_joints("stiffness_n_m_rad", parameters.stiffness_n_m_rad, tree)
     middle, zero = joint_range(tree)[0], np.zeros(len(stiffness))
     torques = inverse_dynamics(tree, inertias)
@@ -95,7 +94,7 @@ def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: Feed
 
 
 def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.ndarray:
-    """Values (n,) of an arm's joints from a parameter; InputError where it has fewer."""
+    """Values (n,) of an arm's joints from a parameter; InputError for too few."""
     count = len(tree.names)
     if len(values) < count:
         raise InputError(f"{key}: has {len(values)} values, the arm has {count} joints")
@@ -103,10 +102,7 @@ def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.nd
 
 
 def sine_path(tree: KinematicTree, parameters: SineParameters) -> ReferencePath:
-    """Sines in all joints at once.
-
-    Raises InputError: periods or amplitudes are too few, or a joint would be faster than it can.
-    """
+    """Sines in all joints at once; InputError for too few periods or amplitudes, or above a speed limit."""
     middle, half = joint_range(tree)
     amplitude = of_joints("amplitudes", parameters.amplitudes, tree) * half
     frequency = 2.0 * np.pi / of_joints("periods_s", parameters.periods_s, tree)

@@ -1,6 +1,6 @@
-"""An arm with a model in its controller, tick by tick in one compiled loop.
+"""Simulation of an arm with a model in its controller, in one compiled loop.
 
-PyBullet can move the arm between the same compiled ticks of its controller, to compare.
+For comparison, PyBullet can move the arm between the same compiled ticks of the controller.
 """
 
 from dataclasses import dataclass
@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.compilation import compiled_inside, numba
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, model_torques
 from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference
@@ -38,7 +37,7 @@ class Feedback(NamedTuple):
 
 
 class Controller(NamedTuple):
-    """What a control tick works with; made by `arm_motion.sine_controller` or `reaching_controller`."""
+    """Arguments of a control tick; made by `arm_motion.sine_controller` or `reaching_controller`."""
 
     model: InverseDynamics
     path: ReferencePath
@@ -49,18 +48,18 @@ class Controller(NamedTuple):
 
 @dataclass(frozen=True)
 class SimulatedArm:
-    """An arm that can be let run."""
+    """An arm and its simulation."""
 
     robot: Robot  # its URDF, which has the limits
-    mechanics: Mechanics  # what really moves
+    mechanics: Mechanics  # the true bodies and drives
     dt: float  # s per control tick and physics step
-    payload: Payload | None = None  # that it takes on the way
+    payload: Payload | None = None  # that it picks up
     take_at: int | None = None  # tick at which it does; None: never
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a controlled arm did; shorter than its reference where it was stopped."""
+    """Motion of a controlled arm; shorter than its reference where it was stopped."""
 
     q: np.ndarray  # (T, n) rad
     qd: np.ndarray  # (T, n) rad/s
@@ -71,12 +70,11 @@ class Run:
 def run(
     arm: SimulatedArm, controller: Controller, q: np.ndarray, qd: np.ndarray, pybullet: bool = False
 ) -> Run:
-    """Let a controller move an arm from a state (n,) along its path, until it ends or must be stopped.
+    """Run a controller from a state (n,) along its path, until it ends or must be stopped.
 
-    A run is stopped as a robot's safety controller would: a joint is faster than `OVERSPEED` times its limit
-    or beyond its range, or the model's torques are no numbers. Torques beyond the drives' limits are cut off.
-    A latency delays them; until the first one arrives, the drives hold it already. PyBullet moves the arm
-    where that is asked for, to compare.
+    A run is stopped as by a robot's safety controller: a joint is faster than `OVERSPEED` times its limit or
+    beyond its range, or the model's torques are not finite. Torques are limited to those of the drives, and
+    delayed by a latency, during which the first command already holds.
     """
     ticks, count = len(controller.path.position), len(q)
     log = _Log(*(np.zeros((ticks + extra, count)) for extra in (1, 1, 0, 0)))
@@ -171,9 +169,9 @@ def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log
 def _tick(
     controller: Controller, drives: _Drives, own: Body, work: Workspace, k: int, log: _Log
 ) -> tuple[int, np.ndarray]:
-    """Check the state, decide and log; return what is wrong, and the torques on the joints.
+    """Check the state, compute the command and log it; return the fault, and the torques on the joints.
 
-    Coulomb friction is not among them, and of the arm's body only the kinematics count.
+    They are without Coulomb friction; of the arm's body only the kinematics matter.
     """
     q, qd, torques = log.q[k], log.qd[k], np.empty(len(drives.limit))
     for i in range(len(q)):

@@ -1,15 +1,15 @@
 """Joint logs of simulated arms: one as in its URDF, and stand-ins for the dissertation's real robot.
 
-A stand-in has what the models of III.4.2 do not know: its links are not those of the URDF, its joints rub,
-its drives ripple, its torque sensors are noisy, and torques act a tick after they are commanded. Everything
-that belongs to a drive scales with its rated torque, because larger gears rub and ripple more. No number is
-chosen to fit an outcome:
+A stand-in has effects that the models of III.4.2 do not know: its links differ from the URDF, its joints have
+friction, its drives have ripple, its torque sensors are noisy, and torques act a tick after they are
+commanded. Effects of a drive scale with its rated torque, because larger gears have more friction and ripple.
+No number is chosen to fit an outcome:
 
 * Coulomb friction 0.5 % of the rated torque, viscous friction 0.3 % per rad/s: the recorded Franka Emika
   Panda has Coulomb friction of 0.2 to 0.6 % in the large joints and 1.4 to 2 % in the small ones, and viscous
   friction of 0.04 to 0.8 % (least squares of the recorded Panda; its drives are rated 87 and 12 N m).
 * Ripple 0.1 %, noise 0.05 % (std), masses off by 15 % (std of the log), centres of mass by 1.5 cm (std per
-  axis), one tick of latency: assumptions, with no source but judgement.
+  axis), one tick of latency: assumptions without a source.
 """
 
 from dataclasses import replace
@@ -21,7 +21,7 @@ import structlearn
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.readers.joint_log import JointLog
-from structlearn.rigid_body.compiled_dynamics import bodies_model, inverse_dynamics
+from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.simulation.arm import Mechanics, Payload, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
@@ -59,7 +59,7 @@ class PayloadParameters(Parameters):
 
 
 class RecordMotionParameters(Parameters):
-    """What is recorded beside the sines."""
+    """Parameters of the recordings beside the sines."""
 
     payload: PayloadParameters
 
@@ -69,8 +69,8 @@ def stand_in(
 ) -> Mechanics:
     """One of the stand-ins of an arm, by the seed of its links' true inertias.
 
-    A link that weighs more than in the URDF, which the default model believes, is denser: its inertia grows
-    with its mass, and stays that of a real body. Raises InputError: rated torques are too few.
+    A link that weighs more than in the URDF is denser: its inertia grows with its mass, and stays physically
+    consistent. Raises InputError: too few rated torques.
     """
     rated = of_joints("rated_n_m", parameters.rated_n_m, tree)
     rng = np.random.default_rng([seed, 0])
@@ -105,8 +105,7 @@ def stand_in_log(
 ) -> JointLog:
     """Sines of a stand-in, tracked with the URDF's model, with noise on the torques (III.4.2).
 
-    The controller does not know of a payload that is picked up on the way. PyBullet moves the arm where that
-    is asked for, to compare.
+    The controller does not know of a payload that is picked up on the way.
     """
     motion = motion.cut(parameters.log_s)
     arm = SimulatedArm(robot, stand_in(robot.tree, robot.inertias, parameters, seed), 1.0 / motion.rate_hz)
@@ -129,7 +128,7 @@ def _sine_log(
     robot = arm.robot
     reference = sine_path(robot.tree, motion)
     feedback = joint_feedback(robot.tree, robot.inertias, motion.feedback)
-    model = bodies_model(inverse_dynamics(robot.tree, robot.inertias))
+    model = inverse_dynamics(robot.tree, robot.inertias)
     controller = sine_controller(model, reference, feedback)
     moved = run(arm, controller, reference.position[0], reference.velocity[0], pybullet)
     if moved.stopped:

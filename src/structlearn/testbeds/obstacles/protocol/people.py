@@ -18,8 +18,7 @@ from structlearn.avoidance.avoidance_dataset import (
 )
 from structlearn.avoidance.shapes import CLOUD_COUNT, cloud_batch
 from structlearn.primitives.position import PositionPrimitive
-from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.runs import read_runs
+from structlearn.readers.demonstration import Demonstration, read_runs
 from structlearn.testbeds.obstacles.files import BASELINE
 from structlearn.testbeds.obstacles.protocol.avoidance_scores import closest_approaches
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, demonstrations

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, pairwise, product
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,7 @@ from structlearn.core.metrics import mean_interval, verdict
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.policy_search.refinement import FEEDBACK
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import Evidence
+from structlearn.reporting.claims import UNKNOWN, Evidence
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL, cost_ratios
 from structlearn.testbeds.scraping.world.layout import hand_roll_deg
@@ -67,23 +67,22 @@ class ExecutionResults:
     def ratios(self) -> pd.DataFrame:
         """Accumulated cost of each model relative to each of those before it, in pairs.
 
-        One row per `primitive` ("all" is their sum), `model`, `baseline` and `setting_deg`: `ratio`,
-        `lower_rad`, `half_width` of `execution_scores.cost_ratios`, and the `verdict` on the model.
+        One row per `primitive` ("all" is their sum), `model`, `baseline` and `setting_deg`: columns of
+        `execution_scores.cost_ratios`, and the `verdict` on the model.
         """
         tables = []
-        for name in (*self.primitives, ALL):
-            chosen = self.scores if name == ALL else self.scores[self.scores["primitive"] == name]
-            for baseline, model in combinations(self.models, 2):
-                table = cost_ratios(chosen, model, baseline)
-                low, high = table["lower_rad"] - table["half_width"], table["lower_rad"] + table["half_width"]
-                keys = {"primitive": name, "model": model, "baseline": baseline}
-                tables.append(table.assign(**keys, verdict=verdict(low, high)))
+        for name, (baseline, model) in product((*self.primitives, ALL), combinations(self.models, 2)):
+            chosen = self.scores if name == ALL else _rows(self.scores, primitive=name)
+            table = cost_ratios(chosen, model, baseline)
+            low, high = table["lower_rad"] - table["half_width"], table["lower_rad"] + table["half_width"]
+            keys = {"primitive": name, "model": model, "baseline": baseline}
+            tables.append(table.assign(**keys, verdict=verdict(low, high)))
         return pd.concat(tables, ignore_index=True)
 
     def ratio(self, model: str, baseline: str = NOMINAL, primitive: str = ALL) -> pd.DataFrame:
         """Rows of `ratios` by setting."""
-        keys = {"model": model, "baseline": baseline, "primitive": primitive}
-        return _rows(self.ratios, **keys).set_index("setting_deg")
+        rows = _rows(self.ratios, model=model, baseline=baseline, primitive=primitive)
+        return rows.set_index("setting_deg")
 
     def run_costs(self, model: str, setting_deg: float, primitive: str) -> np.ndarray:
         """(R,) accumulated cost in rad of every run, in the order of their names."""
@@ -92,9 +91,9 @@ class ExecutionResults:
 
     @cached_property
     def hand_roll(self) -> pd.DataFrame:
-        """Roll of the hand in the setting `example_deg`, 0 where the tool is flat on the level board.
+        """Mean and std of the hand's roll in the setting `example_deg`; 0 is flat on a level board.
 
-        Means and std over the runs, per `model` and `moment` (0: start, k: end of primitive k).
+        One row per `model` and `moment` (0: start, k: end of primitive k).
         """
         rows = []
         for model, runs in self.examples.items():
@@ -136,19 +135,14 @@ class BoardResults(ExecutionResults):
         One row per `primitive` and `setting_deg`: `mean`, `std` over the runs; `step` from the setting below
         with its 95 % interval `low`, `high` (Welch, runs are independent).
         """
-        rows = []
         fed = _rows(self.traces, model=POINTWISE)
         each = fed.groupby(["primitive", "setting_deg", "run"])["coupling"].mean()
+        rows = []
         for name in self.primitives:
-            below = None
-            for setting in self.settings_deg:
-                values = each[name, setting]
-                row = {"primitive": name, "setting_deg": setting, "mean": values.mean(), "std": values.std()}
-                if below is not None:
-                    step = welch(values, below)
-                    row |= {"step": step.value, "low": step.low, "high": step.high}
-                rows.append(row)
-                below = values
+            values = [each[name, setting] for setting in self.settings_deg]
+            steps = [UNKNOWN, *(welch(above, below) for below, above in pairwise(values))]
+            for setting, its, step in zip(self.settings_deg, values, steps, strict=True):
+                rows.append((name, setting, its.mean(), its.std(), step.value, step.low, step.high))
         return pd.DataFrame(rows, columns=["primitive", "setting_deg", "mean", "std", "step", "low", "high"])
 
 
@@ -197,9 +191,11 @@ class RefinementResults(ExecutionResults):
         """
         failed = self.history["fault"] != ""
         grouped = self.history.assign(failed=failed).groupby(["primitive", "iteration", "kind"], sort=False)
-        costs = {"mean": "mean", "std": "std", "low": "min", "high": "max"}
         return grouped.agg(
-            **{name: ("cost_rad", how) for name, how in costs.items()},
+            mean=("cost_rad", "mean"),
+            std=("cost_rad", "std"),
+            low=("cost_rad", "min"),
+            high=("cost_rad", "max"),
             count=("fault", "size"),
             norm_rad=("norm_rad", "mean"),
             failed=("failed", "sum"),
@@ -214,7 +210,7 @@ class RefinementResults(ExecutionResults):
         return int(self.curve(primitive).sort_values(["failed", "mean"]).index[0])
 
     def later_gain(self, primitive: str) -> float:
-        """By how much of the cost before the best iteration after `PUBLISHED_ITERATIONS` is below that one.
+        """Share of the cost before that the best iteration gains after `PUBLISHED_ITERATIONS`.
 
         Negative where all later ones cost more; NaN where there is none.
         """
@@ -235,12 +231,9 @@ class RefinementResults(ExecutionResults):
             runs = _rows(self.history, primitive=name, kind=FEEDBACK)
             wide = runs.pivot_table("cost_rad", "number", "iteration")
             for iteration in wide.columns[1:]:
-                row = {"primitive": name, "iteration": iteration}
-                row |= _gain(wide[iteration - 1] - wide[iteration])
-                if iteration > PUBLISHED_ITERATIONS:
-                    since = _gain(wide[PUBLISHED_ITERATIONS] - wide[iteration])
-                    row |= {f"since_{part}": value for part, value in since.items()}
-                rows.append(row)
+                later = iteration > PUBLISHED_ITERATIONS
+                since = _gain(wide[PUBLISHED_ITERATIONS] - wide[iteration]) if later else (np.nan,) * 3
+                rows.append((name, iteration, *_gain(wide[iteration - 1] - wide[iteration]), *since))
         gain = ["lower_rad", "half_width", "verdict"]
         columns = ["primitive", "iteration", *gain, *(f"since_{part}" for part in gain)]
         return pd.DataFrame(rows, columns=columns)
@@ -253,21 +246,19 @@ class RefinementResults(ExecutionResults):
         nearest tilts; `mean`, `mean_below`, `mean_above` in rad; the `verdict` on both margins, of which the
         less favourable one counts. Intervals are Welch's: runs at different tilts are no pairs.
         """
-        rows = []
-        for below, setting, above in zip(
-            self.tilted_deg, self.tilted_deg[1:], self.tilted_deg[2:], strict=False
-        ):
-            for name in self.primitives if setting in self.unseen_deg else ():
-                for model in (BEFORE, AFTER):
-                    costs = [self.run_costs(model, one, name) for one in (below, setting, above)]
-                    low, high = sorted((costs[0], costs[2]), key=np.mean)
-                    margins = welch(costs[1], low), welch(high, costs[1])
-                    row = {"primitive": name, "model": model, "setting_deg": setting}
-                    row |= {"below_deg": below, "above_deg": above}
-                    means = map(np.mean, costs)
-                    row |= dict(zip(("mean_below", "mean", "mean_above"), means, strict=True))
-                    ends = np.min([(one.low, one.high) for one in margins], axis=0)
-                    rows.append(row | {"verdict": str(verdict(*ends))})
+        tilts, rows = self.tilted_deg, []
+        for below, setting, above in zip(tilts, tilts[1:], tilts[2:], strict=False):
+            for name, model in product(
+                self.primitives if setting in self.unseen_deg else (), (BEFORE, AFTER)
+            ):
+                costs = [self.run_costs(model, one, name) for one in (below, setting, above)]
+                low, high = sorted((costs[0], costs[2]), key=np.mean)
+                margins = welch(costs[1], low), welch(high, costs[1])
+                ends = np.min([(one.low, one.high) for one in margins], axis=0)
+                means = dict(zip(("mean_below", "mean", "mean_above"), map(np.mean, costs), strict=True))
+                keys = {"primitive": name, "model": model, "setting_deg": setting}
+                tilts_beside = {"below_deg": below, "above_deg": above}
+                rows.append({**keys, **tilts_beside, **means, "verdict": str(verdict(*ends))})
         return pd.DataFrame(rows)
 
     @cached_property
@@ -345,9 +336,8 @@ def _rows(table: pd.DataFrame, **values: object) -> pd.DataFrame:
     return table[(table[list(values)] == pd.Series(values)).all(axis=1)]
 
 
-def _gain(difference: pd.Series) -> dict[str, object]:
+def _gain(difference: pd.Series) -> tuple[float, float, str]:
     """Mean of paired differences, its half width and verdict; pairs of which one failed are left out."""
     known = difference.dropna().to_numpy()
     lower, half_width = mean_interval(known) if len(known) else (np.nan, np.nan)
-    word = str(verdict(lower - half_width, lower + half_width))
-    return {"lower_rad": lower, "half_width": half_width, "verdict": word}
+    return lower, half_width, str(verdict(lower - half_width, lower + half_width))

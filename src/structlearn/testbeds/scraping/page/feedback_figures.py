@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_hex
@@ -53,9 +54,8 @@ def mean_band(axes: Axes, curves: np.ndarray, colour: str, label: str | None = N
 def demonstrated_curves(dataset: CouplingDataset, setting: float, values: np.ndarray) -> np.ndarray:
     """Values (S,) of every demonstration in a setting over normalised time, (L, `SAMPLES`)."""
     inside = dataset.setting == setting
-    numbers = np.unique(dataset.demonstration[inside])
-    each = (values[inside & (dataset.demonstration == number)] for number in numbers)
-    return np.stack([signals.time_normalised(one, SAMPLES) for one in each])
+    each = pd.Series(values[inside]).groupby(dataset.demonstration[inside])
+    return np.stack([signals.time_normalised(one.to_numpy(), SAMPLES) for _, one in each])
 
 
 @styled
@@ -114,7 +114,7 @@ def models_figure(results: FeedbackResults, people: ScrapingPeople) -> list[Figu
                 axes.errorbar(mean, place, xerr=std, color=BLACK, linewidth=1.0, capsize=4.0)
                 validated = errors.loc[(name, one, "validation"), "generalization_mean"]
                 axes.plot(validated, place, "D", color=BLACK, markerfacecolor="white", markersize=5)
-                if (values := people.nmse(one, name)) is not None:
+                if (values := people.of(one, name, "generalization_nmse", "generalization")) is not None:
                     _dots(axes, values, np.full(len(values), place - 0.22))
             names = [REPRESENTATIONS[one].name.replace(", then ", ",\nthen ") for one in reversed(shown)]
             axes.set_yticks(range(len(names)), names)
@@ -257,7 +257,7 @@ def cost_figure(
             look: dict[str, Any] = {"color": BLACK, "linestyle": "none", "linewidth": 0.9, "capsize": 2.0}
             axes.errorbar(x, rows["mean"], np.nan_to_num(rows["std"]), **look)
             for at, setting in zip(x, rows["setting_deg"], strict=True):
-                if people and (values := people.cost(model, primitive, setting)) is not None:
+                if people and (values := people.of("cost", model, primitive, setting)) is not None:
                     _dots(axes, np.full(len(values), at), values)
         ticks = [f"{setting:g}\n{note(setting)}" for setting in executed.settings_deg]
         axes.set_xticks(range(len(ticks)), ticks, fontsize=7.5)

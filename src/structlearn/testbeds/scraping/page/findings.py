@@ -1,15 +1,18 @@
-"""Findings of the three scraping pages: what their sentences and claims name.
+"""Findings of the three scraping pages, named by their sentences and claims.
 
-Claims and sentences are over people. For each the whole branch was run anew, demonstrations, sensor,
-corrections, models, executions and refinement, by the study `scraping/people`, once with the parameters as
-they are (`OURS`) and once as in the text (`TEXT`). So people are independent, which folds and executions of
-one person are not. Rows of the person of this run are what the study gathers; they decide nothing.
+Claims and sentences are over people. For each of them the study `scraping/people` runs the whole testbed anew
+(demonstrations, sensor, corrections, models, executions and refinement), once with the parameters as they are
+(`OURS`) and once as published (`TEXT`). People are independent; folds and executions of one person are not.
+The study gathers the rows of the person of this run, by `key`; these rows decide nothing.
 """
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from structlearn.feedback.feedback_models import LEVEL, POINTWISE, REPRESENTATIONS, UNROLLED
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
@@ -18,7 +21,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import level_name
 from structlearn.reporting.studies import OURS, People
 from structlearn.segmentation.alignment import METHODS, RESULT
-from structlearn.segmentation.cut_errors import errors_by_seed, wins_at_every_noise_level
+from structlearn.segmentation.cut_errors import wins_at_every_noise_level
 from structlearn.testbeds.scraping.names import CUT_METHODS
 from structlearn.testbeds.scraping.page.board_results import RefinementResults
 from structlearn.testbeds.scraping.page.results import (
@@ -32,10 +35,8 @@ from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFOR
 
 TEXT = "text"  # variant of the study, beside `OURS`
 
-MODEL_KEYS = {NOMINAL: "nominal", POINTWISE: "feedback", LEVEL: "level", UNROLLED: "unrolled"}
-REPRESENTATION_KEYS = {name: name for name in REPRESENTATIONS} | {"pmnn_100": "pmnn"}
-STEP_KEYS = {"validation": "", "generalization": "_best_step"}
-"""What executions, representations and the part that chose the training step are called in keys."""
+WORDS = {POINTWISE: "feedback", "pmnn_100": "pmnn", "validation": "", "generalization": "best_step"}
+"""Parts of keys that are called otherwise; training steps are chosen by validation unless a key says so."""
 
 MODEL_PAIRS = {
     "order_of_structures": (("pmnn_100", "pmnn_0"), ("pmnn_0", "ffnn_phase"), ("ffnn_phase", "ffnn")),
@@ -62,52 +63,43 @@ HEADLINES_OF_ONE: dict[str, bool | Collection[str]] = {
     "cost_ratio_level_over_nominal": ("0", "10"),
     "rl_cost_ratio": ("prim2", "prim3"),
 }
-"""Where people were not studied with these parameters: by these one compares experiments."""
+"""Numbers by which experiments are compared where people were not studied with these parameters."""
 
 Numbers = np.ndarray | None
 """(P,) one per person; None where the study was not run, or kept no such number."""
 
 
+def key(primitives: Sequence[str], *parts: str | float) -> str:
+    """Name of a number, e.g. `cost_feedback_prim2_10`.
+
+    `parts`: primitives, counted as in the dissertation; models and representations by `WORDS`; settings in
+    degrees (floats); anything else as it is.
+    """
+    words = {name: f"prim{number}" for number, name in enumerate(primitives, 1)} | WORDS
+    texts = [words.get(part, part) if isinstance(part, str) else level_name(part) for part in parts]
+    return "_".join(text for text in texts if text)
+
+
+def by_key(primitives: Sequence[str], values: pd.Series | Mapping[Any, float]) -> dict[str, float]:
+    """Values by the `key` of their index, which may have several levels."""
+    levels = ((its if isinstance(its, tuple) else (its,), value) for its, value in values.items())
+    return {key(primitives, *parts): value for parts, value in levels}
+
+
 @dataclass(frozen=True)
 class ScrapingPeople(People):
-    """Numbers of the study's people, also by primitive, model and setting."""
+    """Numbers of the study's people, by the parts of their keys."""
 
     primitives: Sequence[str]  # names of all primitives in order of time
 
-    def of(self, key: str, primitive: str) -> Numbers:
-        """Of a primitive: `rl_cost_ratio_prim2`, counted as in the dissertation."""
-        return self.numbers(f"{key}_{prim(primitive, self.primitives)}")
-
-    def nmse(self, representation: str, primitive: str, stopping: str = "generalization") -> Numbers:
-        """Generalisation NMSE, mean over folds; `stopping` is of `feedback_models.STOPPINGS`.
-
-        The default is the dissertation's: the step at which this very error is lowest (IV.9.3).
-        """
-        return self.numbers(nmse_key(representation, prim(primitive, self.primitives), stopping))
-
-    def cost(self, model: str, primitive: str, setting_deg: float) -> Numbers:
-        """Accumulated cost in rad, mean over executions."""
-        number = prim(primitive, self.primitives)
-        return self.numbers(f"cost_{MODEL_KEYS[model]}_{number}_{level_name(setting_deg)}")
-
-    def over_nominal(self, model: str, setting_deg: float) -> Numbers:
-        """Accumulated cost of all primitives relative to that without feedback."""
-        return self.numbers(f"cost_ratio_{MODEL_KEYS[model]}_over_nominal_{level_name(setting_deg)}")
+    def of(self, *parts: str | float) -> Numbers:
+        """One number per person, named by `key`."""
+        return self.numbers(key(self.primitives, *parts))
 
 
 def people_of(results: ScrapingResults, form: str = OURS) -> ScrapingPeople:
     """People of the study that claims rest on, in one form."""
     return ScrapingPeople(results.study, form, results.feedback.primitives)
-
-
-def prim(name: str, primitives: Sequence[str]) -> str:
-    """`prim2`."""
-    return f"prim{list(primitives).index(name) + 1}"
-
-
-def nmse_key(representation: str, number: str, stopping: str) -> str:
-    """`pmnn_prim2_generalization_nmse_best_step`."""
-    return f"{REPRESENTATION_KEYS[representation]}_{number}_generalization_nmse{STEP_KEYS[stopping]}"
 
 
 def findings(results: ScrapingResults) -> Findings:
@@ -159,7 +151,7 @@ def segmentation_of_one(find: Findings, results: SegmentationResults) -> None:
 
 def least_cut_error(find: Findings, results: SegmentationResults) -> None:
     """How much better the result's cuts are than each other method's, in pairs, at the least clear level."""
-    errors = errors_by_seed(results.noise).query("noise_mm > 0")
+    errors = results.errors_by_seed.query("noise_mm > 0")
     wide = errors.pivot_table(index=["noise_mm", "seed"], columns="method", values="error_ms")
     others = [method for method in METHODS if method in wide and method != RESULT]
     comparisons = len(others) * wide.index.unique("noise_mm").size
@@ -178,78 +170,72 @@ def feedback_of_one(find: Findings, results: FeedbackResults) -> None:
 
     `<model>_prim<number>_generalization_nmse` is the mean over folds at the step that validation chose, with
     the suffix `_best_step` at the best step for the demonstration left out, as in the dissertation.
-    `cost_ratio_<model>_over_nominal_<degrees>` is of all primitives, `feedback` being the pointwise model of
-    the text and `level` ours; `cost_<model>_prim<number>_<degrees>` is in rad. Smallest steps are from tilt
-    to tilt, of the roll torque without feedback and of the pointwise model's mean coupling term.
+    `cost_ratio_<model>_over_nominal_<degrees>` is over all primitives, `feedback` being the published
+    pointwise model and `level` ours; `cost_<model>_prim<number>_<degrees>` is in rad. Smallest steps are from
+    tilt to tilt, of the roll torque without feedback and of the pointwise model's mean coupling term.
     `shared_nodes`: how many of ten dominant nodes any two phase kernels share.
     """
-    numbers, board = {name: prim(name, results.primitives) for name in results.primitives}, results.board
+    board, primitives = results.board, results.primitives
+    named, cases = partial(key, primitives), partial(by_key, primitives)
     for (primitive, model, stopping), error in results.model_errors["generalization_mean"].items():
-        find.exact(nmse_key(model, numbers[primitive], stopping), error)
-    dominant = {numbers[one]: its for one in results.networks if (its := results.dominant(one))}
-    find.exact("shared_nodes", {name: its[2] for name, its in dominant.items()})
-    over_phase = {name: sharing_over_phase(its[0]) for name, its in dominant.items()}
-    find.exact("shared_nodes_over_phase", over_phase)
+        find.exact(named(model, primitive, "generalization_nmse", stopping), error)
+    dominant = {one: its for one in results.networks if (its := results.dominant(one))}
+    find.exact("shared_nodes", cases({one: its[2] for one, its in dominant.items()}))
+    over_phase = {one: sharing_over_phase(its[0]) for one, its in dominant.items()}
+    find.exact("shared_nodes_over_phase", cases(over_phase))
+    costs = board.costs.set_index(["model", "primitive", "setting_deg"])["mean"]
     for model in board.models:
         if model != NOMINAL:
-            ratios = board.ratio(model)["ratio"].rename(level_name).to_dict()
-            find.exact(f"cost_ratio_{MODEL_KEYS[model]}_over_nominal", ratios)
-        rows = board.costs[board.costs["model"] == model].itertuples()
-        costs = {f"{numbers[row.primitive]}_{level_name(row.setting_deg)}": row.mean for row in rows}
-        find.exact(f"cost_{MODEL_KEYS[model]}", costs)
+            find.exact(named("cost_ratio", model, "over_nominal"), cases(board.ratio(model)["ratio"]))
+        find.exact(named("cost", model), cases(costs[model]))
     force = board.scores["force_n"] / board.force_n
     find.exact("force_largest_error_percent", 100.0 * (force - 1.0).abs().max())
     torque = board.nominal["roll_torque_mn_m"]
     coupling = board.coupling.set_index(["setting_deg", "primitive"])["mean"]
     for name, values in (("roll_torque", torque), ("coupling", coupling)):
-        steps = {numbers[one]: smallest_step(values.xs(one, level="primitive")) for one in board.primitives}
-        find.exact(f"{name}_smallest_step", steps)
+        steps = {one: smallest_step(values.xs(one, level="primitive")) for one in board.primitives}
+        find.exact(f"{name}_smallest_step", cases(steps))
 
 
 def refinement_of_one(find: Findings, results: RefinementResults, primitives: Sequence[str]) -> None:
     """Rows of refinement by trial; what was not executed is left out.
 
     `rl_cost_...` is at the tilt refined on, in rad, `rl_cost_ratio` after over before; `rl_cost_ratio_at` is
-    of all primitives at any tilt, `seen_cost_ratio_after_over_before_max` the largest at the settings learned
-    from. `rl_over_nominal_max`: largest ratio to the cost without feedback over all tilts, before and after;
-    `rl_over_nominal_0`: after, on the level board. `rl_between_<model>`: by how many rad a tilt never seen
-    costs more than the cheaper and less than the dearer of its neighbours, whichever is less.
+    over all primitives at any tilt, `seen_cost_ratio_after_over_before_max` the largest at the training
+    settings. `rl_over_nominal_max`: largest ratio to the cost without feedback over all tilts, before and
+    after; `rl_over_nominal_0`: after, on the level board. `rl_between_<model>`: by how many rad a tilt never
+    seen costs more than the cheaper and less than the dearer of its neighbours, whichever is less.
     """
-
-    def by_number(value: Callable[[str], float], names: Sequence[str]) -> dict[str, float]:
-        return {prim(name, primitives): value(name) for name in names}
-
-    def cost(model: str, name: str) -> float:
-        return float(results.run_costs(model, results.example_deg, name).mean())
-
-    refined = results.refined if results.evaluated else []
-    find.exact("rl_cost_before", by_number(lambda name: cost(BEFORE, name), refined))
-    find.exact("rl_cost_after", by_number(lambda name: cost(AFTER, name), refined))
-    find.exact("rl_cost_ratio", by_number(lambda name: cost(AFTER, name) / cost(BEFORE, name), refined))
+    named, cases = partial(key, primitives), partial(by_key, primitives)
+    refined, tilted = results.refined if results.evaluated else [], results.tilted_deg
+    before, after = (
+        {name: float(results.run_costs(model, results.example_deg, name).mean()) for name in refined}
+        for model in (BEFORE, AFTER)
+    )
+    find.exact("rl_cost_before", cases(before))
+    find.exact("rl_cost_after", cases(after))
+    find.exact("rl_cost_ratio", cases({name: after[name] / before[name] for name in refined}))
     ratios = results.ratio(AFTER, BEFORE)["ratio"]
-    find.exact("rl_cost_ratio_at", ratios[results.tilted_deg].rename(level_name).to_dict())
+    find.exact("rl_cost_ratio_at", cases(ratios[tilted]))
     find.exact("seen_cost_ratio_after_over_before_max", ratios[results.seen_deg].max())
-
-    def over_nominal(name: str) -> float:
-        its = [results.ratio(one, NOMINAL, name)["ratio"][results.tilted_deg] for one in (BEFORE, AFTER)]
-        return max(ratio.max() for ratio in its)
-
-    executed = results.primitives if results.tilted_deg else []
-    find.exact("rl_over_nominal_max", by_number(over_nominal, executed))
+    over_nominal = results.ratios[
+        (results.ratios["baseline"] == NOMINAL) & results.ratios["setting_deg"].isin(tilted)
+    ]
+    largest = over_nominal.groupby("primitive")["ratio"].max()
+    find.exact("rl_over_nominal_max", cases(largest[results.primitives if tilted else []]))
     find.exact("rl_over_nominal_0", results.ratio(AFTER)["ratio"].get(0.0, np.nan))
     between: dict[str, float] = {}
     for row in results.between.itertuples():
         low, high = sorted((row.mean_below, row.mean_above))
-        key = f"{row.model}_{prim(row.primitive, primitives)}"
-        between[key] = min(between.get(key, np.inf), row.mean - low, high - row.mean)
+        case = named(row.model, row.primitive)
+        between[case] = min(between.get(case, np.inf), row.mean - low, high - row.mean)
     find.exact("rl_between", between)
-    find.exact("rl_kept_iteration", by_number(results.kept, results.refined))
-    find.exact("rl_later_gain", by_number(results.later_gain, results.refined))
+    find.exact("rl_kept_iteration", cases({name: results.kept(name) for name in results.refined}))
+    find.exact("rl_later_gain", cases({name: results.later_gain(name) for name in results.refined}))
     find.exact("rl_rollouts", len(results.history))
     find.exact("rl_failed_rollouts", int(results.faults["rollouts"].sum()))
     for method in (PI2, CMA_ES) if results.searched_primitives else ():
-        ends = results.searched["mean"].xs(method, level="method")
-        find.exact(f"search_cost_{method}", by_number(ends.get, list(ends.index)))
+        find.exact(f"search_cost_{method}", cases(results.searched["mean"].xs(method, level="method")))
 
 
 def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequence[str]) -> None:
@@ -258,7 +244,7 @@ def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequ
     for name, method in (("aligned_as_printed", "wls_text"), ("aligned_with_crossings", RESULT)):
         find.mean(name, {one: numbers(f"alignment_gain_mm_{method}_{one}") for one in aligned})
     jumps = {"as demonstrated": "nominal", "new situation": "generalised"}
-    percent = {name: ratio(numbers(f"acceleration_jump_{key}"), 0.01) for name, key in jumps.items()}
+    percent = {name: ratio(numbers(f"acceleration_jump_{one}"), 0.01) for name, one in jumps.items()}
     find.mean("smooth", percent)
     find.mean("people_cut_error_ms", numbers("cut_error_ms_wls"), unit="ms", headline=True)
     for name in FIT_COLUMNS:
@@ -276,67 +262,74 @@ def feedback_of_people(
 ) -> None:
     """Of the page on feedback models; `settings_deg`: rolls of the board on which models were executed.
 
-    Names that end with `_validated` are at the step that validation chose, others at the dissertation's.
+    Names that end with `_validated` are at the step that validation chose, others at the dissertation's: the
+    step at which the error on the demonstration left out is lowest (IV.9.3).
     """
+    of = people.of
     for stopping, ending in (("generalization", ""), ("validation", "_validated")):
+        nmse = {
+            (model, one): of(model, one, "generalization_nmse", stopping)
+            for model in REPRESENTATIONS
+            for one in adapted
+        }
         for name, pairs in MODEL_PAIRS.items():
             found = {}
             for one in adapted:
-                both = [[people.nmse(model, one, stopping) for model in reversed(pair)] for pair in pairs]
+                both = [(nmse[worse, one], nmse[better, one]) for better, worse in pairs]
                 found[one] = least_clear(difference, both, len(pairs) * len(adapted))
             find.add(f"{name}{ending}", found)
-        errors = {one: people.nmse("pmnn_100", one, stopping) for one in adapted}
+        errors = {one: nmse["pmnn_100", one] for one in adapted}
         find.mean(f"level_of_error{ending}", errors, headline=not ending)
-    for name, key in (
+    for name, number in (
         ("phase_dependent", "shared_nodes_over_phase"),
         ("tells_tilts_apart", "coupling_smallest_step"),
         ("torque_monotone", "roll_torque_smallest_step"),
     ):
-        find.mean(name, {one: people.of(key, one) for one in adapted})
-    find.mean("force_held", people.numbers("force_largest_error_percent"))
+        find.mean(name, {one: of(number, one) for one in adapted})
+    find.mean("force_held", of("force_largest_error_percent"))
     tilted = [setting for setting in settings_deg if setting != 0.0]
     found = {}
     for one in adapted:
-        costs = [ratio(people.cost(POINTWISE, one, tilt), people.cost(NOMINAL, one, tilt)) for tilt in tilted]
+        costs = [ratio(*(of("cost", model, one, tilt) for model in (POINTWISE, NOMINAL))) for tilt in tilted]
         found[one] = share_left(costs, len(tilted) * len(adapted))
     find.add("lower_cost", found)
-    over = people.over_nominal
+    over = {
+        (model, tilt): of("cost_ratio", model, "over_nominal", tilt)
+        for model in (POINTWISE, LEVEL, UNROLLED)
+        for tilt in settings_deg
+    }
     for name, model in (("kept_at_tilts", LEVEL), ("in_the_unroll", UNROLLED)):
-        its = [ratio(over(model, tilt), over(POINTWISE, tilt)) for tilt in tilted]
+        its = [ratio(over[model, tilt], over[POINTWISE, tilt]) for tilt in tilted]
         find.add(name, share_left(its, len(tilted)))
-    largest = level_name(max(settings_deg, default=0.0))
+    largest = max(settings_deg, default=0.0)
     for ending, model in (("", POINTWISE), ("_ours", LEVEL)):
-        level = [over(model, 0.0)] if 0.0 in settings_deg else []
+        level = [over[model, 0.0]] if 0.0 in settings_deg else []
         find.add(f"level_board{ending}", share_left(level), headline=True)
-        name = f"people_cost_ratio_{MODEL_KEYS[model]}_over_nominal_{largest}"
-        find.geometric_mean(name, over(model, tilted[-1]) if tilted else None, headline=not ending)
+        name = f"people_{key(people.primitives, 'cost_ratio', model, 'over_nominal', largest)}"
+        find.geometric_mean(name, over[model, tilted[-1]] if tilted else None, headline=not ending)
 
 
 def refinement_of_people(find: Findings, people: ScrapingPeople, results: RefinementResults) -> None:
     """Of the page on refinement, in one form; `results` say what was executed and decide nothing."""
-    form, refined, executed = people.variant, results.refined, results.primitives
-    lower = {name: people.of("rl_cost_ratio", name) for name in refined}
+    form, of, refined, executed = people.variant, people.of, results.refined, results.primitives
+    lower = {name: of("rl_cost_ratio", name) for name in refined}
     find.geometric_mean(f"lower_{form}", lower, headline=True)
     worst = {name: np.nan if its is None or not len(its) else its.max() for name, its in lower.items()}
     find.exact(f"rl_cost_ratio_worst_{form}", worst)
-    find.mean(f"converged_{form}", {name: people.of("rl_later_gain", name) for name in refined})
-    at_tilts = {tilt: people.numbers(f"rl_cost_ratio_at_{level_name(tilt)}") for tilt in results.tilted_deg}
-    seen = {f"{tilt:g}°": at_tilts[tilt] for tilt in results.seen_deg}
-    find.geometric_mean(f"seen_{form}", seen)
+    find.mean(f"converged_{form}", {name: of("rl_later_gain", name) for name in refined})
+    at_tilts = {tilt: of("rl_cost_ratio_at", tilt) for tilt in results.tilted_deg}
+    find.geometric_mean(f"seen_{form}", {f"{tilt:g}°": at_tilts[tilt] for tilt in results.seen_deg})
     every = {f"{tilt:g}°": its for tilt, its in at_tilts.items()}
     find.geometric_mean(f"rl_cost_ratio_at_tilts_{form}", every)
-    largest = people.numbers("seen_cost_ratio_after_over_before_max")
-    find.geometric_mean(f"seen_cost_ratio_{form}", largest)
+    find.geometric_mean(f"seen_cost_ratio_{form}", of("seen_cost_ratio_after_over_before_max"))
     models = (BEFORE, AFTER) if form == TEXT else (AFTER,)  # before, both forms are the same
-    between = {
-        f"{name}, {model}": people.of(f"rl_between_{model}", name) for name in executed for model in models
-    }
+    between = {f"{name}, {model}": of("rl_between", model, name) for name in executed for model in models}
     find.mean(f"between_{form}", between)
-    find.geometric_mean(f"level_board_refined_{form}", people.numbers("rl_over_nominal_0"))
-    searched = {one: [people.of(f"search_cost_{method}", one) for method in (PI2, CMA_ES)] for one in refined}
-    find.geometric_mean(f"search_{form}", {one: ratio(*costs) for one, costs in searched.items()})
+    find.geometric_mean(f"level_board_refined_{form}", of("rl_over_nominal_0"))
+    searched = {one: ratio(*(of("search_cost", method, one) for method in (PI2, CMA_ES))) for one in refined}
+    find.geometric_mean(f"search_{form}", searched)
     if form == TEXT:  # before refinement both forms are the same, and cost more than after
-        costs = {name: people.of("rl_over_nominal_max", name) for name in executed}
+        costs = {name: of("rl_over_nominal_max", name) for name in executed}
         find.geometric_mean("nominal_is_worst_text", costs)
 
 

@@ -1,6 +1,6 @@
 """The scraping report: its three pages with their figures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +22,6 @@ from structlearn.testbeds.scraping.world.scene_still import scraping_still
 
 PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refinement": "Refinement by trial"}
 """Title by file name."""
-
-PARAMETERS = {
-    "index": ("clock", "simulate", "segment", "segment_sweep", "fit_primitives", "generalise"),
-    "feedback": (
-        *("scraping_people", "testbed", "expected_traces", "record_corrections", "coupling_dataset"),
-        *("train_feedback", "compare_models", "evaluate_feedback"),
-    ),
-    "refinement": ("refine", "evaluate_refinement", "compare_search"),
-}
-"""By page, keys of `params.yaml` that its results were made with."""
 
 SOURCES = {
     "demonstrations": Source("data/runs/scraping/nominal.parquet", "scraping_import_nominal"),
@@ -58,10 +48,15 @@ def published() -> Mapping[str, Any]:
 
 
 def pages(
-    results: ScrapingResults, find: Findings, shown: Mapping[str, Table], printed: Mapping[str, Any]
+    results: ScrapingResults,
+    find: Findings,
+    shown: Mapping[str, Table],
+    printed: Mapping[str, Any],
+    listed: Mapping[str, Iterable[str]],
 ) -> dict[str, Document]:
-    """The pages by file name; `printed`: what the dissertation prints, of `published`."""
+    """The pages by file name; `printed`: of `published`; `listed`: keys of the parameters of each page."""
     count = people_of(results).count
+    over = f"Over {count} people" if count else "Over people, who were not studied with these parameters,"
     facts = {
         "pages": PAGES,
         "published": printed,
@@ -75,13 +70,11 @@ def pages(
         "found": find,
         "people": count,
         "kernel_count": KERNEL_COUNT,
-        "over": f"Over {count} people"
-        if count
-        else "Over people, who were not studied with these parameters,",
+        "over": over,
         "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
     }
     made = {}
-    for page, keys in PARAMETERS.items():
+    for page, keys in listed.items():
         name = "segmentation" if page == "index" else page
         claims = read_claims(Path(__file__).with_name(f"{name}_claims.yaml"))
         its = facts | {"page": page}

@@ -18,20 +18,13 @@ from structlearn.testbeds.scraping.names import ROLLOUTS, RUNS, SEARCHES, primit
 from structlearn.testbeds.scraping.page.board_results import PUBLISHED_ITERATIONS, RefinementResults, moments
 from structlearn.testbeds.scraping.page.feedback_figures import panel
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
-from structlearn.testbeds.scraping.world.layout import (
-    CONTACT_M,
-    EDGE_M,
-    EDGE_WIDTH_M,
-    GRASP_M,
-    hand_roll_deg,
-    tool_roll_deg,
-)
+from structlearn.testbeds.scraping.world import layout
 
 CLOUD_WIDTH = 0.26
 """Iterations over which the cloud of samples is spread, halfway between two executions of the network."""
 
 # All lengths in mm. Outlines (N, 2): x along the pinch, z up, from the grasp between the finger tips.
-EDGE, HALF_EDGE, HAND = 1e3 * EDGE_M, 0.5e3 * EDGE_WIDTH_M, 1e3 * GRASP_M
+EDGE, HALF_EDGE, HAND = 1e3 * layout.EDGE_M, 0.5e3 * layout.EDGE_WIDTH_M, 1e3 * layout.GRASP_M
 TOOL = np.array(
     [(-6, 9), (6, 9), (6, -9), (4, -11), (HALF_EDGE, -EDGE), (-HALF_EDGE, -EDGE), (-4, -11), (-6, -9)]
 )
@@ -118,11 +111,11 @@ def snapshots(run: Demonstration, board_deg: float, axis: np.ndarray) -> list[Sn
 
     `axis`: (3,) roll axis.
     """
-    hand, off = hand_roll_deg(run, axis), tool_roll_deg(run, axis)
+    hand, off = layout.hand_roll_deg(run, axis), layout.tool_roll_deg(run, axis)
     normal = turned(np.array([0.0, 1.0]), board_deg)
     found = []
     for moment in moments(run):
-        edge = 1e3 * (run.position[moment] - CONTACT_M)[[0, 2]]
+        edge = 1e3 * (run.position[moment] - layout.CONTACT_M)[[0, 2]]
         grasp = edge + turned(np.array([0.0, EDGE]), hand[moment])
         tool_deg = board_deg + off[moment]
         corners = grasp + turned(np.array([[-HALF_EDGE, -EDGE], [HALF_EDGE, -EDGE]]), tool_deg)

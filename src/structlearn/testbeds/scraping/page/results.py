@@ -10,11 +10,13 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core import signals
+from structlearn.core.artefacts import read_table
 from structlearn.feedback.coupling_dataset import PARTS, CouplingDataset
-from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.feedback.feedback_models import POINTWISE, REPRESENTATIONS, STOPPINGS
 from structlearn.primitives import vector
 from structlearn.primitives.fitting import FitParameters, Segment, reproduction_summary, segment_paths
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
@@ -58,14 +60,14 @@ class SegmentationResults:
 
     @property
     def found_primitives(self) -> list[PrimitiveParameters]:
-        """Primitives that have an axis, and so cut points of their own."""
-        return [primitive for primitive in self.segment_parameters.primitives if primitive.axis != "between"]
+        """Primitives with an axis, which have their own cut points."""
+        return [one for one in self.segment_parameters.primitives if one.axis != "between"]
 
     @cached_property
     def was_cut(self) -> list[Demonstration]:
         """Demonstrations that could be cut."""
         names = set(self.segmentation.cuts["demonstration"])
-        return [demonstration for demonstration in self.demonstrations if demonstration.name in names]
+        return [one for one in self.demonstrations if one.name in names]
 
     @cached_property
     def reference(self) -> Demonstration:
@@ -106,9 +108,9 @@ class SegmentationResults:
 
     @cached_property
     def downsampling_worst(self) -> pd.DataFrame:
-        """What is least true of down-sampling, by person of the sweep; empty of one factor g.
+        """Worst values of down-sampling by person of the sweep; empty of one factor g.
 
-        `work` times g² where it is furthest from 1; `shift_samples`, `shift_samples_text`, the largest.
+        `work` times g² where it is furthest from 1, and the largest `shift_samples` and `shift_samples_text`.
         """
         effect = self.downsampling_people
         first = effect["factor"].min()
@@ -118,14 +120,19 @@ class SegmentationResults:
         return by_person[["work", "shift_samples", "shift_samples_text"]].max().assign(work=work)
 
     @cached_property
+    def errors_by_seed(self) -> pd.DataFrame:
+        """Cut errors of the sweep by person, see `cut_errors.errors_by_seed`."""
+        return cut_errors.errors_by_seed(self.noise)
+
+    @cached_property
     def sweep(self) -> pd.DataFrame:
         """See `cut_errors.errors_by_level`."""
-        return cut_errors.errors_by_level(cut_errors.errors_by_seed(self.noise))
+        return cut_errors.errors_by_level(self.errors_by_seed)
 
     @cached_property
     def sweep_comparison(self) -> pd.DataFrame:
         """See `cut_errors.paired_comparison`."""
-        return cut_errors.paired_comparison(cut_errors.errors_by_seed(self.noise))
+        return cut_errors.paired_comparison(self.errors_by_seed)
 
     @cached_property
     def fit(self) -> pd.DataFrame:
@@ -135,11 +142,8 @@ class SegmentationResults:
     @cached_property
     def segments(self) -> dict[str, list[Segment]]:
         """Segments that the primitives were learned from, by primitive."""
-        cutoff = self.fit_parameters.smoothing_hz
-        return {
-            name: segment_paths(self.was_cut, self.segmentation.result(name), cutoff)
-            for name in self.segmentation.primitives
-        }
+        cuts, cutoff = self.segmentation.results, self.fit_parameters.smoothing_hz
+        return {name: segment_paths(self.was_cut, cuts[name], cutoff) for name in cuts}
 
     @cached_property
     def acceleration_jumps(self) -> list[float]:
@@ -198,16 +202,12 @@ class FeedbackResults:
 
     @cached_property
     def traces(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """By primitive, its traces in the executions over normalised time, and what was learned from them.
-
-        (R, T, E) counts of the runs and (T, E) of the expected trace.
-        """
+        """By primitive, counts (R, T, E) of the executions over normalised time, and (T, E) expected ones."""
         cuts, found = commanded_cuts(self.unrolls, self.primitives), {}
         for name in self.primitives:
             runs = []
             for run in self.unrolls:
-                ends = cuts[name].loc[run.name, ["start_s", "end_s"]]
-                first, last = (round(float(end) / run.dt) for end in ends)
+                first, last = (round(float(end) / run.dt) for end in cuts[name].loc[run.name])
                 part = vector.without_offset(run.signal("tactile"))[first : last + 1]
                 runs.append(signals.time_normalised(part, SAMPLES))
             learned = self.expected[name]
@@ -226,9 +226,9 @@ class FeedbackResults:
 
     @cached_property
     def model_errors(self) -> pd.DataFrame:
-        """Mean and std over the folds of the NMSE, by primitive, representation and stopping.
+        """NMSE over the folds by primitive, representation and stopping, and mean `dimensions` of the code.
 
-        `<part>_mean` and `<part>_std` of every part, and `dimensions`, mean size of the code.
+        Columns `<part>_mean` and `<part>_std`.
         """
         grouped = self.comparison.groupby(["primitive", "representation", "stopping"])
         errors = {f"{part}_{how}": (part, how) for part in PARTS for how in ("mean", "std")}
@@ -238,17 +238,17 @@ class FeedbackResults:
 
     @cached_property
     def demonstrated_costs(self) -> pd.DataFrame:
-        """Scores of the corrected demonstrations that `board` holds, as `execution_scores`."""
+        """Scores of the corrected demonstrations of `board`, see `execution_scores`."""
         board = self.board
         cuts = commanded_cuts(board.corrected, self.primitives)
         scored = {name: cuts[name] for name in board.primitives}
         return execution_scores(board.corrected, scored, nominal_orientation(self.unrolls), board.axis)
 
     def dominant(self, primitive: str) -> tuple[np.ndarray, float, float] | None:
-        """Figure IV.16 bottom; None of a network that has no phase kernels.
+        """Figure IV.16 bottom; None of a network without phase kernels.
 
-        Returns (N, H) whether a node is among those that weigh most for a phase kernel, and how many of them
-        neighbouring kernels and any two kernels share on average.
+        Returns (N, H) of `dominant_features`, and how many of these nodes neighbouring kernels and any two
+        kernels share on average.
         """
         weights = self.networks[primitive].arrays().get("phase_weights")
         if weights is None:
@@ -270,7 +270,7 @@ class ScrapingResults:
 
 
 def shared_nodes(dominant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How many dominant nodes each pair of phase kernels shares, and the distance between the two kernels."""
+    """How many dominant nodes each pair of phase kernels shares, and the distance between both kernels."""
     first, second = np.triu_indices(len(dominant), 1)
     return (dominant.astype(int) @ dominant.T.astype(int))[first, second], second - first
 
@@ -278,21 +278,15 @@ def shared_nodes(dominant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def sharing_over_phase(dominant: np.ndarray) -> float:
     """Correlation of how many dominant nodes two phase kernels share with their distance, over all pairs.
 
-    Negative where nodes come and go with the phase. In permuted order, or with permuted weights, it is 0 on
-    average, and 0 where the nodes are the same at every phase.
-
-    `dominant`: (N, H) of `dominant_features`.
+    Negative where nodes come and go with the phase; 0 on average in permuted order or with permuted weights,
+    and 0 where the nodes are the same at every phase. `dominant`: (N, H) of `dominant_features`.
     """
     shared, distance = shared_nodes(dominant)
     return float(np.corrcoef(shared, distance)[0, 1]) if np.ptp(shared) else 0.0
 
 
 def dominant_features(phase_weights: np.ndarray, count: int = 10) -> np.ndarray:
-    """Which hidden nodes weigh most for each phase kernel (figure IV.16 bottom).
-
-    `phase_weights`: (N, H) from hidden nodes into kernels. Returns (N, H) True for the nodes with the largest
-    |weight| into a kernel.
-    """
+    """Which hidden nodes have the largest |weight| into each phase kernel, of (N, H) weights: (N, H) bool."""
     order = np.argsort(-np.abs(phase_weights), axis=1, kind="stable")
     dominant = np.zeros(phase_weights.shape, dtype=bool)
     np.put_along_axis(dominant, order[:, :count], True, axis=1)
@@ -310,46 +304,46 @@ def informative_channel(dataset: CouplingDataset) -> tuple[int, float]:
 
 def read_results(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> ScrapingResults:
     """Outputs of the stages and of studies."""
-    primitives, datasets = found.primitives(), found.datasets()
+    folder = found.data / "feedback/scraping"
+    primitives = read_primitives(found.data / "primitives/scraping/primitives.safetensors")
+    names, datasets = [one.name for one in primitives], files.read_datasets(folder / "dataset")
     axis = parameters["coupling_dataset"].unit_axis
     largest, tilt = max(parameters["evaluate_feedback"].settings_deg), parameters["refine"].setting_deg
+
+    def tables(*stored: str) -> dict[str, Any]:
+        return {name: found.table(name) for name in stored}
+
     segmentation = SegmentationResults(
         demonstrations=found.runs("nominal"),
-        segmentation=read_segmentation(found.segments),
-        noise=found.table("noise"),
-        downsampling=found.table("downsampling"),
-        downsampling_people=found.table("downsampling_people"),
+        segmentation=read_segmentation(found.data / "segments/scraping"),
         primitives=primitives,
-        reproduction=found.table("reproduction"),
-        nominal=found.table("nominal"),
-        generalised=found.table("generalised"),
         segment_parameters=parameters["segment"],
         fit_parameters=parameters["fit_primitives"],
+        **tables("noise", "downsampling", "downsampling_people", "reproduction", "nominal", "generalised"),
     )
     board = BoardResults(
-        scores=found.table("scores"),
-        traces=found.table("traces"),
-        path_errors=found.table("path_errors"),
         examples={model: found.runs_at(largest, files.CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
         corrected=found.runs_at(largest, files.CORRECTIONS),
         example_deg=largest,
         axis=axis,
         force_n=parameters["testbed"].control.force_n,
+        **tables("scores", "traces", "path_errors"),
     )
+    checks = [
+        read_table(folder / f"dataset/{files.CHECKS}{name}.parquet").assign(primitive=name)
+        for name in names
+        if name in datasets
+    ]
     feedback = FeedbackResults(
-        primitives=[primitive.name for primitive in primitives],
+        primitives=names,
         unrolls=found.runs("unrolls"),
-        expected=found.expected(),
+        expected=files.read_expected(folder / "expected"),
         datasets=datasets,
-        checks=pd.concat(
-            [found.checks(one.name).assign(primitive=one.name) for one in primitives if one.name in datasets],
-            ignore_index=True,
-        ),
-        networks=found.networks(POINTWISE),
-        comparison=found.table("comparison"),
-        orderings=found.table("orderings"),
+        checks=pd.concat(checks, ignore_index=True),
+        networks=read_networks(folder / f"models/{POINTWISE}.safetensors"),
         seen_deg=parameters["coupling_dataset"].settings_deg,
         board=board,
+        **tables("comparison", "orderings"),
     )
     examples = {model: found.runs_at(tilt, files.REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
     refinement = RefinementResults(
@@ -357,8 +351,7 @@ def read_results(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> S
         examples={model: runs for model, runs in examples.items() if runs},
         example_deg=tilt,
         axis=axis,
-        history=found.table("history"),
-        search=found.table("search"),
         parameters=parameters["refine"],
+        **tables("history", "search"),
     )
     return ScrapingResults(segmentation, feedback, refinement, read_study(PEOPLE), parameters)

@@ -1,4 +1,4 @@
-"""Tables of the three pages, with words for the keys of what the stages and results hold."""
+"""Tables of the three pages, with names for keys, units in headings and sensible digits."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -75,7 +75,7 @@ HEADINGS = {
 
 
 def tables(results: ScrapingResults, printed: Mapping[str, Any]) -> dict[str, Table]:
-    """Those of the three pages; those without content are left out. `printed`: see `page.published`."""
+    """Tables of the three pages that have any rows; `printed`: see `page.published`."""
     cut, fed, refined = results.segmentation, results.feedback, results.refinement
     board = fed.board
     frames = {
@@ -108,12 +108,11 @@ def tables(results: ScrapingResults, printed: Mapping[str, Any]) -> dict[str, Ta
         frames["hand_roll_refined"] = hand_rolls(refined, fed.primitives, printed)
     if len(refined.search):
         frames |= {"search_efficiency": refined.searches, "searches": refined.searched.reset_index()}
-    shown = {name: _shown(frame) for name, frame in frames.items() if frame is not None and len(frame)}
-    return shown
+    return {name: _shown(frame) for name, frame in frames.items() if frame is not None and len(frame)}
 
 
 def _shown(frame: pd.DataFrame) -> Table:
-    """A table with words for keys, units in its headings and a sensible number of digits."""
+    """A table with names for keys and headings; rows of the method that is used below are bold."""
     headings = {name: HEADINGS.get(name, _heading(name)) for name in frame.columns}
     strong = frozenset(place for place, one in enumerate(frame.get("method", ())) if one == RESULT)
     return Table(frame, FORMATS, headings, strong, WORDS)
@@ -143,11 +142,10 @@ def nmse_beside_published(results: ScrapingResults, published: Mapping) -> pd.Da
 
 
 def path_comparison(board: BoardResults, seen_deg: Sequence[float]) -> pd.DataFrame:
-    """Errors of the unrolled path, pointwise beside unrolled, in settings learned from and others.
+    """Errors of the unrolled path, pointwise beside unrolled, in training settings and others.
 
-    Returns one row per `primitive` and `seen`: `count` of demonstrations, mean and std of both models, the
-    mean paired difference `lower_deg` (pointwise minus unrolled) with its `half_width`, and the `verdict` on
-    the unrolled model.
+    One row per `primitive` and `seen`: `count` of demonstrations, mean and std of both models, the mean
+    paired difference `lower_deg` (pointwise minus unrolled), and the `verdict` on the unrolled model.
     """
     keys = ["primitive", "setting_deg", "demonstration"]
     wide = board.path_errors.pivot_table("error_deg", keys, "model").reset_index()

@@ -26,23 +26,22 @@ from structlearn.policy_search.refinement import (
     refine,
 )
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.primitives.sequence import PosePrimitive
-from structlearn.primitives.vector import VectorPrimitive
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.clock import synchronise
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Recording
 from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.files import ScrapingFiles
+from structlearn.testbeds.scraping.files import ScrapingFiles, read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation, orientation_cost
 from structlearn.testbeds.scraping.protocol.executions import Run, execute_run
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 REFINED = 4  # First number of a rollout's seed: what the run is for
-FAILURES = (InputError, ValueError, FloatingPointError, ArithmeticError, np.linalg.LinAlgError)
-"""What a run that diverges may raise; errors of the program itself are not hidden."""
+FAILURES = (ValueError, ArithmeticError, np.linalg.LinAlgError)  # InputError is a ValueError
+"""What a diverging run may raise; errors of the program itself are not hidden."""
 
 DIVERGED_RAD = np.pi / 2
-"""A tool that is off by a right angle is no longer used as one. The simulator bounds what a diverging robot
-does, so it flails with finite signals; its cost beside the others' would make them all look alike."""
+"""Cost from which a run has diverged. The simulator bounds a diverging robot, so its signals stay finite, and
+its cost would make all others look alike."""
 
 
 class BoardRefinementParameters(RefinementParameters, NetworkParameters):
@@ -56,6 +55,10 @@ class BoardRefinementParameters(RefinementParameters, NetworkParameters):
     seed: int = Field(ge=0)
 
 
+Networks = Mapping[str, CouplingModel]
+"""Feedback models by primitive."""
+
+
 @dataclass(frozen=True)
 class Board:
     """One primitive of the scraping task on a board of one tilt (`refinement.Environment`).
@@ -63,33 +66,25 @@ class Board:
     The robot executes the primitives up to this one and stops; those before it run with their own networks.
     """
 
-    primitives: Sequence[PosePrimitive]  # of the whole task
-    expected: Mapping[str, VectorPrimitive]  # expected traces by the primitive's name
-    preceding: Mapping[str, CouplingModel]  # networks of the primitives before this one
+    skill: ReactiveSkill  # primitives, expected traces and limits of the whole task, without networks
+    preceding: Networks  # networks of the primitives before this one
     name: str  # of the primitive that is refined
     setting_deg: float  # roll of the board
     nominal: np.ndarray  # (T, 4) of `nominal_orientation`
     supervision: SupervisionParameters  # how executions become supervised data
     testbed: TestbedParameters
-    limits: Limits
     clock: ClockParameters  # on which executions are judged
-    telling: bool = True  # whether rollouts say what was felt and done; a search needs costs alone
+    with_samples: bool = True  # whether rollouts have samples; a search needs costs alone
 
     @property
     def rate_hz(self) -> float:
         """Ticks per second of the costs."""
         return self.clock.rate_hz
 
-    @property
-    def place(self) -> int:
-        """Of the primitive in the task."""
-        return [primitive.name for primitive in self.primitives].index(self.name)
-
-    def of(self, name: str, networks: Mapping[str, CouplingModel]) -> "Board":
-        """The same for another primitive, before which the others run with these networks."""
-        names = [primitive.name for primitive in self.primitives]
-        before = {one: networks[one] for one in names[: names.index(name)] if one in networks}
-        return replace(self, name=name, preceding=before)
+    def of(self, name: str, networks: Networks) -> "Board":
+        """The board for another primitive, before which the others run with these networks."""
+        before = [primitive.name for primitive in self.skill.primitives[: self.skill.index(name)]]
+        return replace(self, name=name, preceding={one: networks[one] for one in before if one in networks})
 
     def rollouts(self, networks: Sequence[CouplingModel], seeds: Sequence[tuple[int, ...]]) -> list[Rollout]:
         """Execute once per network, in processes; a run that fails is reported in its rollout."""
@@ -98,15 +93,15 @@ class Board:
 
     def execution(self, network: CouplingModel, seed: tuple[int, ...]) -> Recording:
         """Execute the primitives up to this one, with a network for it."""
-        executed = self.primitives[: self.place + 1]
-        expected = {one.name: self.expected[one.name] for one in executed if one.name in self.expected}
+        place, whole = self.skill.index(self.name), self.skill
+        executed = whole.primitives[: place + 1]
+        expected = {one.name: whole.expected[one.name] for one in executed if one.name in whole.expected}
         networks = on_axis({**self.preceding, self.name: network}, self.supervision.axis)
-        skill = ReactiveSkill(executed, expected, networks, self.limits)
-        run = Run("rollout", self.setting_deg, (REFINED, self.place, *seed), feedback=True)
-        return execute_run(run, 0, skill, self.testbed)
+        run = Run("rollout", self.setting_deg, (REFINED, place, *seed), feedback=True)
+        return execute_run(run, 0, ReactiveSkill(executed, expected, networks, whole.limits), self.testbed)
 
     def judged(self, recording: Recording) -> Rollout:
-        """Cost per tick of an execution, and what it says as supervised data.
+        """Cost per tick of an execution, and its supervised data.
 
         Raises InputError: it has diverged: a signal is not finite, or the tool is off by `DIVERGED_RAD`.
         """
@@ -114,11 +109,12 @@ class Board:
         cost = orientation_cost(run, self.nominal)
         if cost.max() > DIVERGED_RAD:
             raise InputError(f"the tool is off by {np.degrees(cost.max()):.0f} degrees: the run has diverged")
-        cut = pd.Series(run.signal("true_segments")[self.place], ["start_s", "end_s"])
+        place = self.skill.index(self.name)
+        cut = pd.Series(run.signal("true_segments")[place], ["start_s", "end_s"])
         first, last = (round(end / run.dt) for end in cut)
         samples = None
-        if self.telling:
-            primitive, expected = self.primitives[self.place], self.expected[self.name]
+        if self.with_samples:
+            primitive, expected = self.skill.primitives[place], self.skill.expected[self.name]
             done = corrected_primitive(run, cut, primitive, expected, own)
             samples = coupling_samples(done, self.setting_deg, 0, own)[own.axis]
         return Rollout(cost[first : last + 1], samples)
@@ -146,38 +142,30 @@ def read_board(
     testbed: TestbedParameters,
     clock: ClockParameters,
 ) -> tuple[Board, dict[str, CouplingDataset]]:
-    """The board that is refined on, of the first primitive with feedback, and demonstrations by primitive.
+    """The board that is refined on, for the first primitive with feedback, and demonstrations by primitive.
 
-    Demonstrations are those of the settings that are learned from; their coupling terms bound those of the
-    feedback. Raises InputError: a file is missing or not readable, or a setting was not recorded.
+    Demonstrations are of the training settings; their coupling terms bound those of the feedback. Raises
+    InputError: a file is missing or not readable, or a setting was not recorded.
     """
-    files = ScrapingFiles(Path(data))
-    datasets = files.datasets(refined.settings_deg)
+    data = Path(data)
+    datasets = read_datasets(data / "feedback/scraping/dataset", refined.settings_deg)
     largest = largest_coupling([one.target for one in datasets.values()])
+    skill = ReactiveSkill(
+        read_primitives(data / "primitives/scraping/primitives.safetensors"),
+        read_expected(data / "feedback/scraping/expected"),
+        limits=Limits(largest_coupling={supervision.axis: largest}),
+    )
     board = Board(
-        primitives=files.primitives(),
-        expected=files.expected(),
+        skill,
         preceding={},
         name=supervision.primitives[0],
         setting_deg=refined.setting_deg,
-        nominal=nominal_orientation(files.runs("unrolls")),
+        nominal=nominal_orientation(ScrapingFiles(data).runs("unrolls")),
         supervision=supervision,
         testbed=testbed,
-        limits=Limits(largest_coupling={supervision.axis: largest}),
         clock=clock,
     )
     return board, datasets
-
-
-@dataclass(frozen=True)
-class Refined:
-    """Feedback models before and after, and every rollout in between; tables have a column `primitive`."""
-
-    before: Mapping[str, CouplingModel]  # networks by primitive, learned from demonstrations alone
-    after: Mapping[str, CouplingModel]  # networks by primitive
-    history: pd.DataFrame  # of `refinement.history_rows`
-    samples: pd.DataFrame  # of `refinement.sample_rows`
-    policies: pd.DataFrame  # `iteration`, `kind`, `number` and `weight_00`, ... of the open-loop rollouts.
 
 
 def refine_on_board(
@@ -185,20 +173,21 @@ def refine_on_board(
     datasets: Mapping[str, CouplingDataset],
     parameters: BoardRefinementParameters,
     report: Callable[[str, Progress], None] = lambda name, progress: None,
-) -> Refined:
+) -> tuple[Networks, Networks, dict[str, pd.DataFrame]]:
     """Learn the models from demonstrations, then refine them in order of time.
 
-    While a primitive is refined, those before it run with their refined models.
+    While a primitive is refined, those before it run with their refined models. `board`: tilted as it is
+    refined on; its name and preceding networks are replaced. `datasets`: demonstrations of the training
+    settings by primitive. `report`: called with the primitive's name after every iteration.
 
-    `board`: tilted as it is refined on; its name and preceding networks are replaced. `datasets`:
-    demonstrations of the settings to learn from, by primitive. `report`: called with the primitive's name
-    after every iteration. Raises InputError: a primitive to be refined has no demonstrations, or too many
+    Returns networks by primitive before and after, and tables with a column `primitive`: `history` (of
+    `refinement.history_rows`), `rollouts` (of `refinement.sample_rows`) and `policies` (weights of the
+    open-loop rollouts). Raises InputError: a primitive to be refined has no demonstrations, or too many
     rollouts fail.
     """
-    unknown = sorted(set(parameters.exploration) - set(datasets))
-    if unknown:
+    if unknown := sorted(set(parameters.exploration) - set(datasets)):
         raise InputError(f"refine.exploration names {', '.join(unknown)}: no primitive with corrections")
-    names = [primitive.name for primitive in board.primitives if primitive.name in datasets]
+    names = [one.name for one in board.skill.primitives if one.name in datasets]
     work = [(datasets[name], parameters) for name in names]
     before = dict(zip(names, parallel_map(_learned, work, "models before refinement"), strict=True))
     after, states = dict(before), {}
@@ -215,13 +204,12 @@ def refine_on_board(
                 report=partial(report, name),
             )
             after[name] = states[name].network
-    return Refined(
-        before,
-        after,
-        history=_joined({name: state.history for name, state in states.items()}),
-        samples=_joined({name: state.samples for name, state in states.items()}),
-        policies=_joined({name: _policies(state) for name, state in states.items()}),
-    )
+    tables = {
+        "history": {name: state.history for name, state in states.items()},
+        "rollouts": {name: state.samples for name, state in states.items()},
+        "policies": {name: _policies(state) for name, state in states.items()},
+    }
+    return before, after, {name: _joined(parts) for name, parts in tables.items()}
 
 
 def _learned(work: tuple[CouplingDataset, BoardRefinementParameters]) -> CouplingModel:
@@ -237,18 +225,17 @@ def _with_executions(
         (float(setting), open_loop_weights(demonstrations.where(demonstrations.setting == setting)))
         for setting in np.unique(demonstrations.setting)
     ]
-    work = [(parameters.shown_runs, *one) for one in known]
-    work.append((parameters.level_runs, 0.0, np.zeros(KERNEL_COUNT)))
+    work = [(*one, parameters.shown_runs) for one in known]
+    work.append((0.0, np.zeros(KERNEL_COUNT), parameters.level_runs))
     parts = [
-        executed(replace(board, setting_deg=setting), policy, runs) for runs, setting, policy in work if runs
+        executed(replace(board, setting_deg=setting), policy, runs) for setting, policy, runs in work if runs
     ]
     return concatenated([demonstrations, *parts])
 
 
 def _policies(state: Progress) -> pd.DataFrame:
     rows = state.history.loc[state.history["kind"] != FEEDBACK, ["iteration", "kind", "number"]]
-    weights = {f"weight_{index:02d}": values for index, values in enumerate(state.policies.T)}
-    return rows.assign(**weights)
+    return rows.assign(**{f"weight_{index:02d}": values for index, values in enumerate(state.policies.T)})
 
 
 def _joined(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:

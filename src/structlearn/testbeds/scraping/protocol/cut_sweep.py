@@ -26,7 +26,7 @@ from structlearn.testbeds.scraping.world.demonstrator import (
 
 
 class SweepParameters(Parameters):
-    """Parameters of the sweep."""
+    """Sweep over noise and down-sampling. Fields: `params.yaml`, `segment_sweep`."""
 
     noise_mm: tuple[float, ...] = Field(min_length=1)
     seeds: int = Field(ge=1, le=1000)
@@ -46,20 +46,15 @@ COLUMNS = ["noise_mm", "seed", "demonstration", "primitive", "method", "start_er
 def noise_sweep(
     parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> pd.DataFrame:
-    """Cut errors of all methods at every noise level, for several simulated people.
+    """Cut errors of all methods at every noise level, for people who move in the same way at every level.
 
-    The same people move in the same way at every level: only the noise grows.
-
-    `simulation`: of the demonstrator; its noise and seed are replaced. `segmentation`: of the cuts;
-    demonstrations that cannot be cut are left out and counted. Returns errors as of `cut_errors`, with
-    `noise_mm` and `seed`; a demonstration that could not be cut has one row with method `left_out`; without a
-    reference that is all of them. Raises InputError: the segmentation is not for the simulated task.
+    Returns errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has
+    one row with method `left_out`; without a reference that is all of them. Raises InputError: the
+    segmentation is not for the simulated task.
     """
     task = len(simulation.durations_s)
-    if len(segmentation.primitives) != task:
-        raise InputError(
-            f"segment.primitives: names {len(segmentation.primitives)}, the simulated task has {task}"
-        )
+    if (count := len(segmentation.primitives)) != task:
+        raise InputError(f"segment.primitives: names {count}, the simulated task has {task}")
     tolerant = segmentation.model_copy(update={"skip_failures": True})
     work = partial(_cut_errors, levels=parameters.noise_mm, simulation=simulation, segmentation=tolerant)
     by_person = parallel_map(work, parameters.people, "noise sweep")
@@ -72,14 +67,11 @@ def downsampling_sweep(
 ) -> pd.DataFrame:
     """`cut_errors.downsampling_effect` for every person of the sweep, with the demonstrator's own noise.
 
-    `simulation`: of the demonstrator; its seed is replaced. `segmentation`: of the cuts; its `downsampling`
-    is replaced. Returns one row per person and factor, with `seed`; none of a person whose reference cannot
-    be cut.
+    Returns one row per person and factor, with `seed`; none of a person whose reference cannot be cut.
     """
     tolerant = segmentation.model_copy(update={"skip_failures": True})
-    work = partial(
-        _downsampled, factors=parameters.downsampling, simulation=simulation, segmentation=tolerant
-    )
+    factors = parameters.downsampling
+    work = partial(_downsampled, factors=factors, simulation=simulation, segmentation=tolerant)
     effects = pd.concat(parallel_map(work, parameters.people, "down-sampling"), ignore_index=True)
     return effects.reindex(columns=["seed", *EFFECT])
 

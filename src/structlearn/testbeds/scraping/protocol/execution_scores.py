@@ -8,7 +8,6 @@ The dissertation prints the norm with a trailing 2: read as the Euclidean norm.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -19,15 +18,11 @@ from structlearn.core.errors import InputError
 from structlearn.core.metrics import mean_interval
 from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.coupling_targets import (
-    Cuts,
-    SupervisionParameters,
-    executed_primitive,
-    thinned,
-)
+from structlearn.feedback.coupling_targets import Cuts, SupervisionParameters, executed_primitive, thinned
 from structlearn.primitives import canonical
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
+from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.world.layout import tool_roll_deg
 
 NOMINAL = "nominal"  # Name of the executions without feedback
@@ -36,33 +31,25 @@ BEFORE, AFTER = "before", "after"
 
 END_S = 0.2  # s at the end of a primitive over which its final roll is taken
 SETTLED_S = 1.0
-"""s after the start of a primitive from which force is judged: contact and correction are over; of one
-that takes less than twice this the second half."""
+"""s after the start of a primitive from which force is judged, since contact and correction are over; of a
+primitive shorter than twice this, force is judged in the second half."""
+
+Runs = Mapping[float, Sequence[Demonstration]]
+"""Executions with one model by setting in degrees."""
 
 
-class EvaluationParameters(Parameters):
-    """Executions for the evaluation."""
+class ExecutionParameters(Parameters):
+    """Settings in which the robot executes, and runs in each: corrected ones, or with a model."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
-    runs: int = Field(ge=1)
-
-
-@dataclass(frozen=True)
-class ExecutedSet:
-    """Executions with one model, or without."""
-
-    model: str  # its name, or `NOMINAL`
-    networks: Mapping[str, CouplingModel]  # its networks by primitive; none without feedback
-    runs: Mapping[float, Sequence[Demonstration]]  # by setting in degrees
-    cuts: Mapping[float, Cuts]  # of these runs by setting
+    runs: int = Field(ge=1, le=1000)
 
 
 def nominal_orientation(runs: Sequence[Demonstration]) -> np.ndarray:
-    """Orientation of the tool on the board in the default setting, mean over runs.
+    """Mean orientation of the tool on the board over nominal runs in the default setting.
 
-    `runs`: nominal executions in the default setting, of equal commanded durations. Returns (T, 4) unit
-    quaternions, sign-continuous; T of the shortest run. Raises InputError: a run has no tool-to-board
-    orientation.
+    Runs have equal commanded durations. Returns (T, 4) sign-continuous unit quaternions, T of the shortest
+    run. Raises InputError: a run has no tool-to-board orientation.
     """
     length = min(len(run.time) for run in runs)
     paths = np.stack([_tool_to_board(run)[:length] for run in runs], axis=1)  # (T, R, 4)
@@ -72,11 +59,10 @@ def nominal_orientation(runs: Sequence[Demonstration]) -> np.ndarray:
 
 
 def orientation_cost(run: Demonstration, nominal: np.ndarray) -> np.ndarray:
-    """Cost at every tick.
+    """Cost at every tick (eq. IV.34) of a run on the clock and with the durations of the nominal runs.
 
-    `run`: the current execution, on the clock of the nominal runs and of the same durations. `nominal`:
-    (T, 4) of `nominal_orientation`. Returns (T',) rad, T' the shorter of both. Raises InputError: the run has
-    no tool-to-board orientation.
+    `nominal`: (T, 4) of `nominal_orientation`. Returns (T',) rad, T' the shorter of both. Raises InputError:
+    the run has no tool-to-board orientation.
     """
     current = _tool_to_board(run)
     length = min(len(current), len(nominal))
@@ -92,16 +78,12 @@ def _tool_to_board(run: Demonstration) -> np.ndarray:
 def execution_scores(
     runs: Sequence[Demonstration], cuts: Cuts, nominal: np.ndarray, axis: np.ndarray
 ) -> pd.DataFrame:
-    """Scores of executions in one setting.
+    """Scores of executions in one setting, for the primitives in `cuts`; `axis`: (3,) roll axis.
 
-    `cuts`: of these runs, for the primitives that are scored. `nominal`: (T, 4) of
-    `nominal_orientation`. `axis`: (3,) roll axis.
-
-    Returns:
-        One row per run and primitive: `run`, `primitive`; `cost_rad`, summed over its ticks (fig. IV.20);
-        `mean_deg`, its mean; `end_roll_deg`, roll of the tool relative to the board at the end, 0 when flat;
-        `force_n`, downward force once settled, and its std `force_std_n`; `roll_torque_mn_m`, of the board on
-        the tool. Force and torque are missing where no wrench was recorded.
+    One row per `run` and `primitive`: `cost_rad`, summed over its ticks (fig. IV.20); `mean_deg`, its mean;
+    `end_roll_deg`, roll of the tool relative to the board at the end, 0 when flat; `force_n`, downward force
+    once settled, and its std `force_std_n`; `roll_torque_mn_m`, of the board on the tool. Force and torque
+    are missing where no wrench was recorded.
     """
     rows = []
     for run in runs:
@@ -130,10 +112,9 @@ def execution_scores(
 
 
 def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> pd.DataFrame:
-    """Accumulated cost with feedback relative to the nominal runs, by setting.
+    """Accumulated cost with a model relative to a baseline; runs of equal name are pairs.
 
-    `scores`: rows of `execution_scores` with `model` and `setting_deg`; runs of equal name are pairs, they
-    met equal conditions. Returns one row per setting: `setting_deg`, `ratio` of the mean costs over all
+    `scores`: rows of `scores` of both. Returns one row per `setting_deg`: `ratio` of the mean costs over all
     scored primitives, and the mean paired difference `lower_rad` (baseline minus model) with the half width
     of its 95 % interval.
     """
@@ -147,43 +128,47 @@ def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> 
 
 
 def scores(
-    sets: Sequence[ExecutedSet], nominal_orientation: np.ndarray, parameters: SupervisionParameters
+    model: str, runs: Runs, primitives: Sequence[str], nominal: np.ndarray, parameters: SupervisionParameters
 ) -> pd.DataFrame:
     """Rows of `execution_scores` with `model` and `setting_deg`, of the primitives with feedback.
 
-    `nominal_orientation`: (T, 4).
+    `primitives`: names of all that were commanded. `nominal`: (T, 4) of `nominal_orientation`.
     """
     tables = []
-    for executed in sets:
-        for setting, runs in executed.runs.items():
-            cuts = {name: executed.cuts[setting][name] for name in parameters.primitives}
-            table = execution_scores(runs, cuts, nominal_orientation, parameters.unit_axis)
-            tables.append(table.assign(model=executed.model, setting_deg=setting))
+    for setting, group in runs.items():
+        cuts = commanded_cuts(group, primitives)
+        scored = {name: cuts[name] for name in parameters.primitives}
+        table = execution_scores(group, scored, nominal, parameters.unit_axis)
+        tables.append(table.assign(model=model, setting_deg=setting))
     return pd.concat(tables, ignore_index=True)
 
 
 def traces(
-    sets: Sequence[ExecutedSet], expected: Mapping[str, VectorPrimitive], parameters: SupervisionParameters
+    model: str,
+    runs: Runs,
+    primitives: Sequence[str],
+    networks: Mapping[str, CouplingModel],
+    expected: Mapping[str, VectorPrimitive],
+    parameters: SupervisionParameters,
 ) -> pd.DataFrame:
-    """Sensor deviations in executions, and the coupling term that a model makes of them.
+    """Sensor deviations in executions, and the coupling term that a model's networks make of them.
 
     One row per sample of every primitive with feedback: `setting_deg`, `run`, `time_s` since its start,
-    `coupling` (0 without a model), `channel_00`, ..., `model` and `primitive`.
+    `coupling` (0 without a network), `channel_00`, ..., `model` and `primitive`.
     """
+    cuts = {setting: commanded_cuts(group, primitives) for setting, group in runs.items()}
     tables = []
-    for executed in sets:
-        for name in parameters.primitives:
-            network = executed.networks.get(name)
-            for setting, run in ((setting, run) for setting, group in executed.runs.items() for run in group):
-                cut = executed.cuts[setting][name].loc[run.name]
-                time, deviation = executed_primitive(run, cut, expected[name], parameters.sensors)
-                kept = thinned(time, parameters.rate_hz)
-                time, duration, deviation = time[kept], time[-1], deviation[kept]
-                coupling = np.zeros(len(time))
-                if network is not None:
-                    p, u = canonical.phase(time, canonical.time_constant(duration))
-                    coupling = network.coupling(deviation, p, u)
-                columns = {"setting_deg": setting, "run": run.name, "time_s": time, "coupling": coupling}
-                columns |= {f"channel_{index:02d}": values for index, values in enumerate(deviation.T)}
-                tables.append(pd.DataFrame(columns | {"model": executed.model, "primitive": name}))
+    for name in parameters.primitives:
+        for setting, run in ((setting, run) for setting, group in runs.items() for run in group):
+            cut = cuts[setting][name].loc[run.name]
+            time, deviation = executed_primitive(run, cut, expected[name], parameters.sensors)
+            kept = thinned(time, parameters.rate_hz)
+            time, duration, deviation = time[kept], time[-1], deviation[kept]
+            coupling = np.zeros(len(time))
+            if name in networks:
+                p, u = canonical.phase(time, canonical.time_constant(duration))
+                coupling = networks[name].coupling(deviation, p, u)
+            columns = {"setting_deg": setting, "run": run.name, "time_s": time, "coupling": coupling}
+            columns |= {f"channel_{index:02d}": values for index, values in enumerate(deviation.T)}
+            tables.append(pd.DataFrame(columns | {"model": model, "primitive": name}))
     return pd.concat(tables, ignore_index=True)

@@ -1,15 +1,17 @@
 """Executions by the robot as recordings: nominal, corrected by a person, or with feedback.
 
-Every run draws what differs between runs of a real set-up from a seed of its own, so any run can be repeated
+Every run draws what differs between runs of a real set-up from its own seed, so any run can be repeated
 alone, bit for bit, and the number of processes does not matter.
 """
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from pydantic import Field
 
 from structlearn.core import quaternion
@@ -17,32 +19,22 @@ from structlearn.core.artefacts import Metrics
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
+from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.primitives.sequence import default_start
 from structlearn.readers.clock import synchronise
-from structlearn.readers.recording import Recording
+from structlearn.readers.demonstration import Recording, write_runs
 from structlearn.readers.source import ClockParameters
-from structlearn.segmentation.segments import commanded_cuts
 from structlearn.simulation.fingers import FingerPair
-from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters, ExecutedSet
+from structlearn.testbeds.scraping.protocol import execution_scores
+from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
 from structlearn.testbeds.scraping.world.corrector import corrector
 from structlearn.testbeds.scraping.world.execution import Engine, execute
-from structlearn.testbeds.scraping.world.testbed import (
-    TestbedParameters,
-    recorded,
-    run_conditions,
-    setting_name,
-)
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters, recorded, run_conditions
 
 HOLD_S = 0.3  # s that the robot waits at the end of an execution, so that all streams cover its last sample
-
-
-class CorrectedRunsParameters(Parameters):
-    """Executions that a person corrects."""
-
-    settings_deg: tuple[float, ...] = Field(min_length=1)
-    runs: int = Field(ge=1, le=1000)
 
 
 @dataclass(frozen=True)
@@ -62,43 +54,32 @@ NOMINAL, CORRECTED, EVALUATED = 1, 2, 3  # First number of a run's seed: what th
 
 def nominal_runs(count: int) -> list[Run]:
     """Executions in the default setting, from which the expected traces are learned."""
-    return [Run(_name(number), 0.0, (NOMINAL, 0, number)) for number in range(count)]
+    return [Run(f"{number + 1:02d}", 0.0, (NOMINAL, 0, number)) for number in range(count)]
 
 
 def corrected_runs(settings_deg: Sequence[float], count: int) -> list[Run]:
     """Executions that a person corrects, `count` per setting, setting by setting."""
-    return [
-        Run(_name(number), setting, (CORRECTED, _tenths(setting), number), corrected=True)
-        for setting in settings_deg
-        for number in range(count)
-    ]
+    return _runs(CORRECTED, settings_deg, count, corrected=True)
 
 
 def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -> list[Run]:
     """Executions without or with feedback, setting by setting; the n-th of both meet equal conditions."""
+    return _runs(EVALUATED, settings_deg, count, feedback=feedback)
+
+
+def _runs(purpose: int, settings_deg: Sequence[float], count: int, **how: bool) -> list[Run]:
+    """Negative tilts have seeds of their own, as whole numbers of tenths of a degree."""
     return [
-        Run(_name(number), setting, (EVALUATED, _tenths(setting), number), feedback=feedback)
+        Run(f"{number + 1:02d}", setting, (purpose, 10_000 + round(10 * setting), number), **how)
         for setting in settings_deg
         for number in range(count)
     ]
 
 
 def executions(skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParameters) -> list[Recording]:
-    """Executions by the robot from the skill's mean start, one recording per run, in order.
-
-    Their `true_segments` (P, 2) are those of the commanded primitives.
-    """
+    """Executions from the skill's mean start, in order; `true_segments` are the commanded primitives."""
     work = list(zip(runs, range(len(runs)), strict=True))
     return parallel_map(partial(_execute, skill=skill, testbed=testbed), work, "executions")
-
-
-def _name(number: int) -> str:
-    return f"{number + 1:02d}"
-
-
-def _tenths(setting_deg: float) -> int:
-    """A setting as a whole number for a seed; negative tilts are told from positive ones."""
-    return 10_000 + round(10 * setting_deg)
 
 
 def execute_run(
@@ -134,7 +115,8 @@ def execute_run(
     segments = np.column_stack([edges[:-1], edges[1:]])
     kind = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
     seed = " ".join(map(str, [testbed.seed, *run.seed]))
-    what = {"seed": seed, "setting": setting_name(run.setting_deg), "what": f"execution, {kind}"}
+    setting = f"board roll {run.setting_deg:g} degrees"
+    what = {"seed": seed, "setting": setting, "what": f"execution, {kind}"}
     return recorded(testbed, run.name, index, log, segments, clocks_rng, what)
 
 
@@ -142,27 +124,37 @@ def _execute(work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParame
     return execute_run(*work, skill, testbed)
 
 
-def executed_set(
-    model: str,
+def evaluate(
+    models: Mapping[str, Mapping[str, CouplingModel]],
     skill: ReactiveSkill,
-    parameters: EvaluationParameters,
+    parameters: ExecutionParameters,
+    supervision: SupervisionParameters,
     testbed: TestbedParameters,
     clock: ClockParameters,
-) -> ExecutedSet:
-    """Execute a skill with the networks of a model, or with none, in every setting.
+    nominal: np.ndarray,
+    folder: Path,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Execute a skill with the networks of every model in every setting; equal numbers meet equal conditions.
 
-    Runs of equal number meet equal conditions in every set.
+    `models`: networks by model and primitive; none without feedback. `nominal`: (T, 4) of
+    `nominal_orientation`. Writes the runs to `folder/<model>/<setting>.parquet`; returns scores and traces
+    of all models, see `execution_scores`.
     """
-    runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
-    recordings = executions(skill, runs, testbed)
-    names = [primitive.name for primitive in skill.primitives]
-    by_setting, cuts = {}, {}
-    for place, setting in enumerate(parameters.settings_deg):
-        its = recordings[place * parameters.runs : (place + 1) * parameters.runs]
-        by_setting[setting] = [synchronise(one, clock.rate_hz, clock.max_gap_s) for one in its]
-        cuts[setting] = commanded_cuts(by_setting[setting], names)
-    networks = {name: one for name, by_axis in skill.networks.items() for one in by_axis.values()}
-    return ExecutedSet(model, networks, by_setting, cuts)
+    names, count = [primitive.name for primitive in skill.primitives], parameters.runs
+    scores, traces = [], []
+    for model, networks in models.items():
+        acting = replace(skill, networks=on_axis(networks, supervision.axis))
+        recordings = executions(
+            acting, evaluation_runs(parameters.settings_deg, count, feedback=bool(networks)), testbed
+        )
+        runs = {}
+        for place, setting in enumerate(parameters.settings_deg):
+            its = recordings[place * count : (place + 1) * count]
+            runs[setting] = [synchronise(one, clock.rate_hz, clock.max_gap_s) for one in its]
+            write_runs(runs[setting], folder / model / f"{setting:g}.parquet")
+        scores.append(execution_scores.scores(model, runs, names, nominal, supervision))
+        traces.append(execution_scores.traces(model, runs, names, networks, skill.expected, supervision))
+    return pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)
 
 
 WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled
@@ -170,7 +162,7 @@ STANDARD_RUN_S = 10.0  # s of movement to which the cost of a run is scaled
 
 
 class TimingParameters(Parameters):
-    """What is timed; such times stand in a file of their own, on which no stage depends."""
+    """What is timed. Fields: `params.yaml`, `time_controller`."""
 
     controller_hz: float = Field(gt=0)
     ticks: int = Field(ge=100)
@@ -178,7 +170,7 @@ class TimingParameters(Parameters):
 
 
 def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:
-    """Time ticks of the controller with feedback: `controller_tick_us_median`, `..._p99` and `..._max`."""
+    """Time ticks of the controller with feedback: `controller_tick_us_median`, `..._p99`, `..._max`."""
     controller, start = Controller(skill, parameters.controller_hz), default_start(skill.primitives)
     samples = np.random.default_rng(0).normal(0.0, 10.0, (1000, skill.channels))
     microseconds = np.zeros(parameters.ticks)
@@ -197,10 +189,7 @@ def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Me
 
 
 def run_cost(skill: ReactiveSkill, testbed: TestbedParameters, parameters: TimingParameters) -> Metrics:
-    """Time whole simulated runs with feedback, the start of the world included.
-
-    Returns `simulated_run_cpu_s`, median CPU seconds scaled to `STANDARD_RUN_S` of movement.
-    """
+    """`simulated_run_cpu_s`: median CPU seconds of runs with feedback, per `STANDARD_RUN_S` of movement."""
     costs = []
     for index, run in enumerate(evaluation_runs([10.0], WARM_UP_RUNS + parameters.runs, feedback=True)):
         begin = time.process_time()

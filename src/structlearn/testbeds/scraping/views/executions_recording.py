@@ -15,8 +15,15 @@ import rerun.blueprint as rrb
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.palette import primitive_colour
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.transformation import ALPHA, BETA
-from structlearn.testbeds.scraping.files import CLOSED_LOOP, CORRECTIONS, REFINED, ScrapingFiles
+from structlearn.testbeds.scraping.files import (
+    CLOSED_LOOP,
+    CORRECTIONS,
+    REFINED,
+    ScrapingFiles,
+    read_datasets,
+)
 from structlearn.testbeds.scraping.names import CORRECTED, RUNS
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     AFTER,
@@ -79,12 +86,9 @@ PALE = {RUNS[BEFORE].name: RUNS[AFTER].name}
 def write_executions(
     path: str | Path, settings: Mapping[float, Sequence[Execution]], title: str = "Executions"
 ) -> None:
-    """Write executions as a recording, on one time line.
+    """Write executions as a recording: a tab per setting with its runs in 3-D, electrodes and signals.
 
-    Each setting has a tab: above every run in 3-D and its electrodes, below the signals of all runs.
-
-    `settings`: executions by roll of the board in degrees; those of one setting are of different kinds. The
-    first tab is that of the first setting.
+    `settings`: executions of different kinds by roll of the board in degrees; the first tab is opened.
     """
     with rrd.recording(path, title) as stream:
         tabs = _send_settings(stream, settings, FEEDBACK_NOTE)
@@ -98,14 +102,9 @@ def write_refinement(
     samples: pd.DataFrame,
     title: str = "Refinement",
 ) -> None:
-    """Write a refinement as a recording.
+    """Write a refinement as a recording: a tab per setting, and one per refined primitive with its search.
 
-    Each setting has a tab with the executions without feedback, before and after refinement, and each refined
-    primitive one with its search, in which a step of the time line `search.ITERATION` is an iteration.
-
-    `settings`: of `read_refined_runs`. `history`: one row per rollout, of
-    `refinement.history_rows` with `primitive`. `samples`: what was felt and done, of
-    `refinement.sample_rows` with `primitive`.
+    `settings`: of `read_refined_runs`. `history`, `samples`: see `search_recording.searches`.
     """
     origin = rrd.origin_label([one.run for group in settings.values() for one in group])
     with rrd.recording(path, title) as stream:
@@ -151,26 +150,17 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
 
 
 def _notes(text: str, executions: Sequence[Execution]) -> str:
-    """A panel's text: what is shown, whence, which colour is which run, and how to read the rest."""
+    """A panel's text: what is shown, its origin, the colours of the runs, and how to read the rest."""
     colours = rrd.legend({one.look.name: one.look.colour for one in executions})
     origin = rrd.origin_sentence([one.run for one in executions])
     return f"{text}\n**{origin}**\n\n{colours}\n\n{FINGERS}"
-
-
-def _send_lane(stream: rr.RecordingStream, one: Execution) -> rrb.StateTimelineView:
-    """Log which primitive runs, at the same times in every setting, and return the view of it."""
-    segments = one.run.signal("true_segments")
-    times = rrd.time_column(np.append(segments[:, 0], segments[-1, 1]))
-    rrd.send_primitive_lane(stream, "primitive", [times], one.primitives)
-    return rrd.lanes(["primitive"])
 
 
 def _send_settings(
     stream: rr.RecordingStream, settings: Mapping[float, Sequence[Execution]], note: str
 ) -> list[rrb.Horizontal]:
     """Log the executions of all settings; colours of electrodes are comparable among all of them."""
-    everything = [one for group in settings.values() for one in group]
-    scale = full_scale(everything)
+    scale = full_scale([one for group in settings.values() for one in group])
     rrd.send_notes(stream, _notes(note, next(iter(settings.values()))))
     return [
         _send_setting(stream, f"{setting:g} degrees", group, scale) for setting, group in settings.items()
@@ -198,7 +188,10 @@ def _send_setting(
     left = rrb.Vertical(
         rrb.Horizontal(*scenes), rrb.Horizontal(*maps), rrd.notes_view(), row_shares=[10, 5, 7]
     )
-    plots = rrb.Vertical(*send_signals(stream, tab, group), _send_lane(stream, group[0]))
+    segments = group[0].run.signal("true_segments")  # at the same times in every setting
+    times = rrd.time_column(np.append(segments[:, 0], segments[-1, 1]))
+    rrd.send_primitive_lane(stream, "primitive", [times], group[0].primitives)
+    plots = rrb.Vertical(*send_signals(stream, tab, group), rrd.lanes(["primitive"]))
     return rrb.Horizontal(left, plots, column_shares=[3, 2], name=tab)
 
 
@@ -217,23 +210,20 @@ REFINED_RUNS = {model: (REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
 def read_feedback_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
     """The first nominal, corrected and closed-loop run of every setting that has all three.
 
-    Returns by roll of the board in degrees, the largest first; empty where nothing was executed. Raises
-    InputError: a file is not readable.
+    By roll of the board in degrees, the largest first; empty where nothing was executed. Raises InputError: a
+    file is not readable.
     """
     traces = files.table("traces")
     if traces.empty:
         return {}
-    corrected = [to_table(dataset).assign(primitive=name) for name, dataset in files.datasets().items()]
+    datasets = read_datasets(files.data / "feedback/scraping/dataset")
+    corrected = [to_table(dataset).assign(primitive=name) for name, dataset in datasets.items()]
     targets = pd.concat(corrected).query("demonstration == 0").rename(columns={"target": "coupling"})
     return _read(files, FEEDBACK_RUNS, pd.concat([_first_runs(traces), targets.assign(model=CORRECTED)]))
 
 
 def read_refined_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
-    """The first run without feedback, before and after refinement by trial of every setting, with its cost.
-
-    Returns, raises:
-        As `read_feedback_runs`.
-    """
+    """As `read_feedback_runs`, without feedback, before and after refinement by trial, with costs."""
     traces = files.table("refined_traces")
     if traces.empty:
         return {}
@@ -251,7 +241,8 @@ def _read(
     nominal: np.ndarray | None = None,
 ) -> dict[float, list[Execution]]:
     """Executions of the settings that have a complete run of every kind, with cost if nominal is known."""
-    primitives = [primitive.name for primitive in files.primitives()]
+    path = files.data / "primitives/scraping/primitives.safetensors"
+    primitives = [primitive.name for primitive in read_primitives(path)]
     shown = {}
     for setting in sorted(traces["setting_deg"].unique(), reverse=True):
         found = {
@@ -264,12 +255,8 @@ def _read(
             felt = dict(iter(traces[traces["setting_deg"] == setting].groupby("model")))
             shown[float(setting)] = [
                 Execution(
-                    RUNS[kind],
-                    run,
-                    float(setting),
-                    primitives,
-                    felt[kind],
-                    None if nominal is None else orientation_cost(run, nominal),
+                    *(RUNS[kind], run, float(setting), primitives, felt[kind]),
+                    cost=None if nominal is None else orientation_cost(run, nominal),
                 )
                 for kind, run in found.items()
             ]

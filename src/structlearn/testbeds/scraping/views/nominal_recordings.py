@@ -117,11 +117,7 @@ def write_alignment(
     parameters: SegmentParameters,
     title: str = "Alignment",
 ) -> None:
-    """Write the correspondences of the reference with every other demonstration as a recording.
-
-    One view per primitive that has an axis: above the reference, below the other demonstration, between them
-    the corresponding samples, brighter with their weight. The time line goes through the demonstrations.
-    """
+    """Write correspondences of the reference with all other demonstrations as a recording, see `NOTE`."""
     by_name = {demonstration.name: demonstration for demonstration in demonstrations}
     pairs = segmentation.pairs
     aligned = set(pairs["demonstration"]) & set(segmentation.cuts["demonstration"])
@@ -160,10 +156,7 @@ def _curve(
     top: float,
     scale: float,
 ) -> _Curve:
-    """The extended segment that was aligned, filtered as it was then.
-
-    Of several axes the one with the largest movement is drawn.
-    """
+    """The extended segment, filtered as for the alignment, along the axis with the largest movement."""
     smooth = signals.low_pass(demonstration.position, demonstration.dt, parameters.align_cutoff_hz)
     first, last = cut["start_s"] - parameters.extension_s, cut["end_s"] + parameters.extension_s
     inside = (demonstration.time >= first) & (demonstration.time <= last)
@@ -180,9 +173,9 @@ def _send_curve(
     segmentation: Segmentation,
     is_reference: bool = False,
 ) -> None:
-    """A curve with its name, a scale of its demonstration's own time, and bars at its start and end.
+    """A curve with its name, its demonstration's time scale, and bars at its start and end.
 
-    Bars stand above it by crossing alone, below it as they result; the reference's result is its crossing.
+    Bars above are cut by crossings alone, bars below as used; the reference is used as cut by crossings.
     """
     path = rrd.entity(primitive, "reference" if is_reference else "guess")
     thinned = curve.time[:: rrd.thinning(float(curve.time[1] - curve.time[0]))]

@@ -19,18 +19,7 @@ from structlearn.palette import GREY, WHITE, Look
 from structlearn.readers.demonstration import Demonstration
 from structlearn.simulation.fingers import HOME_MM, PAD_DISTANCE_MM
 from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
-from structlearn.testbeds.scraping.world.layout import (
-    CONTACT_M,
-    EDGE_M,
-    EDGE_WIDTH_M,
-    GRASP_M,
-    ROLL_AXIS,
-    board_orientation,
-    grasp_place,
-    hand_roll_deg,
-    tool_orientation,
-    tool_roll_deg,
-)
+from structlearn.testbeds.scraping.world import layout
 from structlearn.viewer import rrd
 from structlearn.viewer.diagram import texts
 
@@ -100,21 +89,21 @@ class Execution:
         run, kept, wrench = self.run, self.kept, self.run.signal("wrench")
         before = run.time[:1]  # without feedback, so that all plots begin together
         signals = {
-            "roll on board": (run.time[kept], tool_roll_deg(run)[kept]),
-            "hand roll": (run.time[kept], hand_roll_deg(run)[kept]),
+            "roll on board": (run.time[kept], layout.tool_roll_deg(run)[kept]),
+            "hand roll": (run.time[kept], layout.hand_roll_deg(run)[kept]),
             "coupling": (np.append(before, self.felt["time_s"]), np.append(0.0, self.felt["coupling"])),
         }
         if self.cost is None:
             signals["force"] = (run.time[kept], -wrench[kept, 2])
         else:
             signals["cost"] = (run.time[: len(self.cost)][kept], self.cost[kept])
-        return signals | {"torque": (run.time[kept], -1e3 * wrench[kept, 3:] @ ROLL_AXIS)}
+        return signals | {"torque": (run.time[kept], -1e3 * wrench[kept, 3:] @ layout.ROLL_AXIS)}
 
 
 def send_signals(
     stream: rr.RecordingStream, parent: str, executions: Sequence[Execution]
 ) -> list[rrb.TimeSeriesView]:
-    """Log the signals of executions in one setting below a parent, and the roll that the hand is to reach."""
+    """Log the signals of executions in one setting below a parent, and the board's roll."""
     for one in executions:
         for kind, (times, values) in one.signals.items():
             rrd.send_curve(
@@ -141,8 +130,8 @@ def send_scene(
     rrd.send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, 0.0)
     send_hand(stream, f"{path}/hand", colour if shadow else SKIN, opacity)
     pose = rr.Transform3D.columns(
-        translation=grasp_place(one.run)[one.kept],
-        quaternion=quaternion.to_xyzw(tool_orientation(one.run, one.board_deg)[one.kept]),
+        translation=layout.grasp_place(one.run)[one.kept],
+        quaternion=quaternion.to_xyzw(layout.tool_orientation(one.run, one.board_deg)[one.kept]),
     )
     stream.send_columns(f"{path}/tool", times, pose)
     send_tool(stream, f"{path}/tool", colour, colour if shadow else WHITE, opacity)
@@ -150,15 +139,15 @@ def send_scene(
         send_board(stream, f"{path}/board", one.board_deg)
         strip = rr.LineStrips3D([position], colors=rrd.rgba([colour]), radii=-1.0)
         stream.log(f"{path}/path", strip, static=True)
-        points = rr.Points3D(electrodes().reshape(-1, 3) - [0.0, 0.0, EDGE_M], radii=0.0008)
+        points = rr.Points3D(electrodes().reshape(-1, 3) - [0.0, 0.0, layout.EDGE_M], radii=0.0008)
         stream.log(f"{path}/hand/electrodes", points, static=True)
         _send_colours(stream, f"{path}/hand/electrodes", rr.Points3D, one, scale)
 
 
 def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) -> None:
     """Log the board, tilted about its axis, with its top where the tool meets it."""
-    turn = rr.Quaternion(xyzw=quaternion.to_xyzw(board_orientation(board_deg)))
-    pose = rr.Transform3D(translation=CONTACT_M, quaternion=turn)
+    turn = rr.Quaternion(xyzw=quaternion.to_xyzw(layout.board_orientation(board_deg)))
+    pose = rr.Transform3D(translation=layout.CONTACT_M, quaternion=turn)
     stream.log(path, pose, static=True)
     box = rrd.solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
     stream.log(path, box, static=True)
@@ -167,7 +156,7 @@ def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) ->
 def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: float = 1.0) -> None:
     """Log the palm and the fingers below the entity of the hand's frame, with which they move."""
     outwards = 1e-3 * (PAD_DISTANCE_MM + SKIN_RADIUS_MM)
-    tips = -EDGE_M - 1e-3 * np.array(HOME_MM)  # where the round tips start, along z
+    tips = -layout.EDGE_M - 1e-3 * np.array(HOME_MM)  # where the round tips start, along z
     fingers = rr.Capsules3D(
         lengths=[FINGER_M] * 2,
         radii=[1e-3 * SKIN_RADIUS_MM] * 2,
@@ -176,7 +165,7 @@ def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: 
         fill_mode=rr.components.FillMode.Solid,
     )
     stream.log(f"{path}/fingers", fingers, static=True)
-    top, bottom = -EDGE_M - GRASP_M, -EDGE_M - FINGER_M
+    top, bottom = -layout.EDGE_M - layout.GRASP_M, -layout.EDGE_M - FINGER_M
     sizes = [[0.06, 0.03, bottom - top], [0.04, 0.04, WRIST_M]]
     centres = [[0.0, 0.0, 0.5 * (top + bottom)], [0.0, 0.0, top - 0.5 * WRIST_M]]
     stream.log(f"{path}/palm", rrd.solid_boxes(sizes, centres, [skin], opacity), static=True)
@@ -187,16 +176,16 @@ def send_tool(
 ) -> None:
     """Log what the fingers hold of the tool, its blade and its edge below the entity of the grasp's frame."""
     reached = 0.5 * GRIP_M[2]
-    sizes: list[np.ndarray | list[float]] = [GRIP_M, [EDGE_WIDTH_M, BLADE_M, EDGE_M - reached]]
-    centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + EDGE_M)]]
+    sizes: list[np.ndarray | list[float]] = [GRIP_M, [layout.EDGE_WIDTH_M, BLADE_M, layout.EDGE_M - reached]]
+    centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + layout.EDGE_M)]]
     stream.log(f"{path}/body", rrd.solid_boxes(sizes, centres, [grip, colour], opacity), static=True)
-    ends = [[-0.5 * EDGE_WIDTH_M, 0.0, EDGE_M], [0.5 * EDGE_WIDTH_M, 0.0, EDGE_M]]
+    ends = [[-0.5 * layout.EDGE_WIDTH_M, 0.0, layout.EDGE_M], [0.5 * layout.EDGE_WIDTH_M, 0.0, layout.EDGE_M]]
     stream.log(f"{path}/edge", rr.LineStrips3D([ends], colors=rrd.rgba([colour]), radii=-2.5), static=True)
 
 
 def close_view(name: str, contents: Sequence[str], distance_m: float = EYE_M) -> rrb.Spatial3DView:
     """3-D view along the scraping direction, close to where the tool meets the board, that shows roll."""
-    target = CONTACT_M + np.array([0.0, 0.02, 0.028])
+    target = layout.CONTACT_M + np.array([0.0, 0.02, 0.028])
     return rrd.eye_view(name, contents, target, distance_m * np.array([0.15, -0.93, 0.33]))
 
 

@@ -53,12 +53,12 @@ class Search:
     """Rollouts of the search for one primitive."""
 
     primitive: str
-    history: pd.DataFrame  # one row per rollout, see `refinement.history_rows`
-    samples: pd.DataFrame  # what was felt and done, see `refinement.sample_rows`
+    history: pd.DataFrame  # of `refinement.history_rows`
+    samples: pd.DataFrame  # of `refinement.sample_rows`
 
     @property
     def iterations(self) -> list[int]:
-        """In their order, from 0."""
+        """Iterations in order, from 0."""
         return sorted(self.history["iteration"].unique())
 
     @property
@@ -68,11 +68,11 @@ class Search:
         return (costs.min(), costs.quantile(COSTLY_QUANTILE)) if len(costs) else (0.0, 1.0)
 
     def path(self, *parts: str) -> str:
-        """Of an entity."""
+        """Path of an entity of this search."""
         return entity("search", self.primitive, *parts)
 
     def rows(self, iteration: int, kind: str) -> pd.DataFrame:
-        """Of the history, rollouts that did not fail."""
+        """Rollouts of the history that did not fail."""
         own = (self.history["iteration"] == iteration) & (self.history["kind"] == kind)
         return self.history[own & self.history["cost_rad"].notna()]
 
@@ -83,11 +83,7 @@ class Search:
 
 
 def searches(history: pd.DataFrame, samples: pd.DataFrame) -> list[Search]:
-    """One search per primitive, in the order in which they were refined.
-
-    `history`: rows of `refinement.history_rows` with `primitive`. `samples`: rows of
-    `refinement.sample_rows` with `primitive`.
-    """
+    """One search per primitive, in order of refinement, from tables as in `Search` with `primitive`."""
     return [
         Search(name, own, samples[samples["primitive"] == name])
         for name, own in history.groupby("primitive", sort=False)
@@ -95,10 +91,7 @@ def searches(history: pd.DataFrame, samples: pd.DataFrame) -> list[Search]:
 
 
 def send_search(stream: rr.RecordingStream, search: Search, origin: str) -> rrb.Horizontal:
-    """Log the search for a primitive, on the time lines of iterations and of seconds.
-
-    `origin`: of `rrd.origin_label`.
-    """
+    """Log a search on the time lines of iterations and of seconds; `origin`: of `rrd.origin_label`."""
     costs = search.history["cost_rad"].dropna().to_numpy()
     ends = (search.iterations[0] - 0.6, search.iterations[-1] + 0.6)
     summed = Diagram(ends, rounded_range(costs, 0.0), 20.0, 25.0)

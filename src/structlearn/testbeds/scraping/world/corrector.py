@@ -21,8 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.core import minimum_jerk
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.compilation import compiled_inside, numba
 from structlearn.core.params import Parameters
 from structlearn.simulation.hand_noise import hand_noise
 
@@ -70,17 +69,17 @@ class Corrector(NamedTuple):
     dt: float  # s per tick
     reaction: float  # s
     delay: int  # ticks of vision
-    refractory: float  # s
-    refractory_spread: float  # s
     threshold: float  # rad
-    gain: float  # see `CorrectorParameters`, like the spreads that follow
-    gain_spread: float  # of the gain
-    noise: float  # of a submovement
-    movement: float  # s
-    movement_spread: float  # s
-    stiffness: float  # N m/rad
-    damping: float  # N m s/rad
     bias: float  # rad, what looks flat in this trial
+    refractory_s: float  # from here see `CorrectorParameters`
+    refractory_spread_s: float
+    gain: float
+    gain_spread: float
+    noise: float
+    movement_s: float
+    movement_spread_s: float
+    stiffness_n_m_rad: float
+    damping_n_m_s_rad: float
     trembling: np.ndarray  # (T,) rad about the scraping direction
     draws: np.ndarray  # (N,) standard normal numbers for the decisions
     remaining: np.ndarray  # (T,) rad, what is left for the person, as seen at every tick so far
@@ -105,17 +104,9 @@ def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.ra
         dt=dt,
         reaction=reaction,
         delay=round(own.visual_delay_s / dt),
-        refractory=own.refractory_s,
-        refractory_spread=own.refractory_spread_s,
         threshold=np.radians(own.threshold_deg),
-        gain=own.gain,
-        gain_spread=own.gain_spread,
-        noise=own.noise,
-        movement=own.movement_s,
-        movement_spread=own.movement_spread_s,
-        stiffness=own.stiffness_n_m_rad,
-        damping=own.damping_n_m_s_rad,
         bias=bias,
+        **own.model_dump(include=set(Corrector._fields)),
         trembling=trembling[:, 1].copy(),
         draws=rng.standard_normal(_DRAWS * decisions),
         remaining=np.zeros(ticks),
@@ -128,7 +119,7 @@ def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.ra
 def nobody() -> Corrector:
     """Null corrector: it has no ticks and never corrects."""
     none = np.zeros(0)
-    own = [0.0, 0.0, 0, *[0.0] * 11]
+    own = [0.0, 0.0, 0, *[0.0] * 11]  # dt, reaction, delay, ...
     return Corrector._make([*own, none, none, none, np.zeros((0, 3)), np.zeros(3, dtype=np.int64), none])
 
 
@@ -136,11 +127,10 @@ def nobody() -> Corrector:
 def hold(
     person: Corrector, tick: int, error: float, nominal: tuple[float, float], hand: tuple[float, float]
 ) -> float:
-    """Torque of the person on the hand about roll.
+    """Torque in N m of the person on the hand about roll, at a control tick; the first call begins.
 
-    `tick`: number of the control tick; correction begins with the first call. `error`: rad, roll that the
-    tool lacks to lie flat. `nominal`: roll in rad and its rate in rad/s that the nominal movement has at this
-    tick; in the end its roll is 0. `hand`: roll of the hand in rad and its rate in rad/s. Returns N m.
+    `error`: rad, roll that the tool lacks to lie flat. `nominal`: roll in rad and its rate in rad/s of the
+    nominal movement, whose roll ends at 0. `hand`: roll of the hand in rad and its rate in rad/s.
     """
     now = tick * person.dt
     person.remaining[tick] = error + person.bias + nominal[0]  # the robot itself will do -nominal
@@ -151,7 +141,8 @@ def hold(
         _decide(person, tick, now)
     intended, rate = _intended(person, now)
     target = nominal[0] + intended + person.trembling[tick] - person.trembling[person.counts[_FIRST]]
-    return person.stiffness * (target - hand[0]) + person.damping * (nominal[1] + rate - hand[1])
+    damping = person.damping_n_m_s_rad * (nominal[1] + rate - hand[1])
+    return person.stiffness_n_m_rad * (target - hand[0]) + damping
 
 
 @compiled_inside
@@ -165,10 +156,10 @@ def _decide(person: Corrector, tick: int, now: float) -> None:
         amplitude = gain * error * (1.0 + person.noise * _drawn(person))
         movement = person.submovements[person.counts[_MOVEMENTS]]
         movement[0] = now
-        movement[1] = max(person.movement + person.movement_spread * _drawn(person), 0.2)
+        movement[1] = max(person.movement_s + person.movement_spread_s * _drawn(person), 0.2)
         movement[2] = amplitude
         person.counts[_MOVEMENTS] += 1
-    person.decision[0] = now + person.refractory + abs(person.refractory_spread * _drawn(person))
+    person.decision[0] = now + person.refractory_s + abs(person.refractory_spread_s * _drawn(person))
 
 
 @compiled_inside

@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 import structlearn
 from structlearn.core import minimum_jerk, quaternion
 from structlearn.core.params import Parameters
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.demonstration import Recording, Stream
 from structlearn.simulation.hand_noise import hand_noise
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, FLAT_ORIENTATION
 
@@ -67,7 +67,7 @@ MovementSeconds = Annotated[float, Field(ge=0.5, le=20)]
 
 
 class DemonstratorParameters(Parameters):
-    """What a user may change of the person who demonstrates."""
+    """The person who demonstrates. Fields: `params.yaml`, `simulate`."""
 
     count: int = Field(ge=1, le=1000)
     seed: int = Field(ge=0)
@@ -100,15 +100,8 @@ class Intention:
     tilt: np.ndarray  # (T, 3) rad, rotation vector from flat, base frame, without noise
     edge_noise: np.ndarray  # (T, 3) m
     tilt_noise: np.ndarray  # (T, 3) rad
-    # (3, 2) s, the start of the descent and the contact; the contact and the start of the scrape; the start
-    # and the end of the scrape
-    segments: np.ndarray
+    segments: np.ndarray  # (3, 2) s of descent (its end is the contact), turn and scrape
     run: np.random.SeedSequence  # source of all randomness of the run itself: sensors, board, pressure
-
-    @property
-    def contact(self) -> float:
-        """When the edge is meant to touch the board, s."""
-        return float(self.segments[0, 1])
 
 
 def intended_movements(parameters: DemonstratorParameters, rate_hz: float = RATE_HZ) -> list[Intention]:
@@ -119,7 +112,7 @@ def intended_movements(parameters: DemonstratorParameters, rate_hz: float = RATE
 
 
 def as_meant(movement: Intention, seed: int) -> Recording:
-    """A movement with the hand's noise as a recording; `seed` is of the person who makes it."""
+    """A movement with the hand's noise as a recording; `seed`: of the person."""
     orientation = orientation_of(movement.tilt + movement.tilt_noise)
     pose = np.hstack([movement.edge + movement.edge_noise, orientation])
     stamps = first_stamp(int(movement.name) - 1) + np.round(movement.time * 1e9).astype(np.int64)
@@ -220,10 +213,7 @@ def _draw_movements(
 def _draw_places(
     parameters: DemonstratorParameters, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position of the edge (4, 3) m and rotation vector from flat (4, 3) rad at start, contact, flat and end.
-
-    And the bow (3, 3) m of each movement.
-    """
+    """Edge (4, 3) m and rotation from flat (4, 3) rad at start, contact, flat and end; bows (3, 3) m."""
     start = CONTACT_M - DOWN_M + 1e-3 * parameters.start_spread_mm * rng.standard_normal(3)
     landing = CONTACT_M + GOAL_SPREAD_M * rng.standard_normal(3)
     flat = landing + GOAL_SPREAD_M / 3 * rng.standard_normal(3)  # the edge slips a little while it turns
@@ -247,7 +237,7 @@ def _draw_movement(
     parameters: DemonstratorParameters,
     rng: np.random.Generator,
 ) -> _Movement:
-    """Draw one movement: shapes of its submovements near the person's habit, and how its time is warped."""
+    """One movement: shapes of its submovements near the person's habit, and its warped time."""
     shapes = (1 - TRIAL_SHARE) * habit + TRIAL_SHARE * _draw_shapes(rng, (2,))
     hesitates = rng.random() < parameters.hesitation_probability
     centre, width = rng.uniform(0.25, 0.75), rng.uniform(*HESITATION_S)  # fraction of the duration; s

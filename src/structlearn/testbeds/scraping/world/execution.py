@@ -16,8 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.core import quaternion
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside
+from structlearn.core.compilation import compiled_inside, numba
 from structlearn.core.params import Parameters
 from structlearn.feedback import controller_tick
 from structlearn.feedback.runtime import Controller
@@ -126,22 +125,15 @@ def execute(
     person: Corrector | None = None,
     engine: Engine | None = None,
 ) -> RunLog:
-    """Run a motion in the world.
+    """Run a motion in the world for some control ticks.
 
-    `motion`: who leads: a reference, or a controller that has been started. `start`: (3,) m and (3, 3), pose
-    of the edge frame at rest. `ticks`: number of control ticks T. `rng`: noise of the wrist sensor. `person`:
-    who corrects roll, from the second primitive on; then the robot gives way. `engine`: who integrates the
-    motion; None: the compiled loop. Raises FloatingPointError: the robot has diverged.
+    `motion`: a reference, or a controller that has been started. `start`: (3,) m and (3, 3), pose of the edge
+    frame at rest. `rng`: noise of the wrist sensor. `person`: corrects roll from the second primitive on,
+    while the robot gives way. `engine`: integrates the motion; None: the compiled loop. Raises
+    FloatingPointError: the robot has diverged.
     """
     angles = scraping_robot.joint_angles(*start)
-    world = scraping_world.placed(
-        parameters,
-        angles,
-        conditions.board_roll,
-        conditions.board_point,
-        conditions.friction_factor,
-        conditions.board_stiffness_factor,
-    )
+    world = scraping_world.placed(parameters, angles, *conditions[:4])  # the board, and factors on it
     noise = rng.standard_normal((ticks, 6)) * np.repeat([control.force_noise_n, control.torque_noise_n_m], 3)
     if isinstance(motion, Controller):
         reference, plan = _empty_reference(ticks), motion.compiled
@@ -151,11 +143,11 @@ def execute(
     run = _Run(
         dt=parameters.dt,
         conditions=conditions,
-        arm=operational_space.controlled(scraping_robot.arm_model(), angles),
+        arm=operational_space.controlled(scraping_robot.arm(), angles),
         world=world,
         fingers=fingers.readings(len(log.counts)),
         reference=reference,
-        target=operational_space.resting_target(),
+        target=Target(np.zeros(3), np.eye(3), np.zeros(6), np.zeros(6)),
         roll_gains=(control.roll_p_rad_n_m, control.roll_i_rad_n_m_s),
         share=1.0 - np.exp(-2.0 * np.pi * control.wrench_cutoff_hz * parameters.dt),
         noise=noise,
@@ -203,8 +195,8 @@ def _ticks(
 ) -> None:
     """Ticks of sensors, motion, control and recorder, each followed by one of the world if that is compiled.
 
-    The person may be nobody, and the plan may have no primitive: then the reference is there already. Runs of
-    all kinds have the same types, since a loop of this size takes ten seconds to compile.
+    Without primitives in the plan the reference is given. Runs of all kinds have the same types, nobody being
+    a person too, since a loop of this size takes ten seconds to compile.
     """
     for k in range(first, end):
         _sense(run, k)

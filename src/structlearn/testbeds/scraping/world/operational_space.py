@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import cross
+from structlearn.core.compilation import cross, numba
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, factorise, solve, workspace
-from structlearn.testbeds.scraping.world.scraping_robot import ArmModel
+from structlearn.rigid_body.tree import Robot
 
 ELBOW_STIFFNESS, ELBOW_DAMPING = 40.0, 12.0  # 1/s^2 and 1/s; the elbow is in no hurry
 
@@ -29,34 +28,30 @@ class Arm(NamedTuple):
     posture: np.ndarray  # (7,) rad to which the null space pulls
     q: np.ndarray  # (7,) rad, last observed
     v: np.ndarray  # (7,) rad/s, last observed
-    position: np.ndarray  # (3,) m, the edge frame's position then
-    rotation: np.ndarray  # (3, 3) its orientation
-    twist: np.ndarray  # (6,) its velocity in m/s and rad/s
-    jacobian: np.ndarray  # (6, 7) of that
+    position: np.ndarray  # (3,) m of the edge frame, at q
+    rotation: np.ndarray  # (3, 3) of the edge frame
+    twist: np.ndarray  # (6,) m/s and rad/s of the edge frame
+    jacobian: np.ndarray  # (6, 7) of its twist
     torques: np.ndarray  # (7,) N m, last commanded
     mobility: np.ndarray  # (6, 7) M^-1 J^T, transposed
     inverse_inertia: np.ndarray  # (6, 6) of Lambda
 
 
 class Target(NamedTuple):
-    """Where the edge frame is to be: position (3,) m, rotation (3, 3), twist (6,), acceleration (6,)."""
+    """Where the edge frame is to be."""
 
-    position: np.ndarray
-    rotation: np.ndarray
-    twist: np.ndarray
-    acceleration: np.ndarray
-
-
-def resting_target() -> Target:
-    """Memory for a target."""
-    return Target(np.zeros(3), np.eye(3), np.zeros(6), np.zeros(6))
+    position: np.ndarray  # (3,) m
+    rotation: np.ndarray  # (3, 3)
+    twist: np.ndarray  # (6,) m/s and rad/s
+    acceleration: np.ndarray  # (6,) m/s^2 and rad/s^2
 
 
-def controlled(arm: ArmModel, posture: np.ndarray) -> Arm:
-    """The controller's arm; its null space pulls to a posture (7,) in rad."""
-    count, edge = len(posture), arm.model.frames[arm.edge_frame].placement
+def controlled(robot: Robot, posture: np.ndarray) -> Arm:
+    """The arm of `scraping_robot.arm` for the controller; its null space pulls to a posture (7,) in rad."""
+    count, model = len(posture), robot.model
+    edge = model.frames[model.getFrameId("edge")].placement
     return Arm(
-        body=body(arm.robot.tree, arm.robot.inertias),
+        body=body(robot.tree, robot.inertias),
         work=workspace(count),
         edge_rotation=np.ascontiguousarray(edge.rotation),
         edge_place=edge.translation.copy(),

@@ -12,16 +12,7 @@ from structlearn.core.parallel import parallel_map
 from structlearn.palette import BLACK, Look
 from structlearn.readers.demonstration import Demonstration
 from structlearn.simulation.still import Solid, View, still
-from structlearn.testbeds.scraping.world.layout import (
-    CONTACT_M,
-    EDGE_M,
-    EDGE_WIDTH_M,
-    GRASP_M,
-    ROLL_AXIS,
-    board_orientation,
-    grasp_place,
-    tool_orientation,
-)
+from structlearn.testbeds.scraping.world import layout
 
 ARM = "kuka_iiwa/model.urdf"  # Of the arm with its meshes, among the data that PyBullet brings
 BOARD_M = np.array([0.10, 0.18, 0.006])
@@ -75,14 +66,14 @@ def _frame(
     sample, drawn_deg = moment
     frame = Image.new("RGB", (len(runs) * PANEL[0], WORDS + PANEL[1]), "white")
     pen, font = ImageDraw.Draw(frame), ImageFont.load_default(21)
-    board = board_orientation(board_deg - drawn_deg)
+    board = layout.board_orientation(board_deg - drawn_deg)
     for place, (look, run) in enumerate(runs):
         solids = _solids(run, sample, board_deg, drawn_deg)
         picture = still(CLOSE, solids, ARM, run.signal("joint_positions")[sample], size=PANEL)
         left = place * PANEL[0]
         frame.paste(Image.fromarray(picture), (left, WORDS))
         tool = quaternion.product(board, run.signal("tool_to_board")[sample])
-        off = abs(np.degrees(quaternion.rotation_vector(tool) @ ROLL_AXIS))
+        off = abs(np.degrees(quaternion.rotation_vector(tool) @ layout.ROLL_AXIS))
         pen.text((left + 14, 10), look.name, look.colour, font)
         pen.text((left + 14, 38), f"tool {off:.0f}\N{DEGREE SIGN} from flat", BLACK, font)
     return frame
@@ -90,22 +81,23 @@ def _frame(
 
 def _solids(run: Demonstration, moment: int, board_deg: float, drawn_deg: float | None = None) -> list[Solid]:
     """Board, hand and tool at one sample of a run on a board of this tilt; it may be drawn with another."""
-    drawn = board_orientation(board_deg if drawn_deg is None else drawn_deg)
-    hand, tool = run.signal("orientation")[moment], tool_orientation(run, board_deg)[moment]
-    grasp = grasp_place(run)[moment]
+    drawn = layout.board_orientation(board_deg if drawn_deg is None else drawn_deg)
+    hand, tool = run.signal("orientation")[moment], layout.tool_orientation(run, board_deg)[moment]
+    grasp = layout.grasp_place(run)[moment]
 
     def held(size: np.ndarray, offset: tuple[float, float, float], turn: np.ndarray, colour: tuple) -> Solid:
         """A box that is fixed to the hand or the tool, `offset` from the grasp."""
         return Solid("box", size / 2, grasp + quaternion.rotate(turn, np.array(offset)), turn, colour)
 
-    below = CONTACT_M - quaternion.rotate(drawn, np.array([0.0, 0.0, 0.5 * BOARD_M[2]]))
-    base = CONTACT_M[:2].tolist()
+    below = layout.CONTACT_M - quaternion.rotate(drawn, np.array([0.0, 0.0, 0.5 * BOARD_M[2]]))
+    base = layout.CONTACT_M[:2].tolist()
+    blade = np.array([layout.EDGE_WIDTH_M, BLADE_M * 4, layout.EDGE_M + 0.015])
     return [
         Solid("box", BOARD_M / 2, below, drawn, WOOD),
         Solid("cylinder", (0.012, 0.07), (*base, 0.055), colour=STEEL),
         Solid("box", BENCH_M / 2, (*base, 0.01), colour=STEEL),
-        held(PALM_M, (0.0, 0.0, -GRASP_M - 0.02), hand, SKIN),
+        held(PALM_M, (0.0, 0.0, -layout.GRASP_M - 0.02), hand, SKIN),
         held(FINGER_M, (0.016, 0.0, -0.02), hand, SKIN),
         held(FINGER_M, (-0.016, 0.0, -0.02), hand, SKIN),
-        held(np.array([EDGE_WIDTH_M, BLADE_M * 4, EDGE_M + 0.015]), (0.0, 0.0, EDGE_M / 2), tool, TOOL),
+        held(blade, (0.0, 0.0, layout.EDGE_M / 2), tool, TOOL),
     ]

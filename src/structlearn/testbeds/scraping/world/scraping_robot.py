@@ -6,7 +6,6 @@ between two soft finger tips, which are six passive joints with springs and damp
 """
 
 import re
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -27,32 +26,19 @@ HAND_TO_FLANGE_M = 0.105
 HOME = np.array([0.0, 0.75, 0.0, -1.35, 0.0, 1.04, 0.0])
 """rad; a posture away from limits and singularities with the hand above the board, fingers down."""
 
-GRASP_JOINTS = ("grasp_x", "grasp_y", "grasp_z", "grasp_yaw", "grasp_pitch", "grasp_roll")
+_GRASP_AXES = {
+    "grasp_x": ("prismatic", "1 0 0"),
+    "grasp_y": ("prismatic", "0 1 0"),
+    "grasp_z": ("prismatic", "0 0 1"),
+    "grasp_yaw": ("revolute", "0 0 1"),
+    "grasp_pitch": ("revolute", "1 0 0"),
+    "grasp_roll": ("revolute", "0 1 0"),
+}
+GRASP_JOINTS = tuple(_GRASP_AXES)
 """Displacements of the tool between the finger tips along x, y, z, then turns about z, x, y."""
 
-_GRASP_AXES = (
-    ("prismatic", "1 0 0"),
-    ("prismatic", "0 1 0"),
-    ("prismatic", "0 0 1"),
-    ("revolute", "0 0 1"),
-    ("revolute", "1 0 0"),
-    ("revolute", "0 1 0"),
-)
 # Bodies between two grasp joints are the skin: next to nothing.
 _SKIN_KG, _SKIN_INERTIA = 1e-4, (1e-8, 1e-8, 1e-8)
-
-
-@dataclass(frozen=True)
-class ArmModel:
-    """What the controller knows: the arm with the hand and an unloaded tool, and the edge frame's number."""
-
-    robot: Robot
-    edge_frame: int
-
-    @property
-    def model(self) -> pinocchio.Model:
-        """Pinocchio's."""
-        return self.robot.model
 
 
 @lru_cache
@@ -65,13 +51,13 @@ def urdf() -> str:
         _joint("wrist", "fixed", "lbr_iiwa_link_7", "hand", HAND_TO_FLANGE_M),
     ]
     parent = "hand"
-    for place, (name, (kind, axis)) in enumerate(zip(GRASP_JOINTS, _GRASP_AXES, strict=True)):
-        last = place == len(GRASP_JOINTS) - 1
+    for name, (kind, axis) in _GRASP_AXES.items():
+        last = name == GRASP_JOINTS[-1]
         child = "tool" if last else f"skin_{name}"
         mass = (TOOL_KG, (5e-5, 5e-5, 1e-5), TOOL_CENTRE_M) if last else (_SKIN_KG, _SKIN_INERTIA)
         parts += [
             _link(child, *mass),
-            _joint(name, kind, parent, child, GRASP_M if place == 0 else 0.0, axis),
+            _joint(name, kind, parent, child, GRASP_M if parent == "hand" else 0.0, axis),
         ]
         parent = child
     parts += [
@@ -88,30 +74,28 @@ def whole() -> Robot:
 
 
 @lru_cache
-def arm_model() -> ArmModel:
-    """The controller's model: the grasp is rigid in it."""
+def arm() -> Robot:
+    """The controller's model: the arm with the hand and an unloaded tool, in a rigid grasp; frame `edge`."""
     model = whole().model
     grasp = [model.getJointId(name) for name in GRASP_JOINTS]
-    reduced = pinocchio.buildReducedModel(model, grasp, pinocchio.neutral(model))
-    return ArmModel(robot_of(reduced), reduced.getFrameId("edge"))
+    return robot_of(pinocchio.buildReducedModel(model, grasp, pinocchio.neutral(model)))
 
 
 def joint_angles(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Arm posture near `HOME` that puts the edge frame at a pose, by damped Gauss-Newton steps.
+    """Arm posture (7,) in rad near `HOME` that puts the edge frame at a pose, by damped Gauss-Newton steps.
 
-    `position`: (3,) m, base frame. `rotation`: (3, 3) edge to base. Returns (7,) rad. Raises ValueError: the
-    pose is out of reach.
+    `position`: (3,) m, base frame. `rotation`: (3, 3) edge to base. Raises ValueError: it is out of reach.
     """
-    arm = arm_model()
-    data = arm.model.createData()
+    model = arm().model
+    data, edge = model.createData(), model.getFrameId("edge")
     goal = pinocchio.SE3(rotation, position)
     angles = HOME.copy()
     for _ in range(100):
-        pinocchio.framesForwardKinematics(arm.model, data, angles)
-        error = pinocchio.log6(data.oMf[arm.edge_frame].actInv(goal)).vector
+        pinocchio.framesForwardKinematics(model, data, angles)
+        error = pinocchio.log6(data.oMf[edge].actInv(goal)).vector
         if np.linalg.norm(error) < 1e-12:
             return angles
-        jacobian = pinocchio.computeFrameJacobian(arm.model, data, angles, arm.edge_frame)
+        jacobian = pinocchio.computeFrameJacobian(model, data, angles, edge)
         angles = angles + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-9 * np.eye(6), error)
     raise ValueError(f"the arm does not reach {position}")
 

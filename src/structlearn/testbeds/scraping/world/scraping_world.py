@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_vectors import compiled_inside, cross
+from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, step, workspace
 from structlearn.testbeds.scraping.world import scraping_robot
@@ -103,7 +102,7 @@ def placed(
     """The robot at rest, with the tool hanging in the grasp, and the board in its place.
 
     `angles`: (7,) rad, of the arm. `board_roll`: rad, about the base y axis. `board_point`: (3,) m, a point
-    of the board on its axis of tilt. `stiffness_factor`: of this run, on the board's stiffness.
+    of the board on its axis of tilt. Factors: of this run, on the board's friction and stiffness.
     """
     own, robot = parameters, scraping_robot.whole()
     about_x, about_z, about_y = own.grasp_n_m_rad

@@ -19,7 +19,7 @@ import structlearn
 from structlearn.core import quaternion
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
-from structlearn.readers.recording import Recording, Stream
+from structlearn.readers.demonstration import Recording, Stream
 from structlearn.simulation.fingers import FingerPair, TouchParameters
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters
 from structlearn.testbeds.scraping.world.demonstrator import (
@@ -45,7 +45,7 @@ FINGERS = ("left", "right")
 
 
 class RecorderParameters(Parameters):
-    """The devices. Fields: `params.yaml`, `testbed.recorder`."""
+    """Recording devices. Fields: `params.yaml`, `testbed.recorder`."""
 
     motion_capture_deg: float = Field(ge=0)
     stamp_jitter_s: float = Field(ge=0)
@@ -99,11 +99,7 @@ def run_conditions(
     force: np.ndarray,
     gains: tuple[float, float],
 ) -> Conditions:
-    """What one run meets: the board's roll, friction and stiffness as they vary, drawn from `rng`.
-
-    `board_roll`: rad, as set. `stiffness`: N/m per kg that holds the tool on its path. `force`: (T,) N that
-    presses it on the board.
-    """
+    """What one run meets: the board's roll (set in rad), friction and stiffness vary, drawn from `rng`."""
     own = testbed.variation
     roll, friction, board = rng.standard_normal(3)
     return Conditions(
@@ -126,11 +122,10 @@ def recorded(
     rng: np.random.Generator,
     provenance: dict[str, str],
 ) -> Recording:
-    """A run as it is recorded: pose and wrench at the controller's rate, all else slower.
+    """A run as it is recorded: pose and wrench at the controller's rate, all other streams slower.
 
     `index`: sets the recorder's clock. `segments`: (P, 2) s, start and end of the primitives. `provenance`:
-    what it was, the setting and the seed. Returns streams of pose, joints, wrench, two fingers and motion
-    capture.
+    what it was, the setting and the seed.
     """
     dt, devices = testbed.world.dt, testbed.recorder
     ticks = np.arange(len(log.position))
@@ -138,7 +133,7 @@ def recorded(
     robot = first_stamp(index) + np.round(ticks * dt * 1e9).astype(np.int64)
 
     def device(sampled: np.ndarray) -> np.ndarray:
-        """Stamps of a device that samples at these ticks and has a clock of its own."""
+        """Stamps of a device with its own clock that samples at these ticks."""
         jitter = np.clip(devices.stamp_jitter_s * rng.standard_normal(len(sampled)), -dt, dt)
         jitter[[0, -1]] = 0.0
         return robot[sampled] + np.round(jitter * 1e9).astype(np.int64)
@@ -152,10 +147,8 @@ def recorded(
         Stream("/joints/torques", "joint_torques", robot[slow], log.joint_torques[slow]),
         Stream("/wrist/wrench", "wrench", robot, log.wrench),
     ]
-    streams += [
-        Stream(f"/fingers/{finger}", "tactile", device(log.count_ticks), counts)
-        for finger, counts in zip(FINGERS, np.hsplit(log.counts, len(FINGERS)), strict=True)
-    ]
+    for finger, counts in zip(FINGERS, np.hsplit(log.counts, len(FINGERS)), strict=True):
+        streams.append(Stream(f"/fingers/{finger}", "tactile", device(log.count_ticks), counts))
     streams.append(Stream("/motion_capture/tool_to_board", "tool_to_board", device(slow), seen))
     origin = {
         "origin": "simulated",
@@ -163,11 +156,6 @@ def recorded(
         "version": structlearn.__version__,
     }
     return Recording(name, tuple(streams), segments, origin | provenance)
-
-
-def setting_name(setting_deg: float) -> str:
-    """What a setting is called in the provenance of a recording."""
-    return f"board roll {setting_deg:g} degrees"
 
 
 def guided_motion(movement: Intention) -> Reference:
@@ -187,7 +175,7 @@ def guided_motion(movement: Intention) -> Reference:
 
 
 def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:
-    """Force that the person means to press with, over the ticks of one trial: (ticks,) N."""
+    """Force (ticks,) in N that the person intends to press with in one trial."""
     from scipy.signal import lfilter
 
     level = parameters.force_n * np.exp(parameters.force_spread * rng.standard_normal())
@@ -199,10 +187,7 @@ def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.rand
 def guided_demonstrations(
     demonstrator: DemonstratorParameters, testbed: TestbedParameters
 ) -> list[Recording]:
-    """Nominal demonstrations by a person who guides the arm on the flat board.
-
-    Returns recordings "01", "02", ... with `true_segments` (3, 2) of the intended movement.
-    """
+    """Nominal demonstrations "01", "02", ... by a person who guides the arm, with the intended segments."""
     movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
     guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)
     first, *others = movements
@@ -225,5 +210,5 @@ def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Record
     start = motion.position[0], quaternion.matrix(motion.orientation[0])
     fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, testbed.finger_rate_hz)
     log = execute(testbed.world, motion, start, ticks, conditions, testbed.control, fingers, wrist_rng)
-    what = {"seed": str(seed), "setting": setting_name(0.0), "what": "a person guides the arm"}
+    what = {"seed": str(seed), "setting": "board roll 0 degrees", "what": "a person guides the arm"}
     return recorded(testbed, movement.name, number - 1, log, movement.segments, clocks_rng, what)

@@ -1,8 +1,9 @@
-"""The models of chapter III on motions of arms: every kind in two forms, several seeds or robots of each.
+"""Trainings of chapter III on motions of arms: every kind of model in two forms, by seed or robot.
 
 The published form is what the dissertation describes: the raw loss of eq. III.2, and Adam as public code has
-it, since no optimiser is named. Ours normalises the loss by each joint's torque, and has one optimiser for
-all kinds, that with which networks did best on a motion that is not scored.
+it, since no optimiser is named. Our form normalises the loss by each joint's torque, and has one optimiser
+for all kinds, with which networks did best on a motion that is not scored. Models also learn online, once
+through the motion without shuffling (III.4.1.2).
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,9 +21,7 @@ from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 from structlearn.networks.torch_settings import AdamParameters, one_thread, seeded
 from structlearn.rigid_body.dynamics_models import DynamicsModels
-from structlearn.rigid_body.friction import FrictionTerm
-from structlearn.rigid_body.inertia_parameters import STRUCTURES
-from structlearn.rigid_body.learner import (
+from structlearn.rigid_body.dynamics_training import (
     Kind,
     Learned,
     LearningParameters,
@@ -30,31 +29,22 @@ from structlearn.rigid_body.learner import (
     Loss,
     error_table,
     learn_in_epochs,
+    learn_online,
     learner,
     loss_weights,
 )
+from structlearn.rigid_body.friction import FRICTIONS
+from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_names import COULOMB, IDEAL, ROBOT
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.network_models import NETWORKS, NetworkKind, NetworkLearner
+from structlearn.rigid_body.payload import PayloadLearningParameters
 from structlearn.rigid_body.tree import KinematicTree
 
-FRICTIONS: Mapping[str, tuple[FrictionTerm, ...]] = {
-    "none": (),
-    "viscous": ("viscous",),
-    "coulomb": ("viscous", "coulomb"),
-    "offset": ("viscous", "coulomb", "offset"),
-    "stiffness": ("viscous", "coulomb", "offset", "stiffness"),
-}
-"""Friction that models learn: none in simulation, viscous on the robot (III.4.2); Coulomb friction, which the
-dissertation names as future work; and a constant torque, for sensors that are not zeroed."""
+ROBOT_FRICTIONS = {"mlp": ("none",), "mlp_scaled": ("none",), "delan": ("viscous",)}
+"""By kind, on robots' logs; perceptrons see the velocities and need no friction beside them."""
 
-ROBOT_FRICTIONS = {
-    "mlp": ("none",),
-    "mlp_scaled": ("none",),
-    "delan": ("viscous",),
-    "structures": ("viscous", "coulomb"),
-}
-"""By kind, on robots' logs; perceptrons see the velocities and need no friction of their own."""
+STRUCTURE_FRICTIONS = ("viscous", "coulomb")  # of all structures, on robots' logs
 
 Form = Literal["text", "ours"]
 TEXT, OURS = get_args(Form)
@@ -63,14 +53,15 @@ LOSSES: Mapping[Form, Loss] = {TEXT: "raw", OURS: "normalised"}
 STACKED: tuple[NetworkKind, ...] = ("mlp", "delan")
 """Kinds that learn robots' logs as one stack: alone, small networks spend their time between the steps."""
 
-BEYOND_THE_TEXT = ("mlp_scaled",)
-"""Kinds that have no text's form."""
+BEYOND_THE_TEXT = ("mlp_scaled",)  # kinds without a published form
+
+DIVERGED = 1e6  # NMSE above which one model is as bad as another
 
 Seeds = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
 
 
 class EpochLimits(Parameters):
-    """At most so many epochs, whatever the kind and the form."""
+    """Largest number of epochs, of all kinds and forms."""
 
     simulation: int = Field(ge=1)
     robot: int = Field(ge=1)
@@ -96,27 +87,25 @@ class DynamicsTrainingParameters(Parameters):
         return self.learning.model_copy(update={"networks": self.ours, "structures": self.ours})
 
 
-DIVERGED = 1e6
-"""NMSE above which one model is as bad as another."""
+class OnlineParameters(Parameters):
+    """Parameters of online learning: each kind of model learns with each of the losses."""
+
+    models: tuple[Kind, ...]
+    seeds: tuple[NonNegativeInt, ...]
+    losses: tuple[Loss, ...]
+    stride: int = Field(ge=1)
+    payload: PayloadLearningParameters
 
 
 @dataclass(frozen=True)
 class Training:
-    """One training of the models of a kind.
+    """One training of the models of a kind."""
 
-    Attributes:
-        motion: name of the motion: that of the arm, or of the robot below it (`stand_in/11`).
-        kind: of the models.
-        friction: a key of `FRICTIONS`.
-        form: the text's, or ours.
-        seeds: one per model; a robot's model has that of its robot.
-    """
-
-    motion: str
+    motion: str  # name of the motion: that of the arm, or of the robot below it (`stand_in/11`)
     kind: Kind
-    friction: str
+    friction: str  # a key of `FRICTIONS`
     form: Form
-    seeds: tuple[int, ...]
+    seeds: tuple[int, ...]  # one per model; the model of a robot has the robot's
 
     @property
     def arm(self) -> str:
@@ -141,10 +130,9 @@ def trainings(robots: Sequence[int], parameters: DynamicsTrainingParameters) -> 
         if form == TEXT and kind in BEYOND_THE_TEXT:
             continue
         found.append(Training(IDEAL, kind, "none", form, parameters.seeds))
-        frictions = ROBOT_FRICTIONS["structures" if kind in STRUCTURES else kind]
         found += [
             Training(f"{ROBOT}/{robot}", kind, friction, form, (robot,))
-            for robot, friction in product(robots, frictions)
+            for robot, friction in product(robots, ROBOT_FRICTIONS.get(kind, STRUCTURE_FRICTIONS))
         ]
     return found
 
@@ -162,10 +150,17 @@ def train(
         `joint` (from 1), `nmse`. Outcomes: the same keys up to `seed` with `epochs` to the threshold on every
         joint and `epochs_but_last` on every joint but the last (NaN: not reached), `nmse_mean` and `nmse_max`
         over the joints of the model that was kept, and `met`, whether it may be tracked with: it met the
-        text's criterion, in simulation the threshold on every joint, on a robot's log on average
-        (III.4.2.1), which is asked of networks alone.
+        published criterion, in simulation the threshold on every joint, on a robot's log on average
+        (III.4.2.1), which is required of networks alone.
     """
-    together = sorted(_together(work, motions), key=lambda places: work[places[0]].kind != "delan")
+    # trainings that share a process: structures share a regressor, networks of robots are one stack
+    groups: dict[tuple, list[int]] = {}
+    for place, training in enumerate(work):
+        own = training.kind == "nostr" if training.kind in STRUCTURES else (training.kind, training.form)
+        stacked = training.arm == ROBOT and training.kind in STACKED
+        where = len(motions[training.motion]) if stacked else training.motion
+        groups.setdefault((where, training.friction, own), []).append(place)
+    together = sorted(groups.values(), key=lambda places: work[places[0]].kind != "delan")
     run = partial(_train_together, motions=motions, tree=tree, parameters=parameters)
     items = [[work[place] for place in places] for places in together]
     results: dict[int, Learned] = {}
@@ -189,7 +184,7 @@ def train(
 
 
 def scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
-    """What our optimiser is chosen by, in simulation: flat, by kind.
+    """Scores by which our optimiser is chosen, in simulation: flat, by kind.
 
     `epochs_...` is the mean over seeds to the criterion, `limit` where it was not met; `worst_...` the
     geometric mean of the worst joint's NMSE of the models that were kept.
@@ -204,15 +199,31 @@ def scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
     }
 
 
-def _together(work: Sequence[Training], motions: Mapping[str, Motion]) -> list[list[int]]:
-    """Places of trainings that share a process: structures a regressor, networks of robots a stack."""
-    groups: dict[tuple, list[int]] = {}
-    for place, training in enumerate(work):
-        own = training.kind == "nostr" if training.kind in STRUCTURES else (training.kind, training.form)
-        stacked = training.arm == ROBOT and training.kind in STACKED
-        where = len(motions[training.motion]) if stacked else training.motion
-        groups.setdefault((where, training.friction, own), []).append(place)
-    return list(groups.values())
+def learn_once_through(
+    tree: KinematicTree, motion: Motion, parameters: OnlineParameters, learning: LearningParameters
+) -> pd.DataFrame:
+    """Errors on the whole motion while models go through it once, without shuffling (figure III.2).
+
+    Returns:
+        `model`, `loss`, `seed`, `batch` (0: before the first), `joint`, `nmse`.
+    """
+    kinds: dict[str, list[Kind]] = {}
+    for kind in sorted(parameters.models, key=lambda kind: kind != "delan"):  # it takes longest
+        kinds.setdefault("symmetric" if kind in STRUCTURES and kind != "nostr" else kind, []).append(kind)
+    run = partial(_once_through, lesson=Lesson(tree, motion), parameters=parameters, learning=learning)
+    return pd.concat(parallel_map(run, kinds.values(), "online learning"), ignore_index=True)
+
+
+def _once_through(
+    kinds: Sequence[Kind], lesson: Lesson, parameters: OnlineParameters, learning: LearningParameters
+) -> pd.DataFrame:
+    tables, seeds = [], np.array(parameters.seeds)
+    with one_thread():
+        for kind, loss in product(kinds, parameters.losses):
+            models = learner(kind, lesson, loss, parameters.seeds, learning)
+            table = error_table(learn_online(models, parameters.stride), "batch")
+            tables.append(table.assign(model=kind, loss=loss, seed=seeds[table["seed"]]))
+    return pd.concat(tables, ignore_index=True)
 
 
 def _train_together(
@@ -249,22 +260,15 @@ def _train_one(training: Training, lesson: Lesson, parameters: DynamicsTrainingP
 
 def _outcomes(learned: Learned, training: Training, threshold: float) -> pd.DataFrame:
     """One row per model; its errors are those of the epoch at which it was kept."""
-    good, but_last = (
-        (errors <= threshold).all(axis=2) for errors in (learned.nmse[1:], learned.nmse[1:, :, :-1])
-    )
+    good = learned.nmse[1:] <= threshold
     first, first_but_last = (
-        np.where(reached.any(axis=0), reached.argmax(axis=0) + 1.0, np.nan) for reached in (good, but_last)
+        np.where(reached.any(axis=0), reached.argmax(axis=0) + 1.0, np.nan)
+        for reached in (good.all(axis=2), good[:, :, :-1].all(axis=2))
     )
     kept = np.where(learned.epochs > 0, learned.epochs, len(learned.nmse) - 1)
     nmse = learned.nmse[kept, np.arange(len(kept))]
-    on_average = (nmse.mean(axis=1) <= threshold) | (training.kind in STRUCTURES)
-    return pd.DataFrame(
-        {
-            "seed": training.seeds,
-            "epochs": first,
-            "epochs_but_last": first_but_last,
-            "nmse_mean": nmse.mean(axis=1),
-            "nmse_max": nmse.max(axis=1),
-            "met": on_average if training.arm == ROBOT else learned.epochs > 0,
-        }
-    )
+    mean = nmse.mean(axis=1)
+    on_average = (mean <= threshold) | (training.kind in STRUCTURES)
+    met = on_average if training.arm == ROBOT else learned.epochs > 0
+    columns = {"seed": training.seeds, "epochs": first, "epochs_but_last": first_but_last}
+    return pd.DataFrame(columns | {"nmse_mean": mean, "nmse_max": nmse.max(axis=1), "met": met})

@@ -1,4 +1,4 @@
-"""Every model of an arm from logs: trained on one part of its motion, torques predicted for the others."""
+"""Comparison of all models of an arm: trained on one part of its motion, torques predicted for the others."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,22 +13,23 @@ from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.base_parameters import link_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
-from structlearn.rigid_body.identification import (
-    fit_structure,
-    least_squares,
-    normalised_triangle,
+from structlearn.rigid_body.dynamics_training import (
+    Kind,
+    LearningParameters,
+    Lesson,
+    learner,
+    shuffled_epochs,
 )
-from structlearn.rigid_body.inertia_learner import MotionRegressor
+from structlearn.rigid_body.friction import FRICTIONS
+from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
-from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.newton_euler import torque_differences
-from structlearn.rigid_body.training_grid import FRICTIONS
+from structlearn.rigid_body.regressor import MotionRegressor
 from structlearn.rigid_body.tree import Robot, read_urdf
-from structlearn.rigid_body.urdf_writer import write_urdf
+from structlearn.rigid_body.urdf import write_urdf
 
-URDF, LEAST_SQUARES = "urdf", "least_squares"
-"""Models that nothing structured or neural was learned for."""
+URDF, LEAST_SQUARES = "urdf", "least_squares"  # models without training
 
 NETWORKS: dict[Kind, tuple[str, ...]] = {
     "mlp": ("none",),
@@ -39,19 +40,16 @@ NETWORKS: dict[Kind, tuple[str, ...]] = {
 
 LEARNED_FRICTIONS = ("viscous", "coulomb", "offset")
 
-TRAIN = "train"
-"""Name of the part that is learned from."""
+TRAIN = "train"  # part that is learned from
+CONSISTENT = ("tri", "cov")  # structures of physically consistent inertias
 
 ModelKey = tuple[str, str]
 """A kind, `URDF` or `LEAST_SQUARES`, and a key of `FRICTIONS`."""
 
-CONSISTENT = ("tri", "cov")
-"""Structures of physically consistent inertias."""
-
 
 @dataclass(frozen=True)
 class NetworkTraining:
-    """How networks of a kind are trained: all epochs, one network per seed."""
+    """Training of the networks of a kind: all epochs, one network per seed."""
 
     learning: LearningParameters
     seeds: int
@@ -60,30 +58,19 @@ class NetworkTraining:
 
 @dataclass(frozen=True)
 class Fitting:
-    """How structures are fitted.
+    """How structures are fitted."""
 
-    Attributes:
-        iterations: of L-BFGS.
-        limits: see `identification.normalised_triangle`; of least squares too.
-        prior: weight of the divergence from the URDF, of consistent structures (`fit_structure`).
-    """
-
-    iterations: int
-    limits: np.ndarray | None = None
-    prior: float = 0.0
+    iterations: int  # of L-BFGS
+    limits: np.ndarray | None = None  # see `identification.normalised_triangle`; of least squares too
+    prior: float = 0.0  # weight of the divergence from the URDF, of consistent structures (`fit_structure`)
 
 
 @dataclass(frozen=True)
 class Identified:
-    """What was learned of an arm.
-
-    Attributes:
-        models: by kind and friction.
-        torques: (M, N, n) N m of each model on each part.
-    """
+    """Models of an arm by kind and friction."""
 
     models: Mapping[ModelKey, DynamicsModels]
-    torques: Mapping[ModelKey, Mapping[str, np.ndarray]]
+    torques: Mapping[ModelKey, Mapping[str, np.ndarray]]  # (M, N, n) N m of each model on each part
 
 
 def identify_arm(
@@ -94,14 +81,14 @@ def identify_arm(
     structures: Sequence[Structure] = STRUCTURES,
     frictions: Sequence[str] = LEARNED_FRICTIONS,
 ) -> Identified:
-    """Every model on the part `TRAIN`, and what it predicts of all parts.
+    """Train every model on the part `TRAIN`, and predict the torques of all parts.
 
-    Identification starts from the URDF's inertias; structures are learned with each of the
-    frictions, networks as they are listed.
+    Identification starts from the URDF's inertias; structures are learned with each of the frictions,
+    networks with those of `NETWORKS`.
     """
     kinds = [kind for kind in NETWORKS if kind in networks]
     work: list[tuple[Kind, str]] = [(kind, name) for kind in kinds for name in NETWORKS[kind]]
-    work = sorted(work, key=lambda item: item[0] != "delan")  # the longest first
+    work.sort(key=lambda item: item[0] != "delan")  # the longest first
     work += [(kind, friction) for friction in frictions for kind in structures]
     learn = partial(_learned, robot=robot, motion=parts[TRAIN], fitting=fitting, networks=networks)
     models: dict[ModelKey, DynamicsModels] = dict(
@@ -111,13 +98,9 @@ def identify_arm(
     urdf = {name: rigid_body_torques(tree, robot.inertias, part)[None] for name, part in parts.items()}
     torques: dict[ModelKey, dict[str, np.ndarray]] = {(URDF, "none"): urdf}
     for friction in frictions:
-        regressors = {
-            name: MotionRegressor(tree, part, True, FRICTIONS[friction]) for name, part in parts.items()
-        }
-        theta = least_squares(normalised_triangle(regressors[TRAIN].factors, fitting.limits))
-        torques[LEAST_SQUARES, friction] = {
-            name: (its.columns @ theta)[None] for name, its in regressors.items()
-        }
+        its = {name: MotionRegressor(tree, part, True, FRICTIONS[friction]) for name, part in parts.items()}
+        theta = least_squares(normalised_triangle(its[TRAIN].factors, fitting.limits))
+        torques[LEAST_SQUARES, friction] = {name: (one.columns @ theta)[None] for name, one in its.items()}
     for key, learned in models.items():
         torques[key] = {name: predicted_torques(learned, tree, part) for name, part in parts.items()}
     return Identified(models, torques)
@@ -125,19 +108,18 @@ def identify_arm(
 
 def error_table(identified: Identified, parts: Mapping[str, Motion]) -> pd.DataFrame:
     """`model`, `friction`, `seed`, `part`, `joint` (from 1), `nmse`."""
-    rows = []
-    for (model, friction), torques in identified.torques.items():
-        for name, part in parts.items():
-            for seed, values in enumerate(torques[name]):
-                error = nmse(values, part.torque)
-                columns = {"joint": np.arange(1, part.joints + 1), "nmse": error}
-                keys = {"model": model, "friction": friction, "seed": seed, "part": name}
-                rows.append(pd.DataFrame(keys | columns))
-    return pd.concat(rows, ignore_index=True)
+    rows = [
+        (model, friction, seed, name, joint, error)
+        for (model, friction), torques in identified.torques.items()
+        for name, part in parts.items()
+        for seed, values in enumerate(torques[name])
+        for joint, error in enumerate(nmse(values, part.torque), start=1)
+    ]
+    return pd.DataFrame(rows, columns=["model", "friction", "seed", "part", "joint", "nmse"])
 
 
 def body_table(identified: Identified, robot: Robot) -> pd.DataFrame:
-    """`link_table` with `model` and `friction`; the URDF's values stand as `true_*`."""
+    """`link_table` with `model` and `friction`; the URDF's values are `true_*`."""
     tables = [
         link_table(robot.tree, learned.inertias(), robot.inertias).assign(model=kind, friction=friction)
         for (kind, friction), learned in identified.models.items()
@@ -149,10 +131,9 @@ def body_table(identified: Identified, robot: Robot) -> pd.DataFrame:
 def trace_table(
     identified: Identified, part: str, motion: Motion, rate_hz: float, stride: int
 ) -> pd.DataFrame:
-    """Torques of the first seeds on a part, every `stride`-th sample.
+    """Torques of the first seeds on a part, every `stride`-th sample, in N m.
 
-    Returns:
-        `time_s`, `joint`, `measured` and one column in N m per model, `KIND` or `KIND_FRICTION`.
+    Columns `time_s`, `joint`, `measured` and one per model, `KIND` or `KIND_FRICTION`.
     """
     kept = slice(None, None, stride)
     time = np.arange(len(motion))[kept] / rate_hz
@@ -170,11 +151,10 @@ def trace_table(
 def write_identified(
     source: Path, target: Path, robot: Robot, identified: Identified, friction: str
 ) -> pd.DataFrame:
-    """Write the model Cov with Coulomb friction as a URDF like the maker's; it cannot hold an offset.
+    """Write the model Cov as a URDF, which cannot hold an offset of friction, and check the file.
 
-    Returns:
-        `joint`, `difference_n_m`: largest difference at random states between torques of the model and those
-        of Pinocchio's recursive Newton-Euler with the file.
+    Returns `joint`, `difference_n_m`: largest difference at random states between torques of the model and
+    those of Pinocchio's recursive Newton-Euler with the file.
     """
     model = identified.models["cov", friction]
     inertias = model.inertias().of(0)

@@ -1,4 +1,4 @@
-"""Numbers in public logs: tables of text, with every fault named by file and line (from 1), and archives."""
+"""Tables and arrays that others wrote: text, with faults named by file and line (from 1), Parquet, .npz."""
 
 import csv
 import re
@@ -9,9 +9,12 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+import pandas as pd
+import pyarrow
+import pyarrow.parquet
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.core.reading import Budget, digest, require_file
+from structlearn.core.reading import LARGEST, Budget, digest, require_file
 
 T = TypeVar("T")
 
@@ -48,11 +51,21 @@ def natural_order(name: str) -> list[str | int]:
     return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"(\d+)", name))]
 
 
-def read_text(path: Path) -> str:
-    """A whole text file, without a mark of its byte order.
+def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: dict[str, str] | None) -> list[T]:
+    """Read files one by one; with a dict for the reasons, those that cannot be read are left out."""
+    found = []
+    for path in paths:
+        try:
+            found.append(read(path))
+        except InputError as error:
+            if left_out is None:
+                raise
+            left_out[f"{path.parent.name}/{path.name}"] = str(error)
+    return found
 
-    Raises InputError: the file is missing, a pipe, too large, or no text.
-    """
+
+def read_text(path: Path) -> str:
+    """A whole text file, without a mark of its byte order."""
     try:
         require_file(path)
         return path.read_text(encoding="utf-8-sig")
@@ -65,13 +78,7 @@ def read_text(path: Path) -> str:
 def read_table(
     path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
 ) -> np.ndarray:
-    """(T, columns) float64 of a text file; blank lines are skipped.
-
-    Numbers stand apart by the separator, None: by white space; a line may end with one. Raises InputError:
-    the file is missing, no text or has no rows; a line has another number of columns, or something that is
-    not a finite number.
-    """
-    path = Path(path)
+    """(T, columns) float64 of a text file; separator None: white space. Blank lines are skipped."""
     return _numbers(path, _lines(path, separator, header_lines), columns, separator)
 
 
@@ -82,7 +89,6 @@ def read_stamped_table(
 
     Times are taken as decimal numbers: a float of Unix time in s is 240 ns coarse. Otherwise as `read_table`.
     """
-    path = Path(path)
     lines = _lines(path, separator, header_lines)
     stamps = [
         _nanoseconds(f"{path}: line {line}", text.split(separator, 1)[0]) for line, text in lines.items()
@@ -92,10 +98,7 @@ def read_stamped_table(
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """All arrays of an .npz archive, in double precision.
-
-    Raises InputError: it is missing, damaged or too large, or an array holds no numbers.
-    """
+    """All arrays of an .npz archive, in double precision."""
     try:
         require_file(path)
         budget = Budget(path)
@@ -109,18 +112,36 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         raise InputError(f"{path}: cannot be read as arrays: {error}") from error
 
 
-def stamps_of(path: Path, seconds: np.ndarray) -> np.ndarray:
-    """(T,) int64 ns of times in s; an InputError where they are none."""
-    if seconds.ndim != 1 or not np.isfinite(seconds).all() or np.abs(seconds).max(initial=0.0) > 9e9:
-        raise InputError(f"{path}: times are no times in s")
-    return np.round(1e9 * seconds).astype(np.int64)
+def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFrame:
+    """Some columns of a Parquet table, by default all; words become categories, which take less memory."""
+    try:
+        require_file(path, whole=False)
+        schema = pyarrow.parquet.read_schema(path)
+        names = list(schema.names if needed is None else needed)
+        if missing := [name for name in names if name not in schema.names]:
+            raise InputError(f"{path}: has no column {', '.join(missing)}; it has {', '.join(schema.names)}")
+        if len(set(schema.names)) < len(schema.names):
+            raise InputError(f"{path}: a column stands twice among {', '.join(schema.names)}")
+        words = [one.name for one in schema if one.type in (pyarrow.string(), pyarrow.binary())]
+        with pyarrow.parquet.ParquetFile(
+            path, page_checksum_verification=True, read_dictionary=words
+        ) as file:
+            about = file.metadata
+            parts = [about.row_group(number) for number in range(about.num_row_groups)]
+            counts = [part.column(place).num_values for part in parts for place in range(about.num_columns)]
+            if 8 * max(sum(counts), about.num_rows * about.num_columns) > LARGEST:
+                raise InputError(
+                    f"{path}: has {about.num_rows} rows of {about.num_columns} columns, too many"
+                )
+            return file.read(columns=names).to_pandas()
+    except InputError:
+        raise
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
+        raise InputError(f"{path}: not a Parquet file that can be read: {error}") from error
 
 
 def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
-    """Rows of a CSV file with headings, as words, each with its file and line.
-
-    Raises InputError: the file is missing, no text, or lacks a column; a line is longer or shorter.
-    """
+    """Rows of a CSV file with headings, as words, each with its file and line."""
     try:
         header, *rows = list(csv.reader(read_text(path).splitlines(keepends=True))) or [[]]
     except csv.Error as error:
@@ -150,17 +171,11 @@ def finite_numbers(where: str, words: Sequence[str]) -> list[float]:
     return values
 
 
-def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: dict[str, str] | None) -> list[T]:
-    """Read files one by one; with a dict for the reasons, those that cannot be read are left out."""
-    found = []
-    for path in paths:
-        try:
-            found.append(read(path))
-        except InputError as error:
-            if left_out is None:
-                raise
-            left_out[f"{path.parent.name}/{path.name}"] = str(error)
-    return found
+def stamps_of(path: Path, seconds: np.ndarray) -> np.ndarray:
+    """(T,) int64 ns of times in s; an InputError where they are none."""
+    if seconds.ndim != 1 or not np.isfinite(seconds).all() or np.abs(seconds).max(initial=0.0) > 9e9:
+        raise InputError(f"{path}: times are no times in s")
+    return np.round(1e9 * seconds).astype(np.int64)
 
 
 def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:
@@ -170,29 +185,26 @@ def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:
 
 def check_rising(path: Path, stamps: np.ndarray) -> None:
     """Raise an InputError unless each line (T,) comes after the one before it."""
-    steps = np.diff(stamps)
-    if (steps <= 0).any():
-        raise InputError(
-            f"{path}: line {int(np.argmax(steps <= 0)) + 2} does not come after the one before it"
-        )
+    if (late := np.diff(stamps) <= 0).any():
+        raise InputError(f"{path}: line {int(np.argmax(late)) + 2} does not come after the one before it")
 
 
-def _lines(path: Path, separator: str | None, header_lines: int) -> dict[int, str]:
+def _lines(path: str | Path, separator: str | None, header_lines: int) -> dict[int, str]:
     """Lines that are not blank, by their number from 1, without a separator at their end."""
-    stripped = map(str.strip, read_text(path).split("\n")[header_lines:])
+    stripped = map(str.strip, read_text(Path(path)).split("\n")[header_lines:])
     lines = {number: line for number, line in enumerate(stripped, start=header_lines + 1) if line}
     if not lines:
         raise InputError(f"{path}: has no rows")
     return {n: line.removesuffix(separator) for n, line in lines.items()} if separator else lines
 
 
-def _numbers(path: Path, lines: Mapping[int, str], columns: int, separator: str | None) -> np.ndarray:
+def _numbers(path: str | Path, lines: Mapping[int, str], columns: int, separator: str | None) -> np.ndarray:
     """(T, columns) float64 of the lines."""
     try:
         table = np.loadtxt(list(lines.values()), delimiter=separator, comments=None, ndmin=2)
         if table.shape == (len(lines), columns) and np.isfinite(table).all():
             return table
-    except ValueError:  # tells no line of the file; what is wrong is found line by line
+    except ValueError:  # does not name the line, which is found below
         pass
     rows = []
     for line, text in lines.items():

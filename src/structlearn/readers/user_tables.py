@@ -1,0 +1,285 @@
+"""Tables of those who have no ROS: of poses, of the solids around a movement, of touches of a skin.
+
+The first row of a CSV names its columns; each further row is a sample. Columns of poses are taken by their
+names:
+
+| columns | what | needed |
+|---|---|---|
+| `time_s` | s, from any origin after 0; first in a CSV | yes |
+| `x`, `y`, `z` | m, end-effector in the base frame | yes |
+| `qw`, `qx`, `qy`, `qz` | its orientation, unit quaternion | all or none |
+| `fx`, `fy`, `fz`, `tx`, `ty`, `tz` | force in N, torque in N m | all or none |
+| `position.NAME`, `velocity.NAME`, `effort.NAME` | rad, rad/s, N m of the joint NAME, or m, m/s, N | no |
+
+Another column is an error, since it may be a misspelt one. A table without quaternions gives recordings whose
+orientation was not recorded. It becomes what a bag is: ROS 2 messages on `TABLE_TOPICS`, which are the names
+for a topic map.
+
+Solids around a movement are a CSV beside its bag, one per row, with the columns `name`, `form` (cube, sphere
+or cylinder), `x`, `y`, `z` (m, centre in the base frame), `qw`, `qx`, `qy`, `qz` (orientation) and `sx`,
+`sy`, `sz` (m, full extent along the solid's own axes, z the axis of a cylinder).
+
+A table of touches (CSV or Parquet) has a column per channel and, where known, the place in m: `x_m`, `y_m`
+and, if it varies, `z_m`, the height of what touches; with `force_n`, the reading of a scale (empty without
+one), and `time_s`, forces can be learned. A table with a column `run` holds several recordings. Recordings
+with a tactile signal have the pose of what touches as place.
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from structlearn.core import quaternion
+from structlearn.core.artefacts import read_csv
+from structlearn.core.errors import InputError
+from structlearn.readers.bag import Bag
+from structlearn.readers.clock import NORM_TOLERANCE
+from structlearn.readers.demonstration import (
+    FORMS,
+    Demonstration,
+    NamedShape,
+    Series,
+    Stream,
+    read_series,
+    write_series,
+)
+from structlearn.readers.foreign_tables import (
+    finite_numbers,
+    natural_order,
+    read_parquet,
+    read_rows,
+    read_stamped_table,
+    read_text,
+)
+from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
+from structlearn.readers.source import METADATA, SHAPE_FILE
+
+# Topics of a table of poses as a bag, those of the columns that it has.
+TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
+
+TIME, POSITION = "time_s", ("x", "y", "z")
+ORIENTATION = ("qw", "qx", "qy", "qz")
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+SIZE = ("sx", "sy", "sz")
+UNDERSTOOD = ", ".join((*POSITION, *ORIENTATION, *WRENCH, *(f"{field}.NAME" for field in FIELDS.values())))
+UNDERSTOOD = f"columns may be {UNDERSTOOD}, comma-separated"
+MOST_COLUMNS = 1000
+
+PLACE, FORCE, RUN = ("x_m", "y_m", "z_m"), "force_n", "run"
+UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys(PLACE, "m")
+"""Of what a table of touches may have beside channels."""
+
+
+def read_pose_table(path: Path) -> Bag:
+    """Read a table of poses as a bag; an InputError names file and row of what is wrong."""
+    names, stamps, values = (_of_parquet if path.suffix == ".parquet" else _of_csv)(path)
+    if (wrong := (stamps < 0) | (stamps > LAST_STAMP)).any():
+        row = int(np.argmax(wrong))
+        raise InputError(f"{path}: row {row}: {TIME} is {stamps[row] * 1e-9:.9g}, not between 0 and 2^31")
+    columns = dict(zip(names, values.T, strict=True))
+    for group in (ORIENTATION, WRENCH):
+        missing = [name for name in group if name not in columns]
+        if missing and len(missing) < len(group):
+            raise InputError(f"{path}: has no column {', '.join(missing)}; {', '.join(group)} come together")
+
+    def block(names: Iterable[str]) -> np.ndarray:
+        return np.stack([columns[name] for name in names], axis=1)
+
+    oriented = ORIENTATION[0] in columns
+    turns = block(ORIENTATION) if oriented else np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))
+    pose = Stream("", "pose", stamps, np.hstack([block(POSITION), turns]))
+    messages = {"pose": to_messages(str(path), pose)}
+    if WRENCH[0] in columns:
+        messages["wrench"] = to_messages(str(path), Stream("", "wrench", stamps, block(WRENCH)))
+    fields = {}
+    joints = list(dict.fromkeys(name for one in FIELDS.values() for name in _joints(names, one)))
+    for kind, one in FIELDS.items():
+        its = _joints(names, one)
+        if its and (missing := [name for name in joints if name not in its]):
+            raise InputError(f"{path}: has {one}.{its[0]}, but not {one}.{missing[0]}")
+        if its:
+            fields[kind] = block(f"{one}.{joint}" for joint in joints)
+    if joints:
+        messages["joint_states"] = joint_messages(str(path), joints, stamps, fields)
+    provenance = {"origin": "recorded", "source": path.name}
+    if not oriented:
+        provenance["orientation"] = "not recorded"
+    return Bag(
+        {TABLE_TOPICS[role]: [one.name for one in its.schemas[:1] if one] for role, its in messages.items()},
+        {TABLE_TOPICS[role]: its for role, its in messages.items()},
+        {"provenance": json.dumps(provenance, sort_keys=True), "true_segments": "null"},
+    )
+
+
+def _of_csv(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Names of the columns without the time, (T,) ns, and (T, D) values."""
+    names = [name.strip() for name in read_text(path).partition("\n")[0].split(",")]
+    if names[0] != TIME:
+        raise InputError(f"{path}: the first column is '{names[0]}', not {TIME}; behind it {UNDERSTOOD}")
+    _check_names(path, names[1:])
+    return names[1:], *read_stamped_table(path, columns=len(names), separator=",", header_lines=1)
+
+
+def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """As `_of_csv`; times are float64, which is 240 ns coarse in s of Unix time."""
+    table = read_parquet(path)
+    if others := [str(name) for name in table if name not in table.select_dtypes("number")]:
+        raise InputError(f"{path}: {', '.join(others)}: not numbers")
+    if TIME not in table:
+        raise InputError(f"{path}: has no column {TIME}; it has {', '.join(table)}")
+    _check_finite(path, table, "row {row}: {name} is {value}")
+    time = table.pop(TIME).to_numpy(float)
+    if np.abs(time).max(initial=0.0) >= 2**31:
+        raise InputError(f"{path}: {TIME} goes to {np.abs(time).max():g} s, beyond 2^31")
+    _check_names(path, list(table))
+    if not len(time):
+        raise InputError(f"{path}: has no rows")
+    return list(table), np.round(time * 1e9).astype(np.int64), table.to_numpy(float)
+
+
+def _joints(names: Sequence[str], of: str) -> list[str]:
+    """Joints of which there is a field."""
+    return [name.removeprefix(f"{of}.") for name in names if name.startswith(f"{of}.")]
+
+
+def _check_names(path: Path, names: Sequence[str]) -> None:
+    if len(names) > MOST_COLUMNS:
+        raise InputError(f"{path}: has {len(names)} columns, more than {MOST_COLUMNS}")
+    prefixes = tuple(f"{field}." for field in FIELDS.values())
+    for name in names:
+        joint = name.startswith(prefixes) and not name.endswith(".")
+        if name not in (*POSITION, *ORIENTATION, *WRENCH) and not joint:
+            raise InputError(f"{path}: column '{name}' is not understood; {UNDERSTOOD}")
+        if names.count(name) > 1:
+            raise InputError(f"{path}: column '{name}' stands {names.count(name)} times")
+    if missing := [name for name in POSITION if name not in names]:
+        raise InputError(f"{path}: has no column {', '.join(missing)}")
+
+
+def shape_file(path: Path, name: str) -> Path | None:
+    """The nearest table of shapes that is meant for a recording; None where there is none."""
+    folders = [path.parent, path.parent.parent] if (path.parent / METADATA).exists() else [path.parent]
+    if path.is_dir():  # a bag that is split
+        folders.insert(0, path)
+    places = [folder / file for folder in folders for file in (f"{name}.{SHAPE_FILE}", SHAPE_FILE)]
+    return next((place for place in places if place.is_file()), None)
+
+
+def read_shapes(path: Path) -> tuple[NamedShape, ...]:
+    """Read a table of shapes; an InputError names file and line of what is wrong."""
+    shapes = []
+    columns = (*POSITION, *ORIENTATION, *SIZE)
+    for where, row in read_rows(path, ("name", "form", *columns)):
+        form = next((one for one in FORMS if one == row["form"]), None)
+        if form is None:
+            raise InputError(f"{where}: form is '{row['form']}', not one of {', '.join(FORMS)}")
+        values = np.array(finite_numbers(where, [row[name] for name in columns]))
+        position, orientation, size = np.split(values, (3, 7))
+        if not (size > 0).all():
+            raise InputError(f"{where}: a shape needs a positive size")
+        norm = float(np.linalg.norm(orientation))
+        if abs(norm - 1.0) > NORM_TOLERANCE:
+            raise InputError(f"{where}: quaternion has norm {norm:.6g}, not 1")
+        shapes.append(NamedShape(row["name"], form, position, quaternion.normalised(orientation), size))
+    return tuple(shapes)
+
+
+@dataclass(frozen=True)
+class TouchLog:
+    """One recording of a skin: counts (N, E) by channel, and what is known beside them.
+
+    Place (N, 3) m of what touches, time (N,) s, and force (N,) N of a scale, NaN without a reading.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    counts: np.ndarray
+    place: np.ndarray | None
+    time: np.ndarray | None = None
+    force: np.ndarray | None = None
+    provenance: dict[str, str] = field(default_factory=dict)
+
+
+def touch_of(demonstration: Demonstration) -> TouchLog:
+    """Touches of a recording with a tactile signal; an InputError where it has none."""
+    counts = demonstration.tactile
+    if counts is None:
+        raise InputError(f"{demonstration.name}: has no tactile signal; name its topic in the parameters")
+    channels = tuple(str(channel + 1) for channel in range(counts.shape[1]))
+    return TouchLog(demonstration.name, channels, counts, demonstration.position)
+
+
+def touch_tables(source: Path) -> list[Path]:
+    """The tables of a file or folder, in natural order; none where there are only bags."""
+    if not source.exists():
+        raise InputError(f"{source}: no such file or folder")
+    paths = [path for path in (source.iterdir() if source.is_dir() else [source]) if path.is_file()]
+    found = [path for path in paths if path.suffix in (".csv", ".parquet") and not path.name.startswith(".")]
+    return sorted(found, key=lambda path: natural_order(path.stem))
+
+
+def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
+    """Publish recordings with different names as one table, with their provenance."""
+    series = []
+    for log in logs:
+        known: Mapping[str, np.ndarray | None] = {TIME: log.time, FORCE: log.force}
+        columns = {name: values for name, values in known.items() if values is not None}
+        if log.place is not None:
+            columns |= dict(zip(PLACE, log.place.T, strict=True))
+        columns |= dict(zip(log.channels, log.counts.T, strict=True))
+        series.append(Series(log.name, columns, log.provenance))
+    write_series(series, UNITS | {name: "counts" for log in logs for name in log.channels}, target)
+
+
+def read_touch_logs(path: str | Path) -> list[TouchLog]:
+    """What `write_touch_logs` published."""
+    logs = []
+    for one in read_series(path):
+        channels = tuple(name for name in one.columns if name not in UNITS)
+        place = one.stacked(PLACE) if PLACE[-1] in one.columns else None
+        time, force = one.columns.get(TIME), one.columns.get(FORCE)
+        logs.append(TouchLog(one.name, channels, one.stacked(channels), place, time, force, dict(one.about)))
+    return logs
+
+
+def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLog]:
+    """Read the recordings of a table of touches; channels None: all columns but place, time, force and run.
+
+    An InputError names file, row (from 0) and column of what is wrong.
+    """
+    table = read_csv(path) if path.suffix == ".csv" else read_parquet(path)
+    own = tuple(name for name in table.columns if name not in (*UNITS, RUN))
+    names = own if channels is None else tuple(channels)
+    if missing := [name for name in names if name not in table.columns]:
+        raise InputError(
+            f"{path}: has no column {', '.join(missing)}; its columns are {', '.join(table.columns)}"
+        )
+    if not names or not len(table):
+        raise InputError(f"{path}: has no channels or no rows")
+    missing = [name for name in PLACE[:2] if name not in table.columns]
+    if len(missing) == 1:
+        raise InputError(f"{path}: has no column {missing[0]}, but the other one of the place")
+    numbers = [*names, *(name for name in (*PLACE, TIME) if name in table.columns)]
+    _check_finite(path, table[numbers], "row {row}, column {name}: is not a finite number: {value}")
+    if not missing and PLACE[2] not in table.columns:
+        table[PLACE[2]] = 0.0
+    logs = []
+    for name, its in table.groupby(RUN, observed=True) if RUN in table.columns else [(path.stem, table)]:
+        place = None if missing else its[list(PLACE)].to_numpy(float)
+        time, force = (its[key].to_numpy(float) if key in its.columns else None for key in (TIME, FORCE))
+        logs.append(TouchLog(str(name), names, its[list(names)].to_numpy(float), place, time, force))
+    return logs
+
+
+def _check_finite(path: Path, table: pd.DataFrame, words: str) -> None:
+    """Raise an InputError at the first value that is not finite, in `words` about row, name and value."""
+    for name in table:
+        finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(float))
+        if not finite.all():
+            row = int(np.argmin(finite))
+            fault = words.format(row=row, name=name, value=table[name].iloc[row])
+            raise InputError(f"{path}: {fault}")

@@ -1,0 +1,330 @@
+"""Training of inverse-dynamics models: shuffled epochs until they are good enough, or once through, online.
+
+Models of one kind train together, one per seed: the seed decides where a model starts, the order of the
+samples is the same for all. Inertias descend compiled: with fixed kinematics torques are Y theta, so the
+gradient at theta is a matrix product, which `inertia_parameters` carries through the parameterisation.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import pandas as pd
+import torch
+from pydantic import Field
+
+from structlearn.core.compilation import numba
+from structlearn.core.params import Parameters
+from structlearn.networks.torch_settings import AdamParameters, seeded
+from structlearn.rigid_body.friction import FrictionTerm, initial_friction, squared
+from structlearn.rigid_body.inertia_parameters import (
+    STRUCTURES,
+    Structure,
+    draw,
+    structure_gradient,
+    structure_theta,
+)
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.network_models import NETWORKS, SCALING, NetworkKind, NetworkLearner
+from structlearn.rigid_body.regressor import MotionRegressor
+from structlearn.rigid_body.tree import KinematicTree
+
+Kind = Literal[NetworkKind, Structure]
+KINDS: tuple[Kind, ...] = (*NETWORKS, *STRUCTURES)
+
+Loss = Literal["raw", "normalised"]
+LOSSES: tuple[Loss, ...] = get_args(Loss)
+
+SHARED = (*SCALING, "row", "column")
+"""Tensors of a state that all its models have in common."""
+
+MEAN_DECAY, SMALLEST_ROOT = 0.9, 1e-8
+"""Of Adam: decay of the running mean of gradients per step; added to the root of their mean square."""
+
+
+class LearningParameters(Parameters):
+    """Parameters of learning a dynamics model."""
+
+    hidden: tuple[int, ...] = Field(min_length=1)
+    networks: AdamParameters
+    structures: AdamParameters
+    threshold: float = Field(gt=0)
+
+
+class Lesson:
+    """A motion to learn from, and the terms of friction that are learned too.
+
+    Networks do not use the kinematics; a regressor is made once for all structures.
+    """
+
+    def __init__(self, tree: KinematicTree, motion: Motion, friction: tuple[FrictionTerm, ...] = ()):
+        self.tree, self.motion, self.friction = tree, motion, friction
+        self._regressors: dict[bool, MotionRegressor] = {}
+
+    def regressor(self, symmetric: bool) -> MotionRegressor:
+        """The motion's regressor for inertias that are symmetric, or for nostr, whose are not."""
+        if symmetric not in self._regressors:
+            self._regressors[symmetric] = MotionRegressor(self.tree, self.motion, symmetric, self.friction)
+        return self._regressors[symmetric]
+
+
+class InertiaLearner:
+    """M models of one structure that learn from the same samples.
+
+    `weights` (n,) are those of each joint's squared error in the loss; a generator per model draws its start.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        regressor: MotionRegressor,
+        weights: np.ndarray,
+        adam: AdamParameters,
+        generators: Sequence[torch.Generator],
+    ):
+        self.samples, joints = regressor.torque.shape
+        self.structure, self.regressor, self.weights = STRUCTURES.index(structure), regressor, weights
+        self.squared = squared(regressor.friction)
+        self.free = draw(structure, joints, list(generators)).numpy().copy()  # (M, n, k)
+        self.rubbing = initial_friction(len(self.free), joints, regressor.friction)
+        self.moments = [(np.zeros_like(its), np.zeros_like(its)) for its in (self.free, self.rubbing)]
+        self.adam, self.batch, self.steps = adam, adam.batch, 0
+
+    def learn(self, order: torch.Tensor) -> None:
+        """Steps of Adam down the mean weighted squared error of samples, a batch each."""
+        inertial_moments, rubbed_moments = self.moments
+        _descend(
+            self.structure,
+            self.regressor.columns,
+            self.regressor.torque,
+            self.weights,
+            order.numpy(),
+            self.batch,
+            self.free,
+            self.rubbing,
+            self.squared,
+            inertial_moments,
+            rubbed_moments,
+            self.adam.rate,
+            self.adam.second_moment_decay,
+            self.steps,
+        )
+        self.steps += -(-len(order) // self.batch)
+
+    def nmse(self, stride: int = 1) -> np.ndarray:
+        """(M, n) errors on the whole motion; a stride would save nothing."""
+        theta = structure_theta(self.structure, self.free, self.rubbing, self.squared)
+        return self.regressor.factors.nmse(theta)
+
+    def keep(self, models: np.ndarray) -> None:
+        """Go on with some of the models, (M,) whether each is among them."""
+        self.free, self.rubbing = self.free[models], self.rubbing[models]
+        self.moments = [(mean[models], square[models]) for mean, square in self.moments]
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Free parameters, each with a leading axis of models."""
+        return {"inertia": self.free.copy(), "friction": self.rubbing.copy()}
+
+
+Learner = InertiaLearner | NetworkLearner
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Outcome of a training of M models."""
+
+    state: dict[str, np.ndarray]  # of the models, each when it became good enough, or after the last epoch
+    nmse: np.ndarray  # (E + 1, M, n) at the start and after each epoch; the last one once a model has stopped
+    epochs: np.ndarray  # (M,) epochs that each needed; 0: not good enough after all of them
+
+    def part(self, model: int) -> "Learned":
+        """One of the models."""
+        one = slice(model, model + 1)
+        state = {name: values if name in SHARED else values[one] for name, values in self.state.items()}
+        return Learned(state, self.nmse[:, one], self.epochs[one])
+
+
+def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:
+    """(n,) of each joint's squared error: 1 as in eq. III.2, or 1 over the torque's variance."""
+    return np.ones(motion.joints) if loss == "raw" else 1.0 / motion.torque_variance
+
+
+def learner(
+    kind: Kind, lesson: Lesson, loss: Loss, seeds: Sequence[int], parameters: LearningParameters
+) -> Learner:
+    """Models of one kind at their start, one per seed."""
+    weights, generators = loss_weights(loss, lesson.motion), [seeded(seed) for seed in seeds]
+    if kind in STRUCTURES:
+        regressor = lesson.regressor(kind != "nostr")
+        return InertiaLearner(kind, regressor, weights, parameters.structures, generators)
+    assert kind in NETWORKS
+    motions, adam, hidden = [lesson.motion], parameters.networks, parameters.hidden
+    return NetworkLearner(kind, motions, lesson.friction, weights[None], adam, hidden, generators)
+
+
+def shuffled_epochs(models: Learner, epochs: int) -> Iterator[int]:
+    """Shuffled epochs; the number of each, from 1, after it."""
+    generator = seeded(0)
+    for epoch in range(1, epochs + 1):
+        models.learn(torch.randperm(models.samples, generator=generator))
+        yield epoch
+
+
+def learn_annealed(models: NetworkLearner, epochs: int) -> None:
+    """Shuffled epochs, in which the rate of Adam falls to zero along a cosine."""
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(models.optimiser, epochs)
+    for _ in shuffled_epochs(models, epochs):
+        schedule.step()
+
+
+def learn_in_epochs(
+    models: Learner, threshold: float, epochs: int, stride: int = 1, futility: int | None = None
+) -> Learned:
+    """Shuffled epochs until every joint of every model is good enough (III.4.1.1).
+
+    A model stops after the first epoch with an NMSE of at most `threshold` on every joint, or with errors
+    whose fall over the last `futility` epochs shows that it cannot reach it (`_stopping`). Errors of networks
+    on every `stride`-th sample only trigger the check: a model stops for its error on all samples.
+    """
+    errors = models.nmse(stride)
+    history, kept = [errors], models.state()
+    needed, learning = np.zeros(len(errors), dtype=int), np.arange(len(errors))
+    for epoch in shuffled_epochs(models, epochs):
+        before = history[epoch - futility][learning] if futility and epoch >= futility else None
+        ahead = (epochs - epoch) / (futility or 1)
+        found = models.nmse(stride)
+        if epoch == epochs or _stopping(found, before, ahead, threshold).any():
+            found = models.nmse()
+        done = _stopping(found, before, ahead, threshold) | (epoch == epochs)
+        errors = errors.copy()
+        errors[learning] = found
+        history.append(errors)
+        needed[learning[_good(found, threshold)]] = epoch
+        if done.any():
+            for name, values in models.state().items():
+                if name not in SHARED:
+                    kept[name][learning[done]] = values[done]
+            if done.all():
+                break
+            models.keep(~done)
+            learning = learning[~done]
+    return Learned(kept, np.array(history), needed)
+
+
+def learn_online(models: Learner, stride: int = 1) -> np.ndarray:
+    """NMSE (E + 1, M, n), once through the motion in the order of time (III.4.1.2, figure III.2).
+
+    One step per batch; errors of networks are on every `stride`-th sample.
+    """
+    history = [models.nmse(stride)]
+    for batch in torch.arange(models.samples).split(models.batch):
+        models.learn(batch)
+        history.append(models.nmse(stride))
+    return np.array(history)
+
+
+def error_table(nmse: np.ndarray, step: str) -> pd.DataFrame:
+    """Rows `seed`, `step`, `joint` (from 1) and `nmse` of errors (E, M, n)."""
+    steps, seeds, joints = (places.ravel() for places in np.indices(nmse.shape))
+    return pd.DataFrame({"seed": seeds, step: steps, "joint": joints + 1, "nmse": nmse.ravel()})
+
+
+def _good(errors: np.ndarray, threshold: float) -> np.ndarray:
+    """(M,) whether every joint's error (M, n) is at most the threshold."""
+    return np.all(errors <= threshold, axis=1)
+
+
+def _stopping(errors: np.ndarray, before: np.ndarray | None, ahead: float, threshold: float) -> np.ndarray:
+    """(M,) whether each joint's error (M, n) is good enough, or would not become so.
+
+    Errors are extrapolated: they fall as they did since `before` (M, n), for `ahead` times as long.
+    """
+    if before is None:
+        return _good(errors, threshold)
+    return np.all((errors <= threshold) | (errors * (errors / before) ** ahead > threshold), axis=1)
+
+
+@numba.njit(cache=True)
+def _descend(
+    structure: int,
+    columns: np.ndarray,
+    torque: np.ndarray,
+    weights: np.ndarray,
+    order: np.ndarray,
+    batch: int,
+    free: np.ndarray,
+    rubbing: np.ndarray,
+    squared: np.ndarray,
+    inertial_moments: tuple[np.ndarray, np.ndarray],
+    rubbed_moments: tuple[np.ndarray, np.ndarray],
+    rate: float,
+    decay: float,
+    steps: int,
+) -> None:
+    """Change `free` and `rubbing`, and Adam's moments of both, by a step per batch of the order."""
+    for step in range(-(-len(order) // batch)):
+        samples = order[step * batch : (step + 1) * batch]
+        theta = structure_theta(structure, free, rubbing, squared)
+        slope = np.zeros_like(theta)
+        _add_slopes(columns, torque, 2.0 / len(samples) * weights, samples, free.shape[2], theta, slope)
+        inertial, rubbed = structure_gradient(structure, free, rubbing, squared, slope)
+        _adam_step(free, inertial, inertial_moments, rate, decay, steps + step + 1)
+        _adam_step(rubbing, rubbed, rubbed_moments, rate, decay, steps + step + 1)
+
+
+@numba.njit(cache=True, error_model="numpy")  # without a check of each divisor it becomes vectors
+def _adam_step(
+    variable: np.ndarray,
+    gradient: np.ndarray,
+    moments: tuple[np.ndarray, np.ndarray],
+    rate: float,
+    decay: float,
+    count: int,
+) -> None:
+    """One step of Adam in place, by torch's rule; `count` is the number of this step, from 1."""
+    mean, square = moments[0].reshape(-1), moments[1].reshape(-1)
+    values, slopes = variable.reshape(-1), gradient.reshape(-1)
+    step, root = rate / (1.0 - MEAN_DECAY**count), math.sqrt(1.0 - decay**count)
+    for place in range(len(values)):
+        mean[place] += (1.0 - MEAN_DECAY) * (slopes[place] - mean[place])
+        square[place] += (1.0 - decay) * (slopes[place] * slopes[place] - square[place])
+        values[place] -= step * mean[place] / (math.sqrt(square[place]) / root + SMALLEST_ROOT)
+
+
+@numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+def _add_slopes(
+    columns: np.ndarray,
+    torque: np.ndarray,
+    weights: np.ndarray,
+    samples: np.ndarray,
+    width: int,
+    theta: np.ndarray,
+    slope: np.ndarray,
+) -> None:
+    """Add Y^T weights (Y theta - tau) of some samples, for every model.
+
+    A joint's torque does not depend on links before it, nor on the friction of other joints.
+    """
+    joints = torque.shape[1]
+    links = joints * width
+    terms = theta.shape[1] // joints - width
+    for sample in samples:
+        for joint in range(joints):
+            begin, rub = joint * width, links + joint * terms
+            row, rubbed = columns[sample, joint, begin:links], columns[sample, joint, rub : rub + terms]
+            for model in range(len(theta)):
+                # views, which the compiler turns into vector instructions
+                values, found = theta[model, begin:links], slope[model, begin:links]
+                rubbing, its = theta[model, rub : rub + terms], slope[model, rub : rub + terms]
+                error = -torque[sample, joint]
+                for place in range(len(row)):
+                    error += row[place] * values[place]
+                for place in range(terms):
+                    error += rubbed[place] * rubbing[place]
+                error *= weights[joint]
+                for place in range(len(row)):
+                    found[place] += row[place] * error
+                for place in range(terms):
+                    its[place] += rubbed[place] * error

@@ -1,0 +1,170 @@
+"""What is learned from a skin and how it is tested: maps, forces, servoing in a recorded map (II.3, II.4).
+
+Errors are on blocks of places held out; with separate recordings, models of one are tested on the others too.
+Servoing is learned from one recording and tried on the table of presses of another (II.3.5).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from structlearn.core.artefacts import write_table
+from structlearn.core.parallel import parallel_map
+from structlearn.readers.user_tables import TouchLog
+from structlearn.tactile.latent_models import write_models
+from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
+from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
+from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
+from structlearn.tasks.touch.skin_force import force_errors
+from structlearn.tasks.touch.skin_readings import errors_of_fold, errors_on_other, within_runs
+from structlearn.tasks.touch.skin_touches import (
+    NEVER_VARIES,
+    LearnedSkin,
+    Touches,
+    folds_of,
+    gathered,
+    learn_skin,
+)
+from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, STRUCTURED, TEXT_SERVO
+from structlearn.tasks.touch.touch_parameters import TouchParameters
+
+SPREAD = 0.5  # of likely actions, over which the corrected controller takes slopes
+
+
+def learn_touch(
+    logs: Sequence[TouchLog], parameters: TouchParameters, folder: Path | None = None
+) -> tuple[dict[str, LearnedSkin], dict[str, pd.DataFrame]]:
+    """Learn from all touches and test on what was left out; write everything into an existing folder.
+
+    Recordings with a force are for forces alone: their probe stays at one place.
+
+    Returns:
+        Skins by the recording that each was learned from, or `TOGETHER`. Tables that have rows, by name:
+        `recordings` (`gathered`), `errors`, `map` (`errors_of_fold`), `maps` (`errors_on_other`), `servo`,
+        `paths` (`servo_trials`), `force`, `lags`, `traces` (`force_errors`), `published` (`within_runs`).
+
+    Raises:
+        InputError: recordings differ in their channels, nothing touches, places are not known, or a channel
+            never changes.
+        MissingInputError: no recording has touches in two blocks of places, or they lie in patches too far
+            apart for distances along the skin.
+    """
+    weighed = [log for log in logs if log.force is not None and np.isfinite(log.force).any()]
+    if parameters.force is None:
+        weighed = []
+    pressed = [log for log in logs if not any(log is one for one in weighed)]
+    runs, recordings = gathered(pressed, parameters) if pressed else ([], pd.DataFrame())
+    parts: dict[str, list[pd.DataFrame]] = {"recordings": [recordings]}
+
+    def collect(names: Sequence[str], function: Callable[..., Any], work: Sequence[Any], about: str) -> None:
+        """Add what a function returns for each piece of work: a table for each name."""
+        for found in parallel_map(partial(function, parameters=parameters), work, about, local=True):
+            for name, table in zip(names, found, strict=True):
+                parts.setdefault(name, []).append(table)
+
+    with threadpool_limits(1):  # as in separate processes, so that their number changes no bit
+        learned = parallel_map(partial(_whole, parameters=parameters), runs, "skins", local=True)
+        skins = {run.name: skin for run, skin in zip(runs, learned, strict=True)}
+        if runs:
+            collect(("errors", "map"), errors_of_fold, folds_of(runs, parameters), "maps of a skin")
+        across = [(skins[run.name], run, other) for run in runs for other in runs if other is not run]
+        collect(("errors", "maps"), errors_on_other, across, "other runs")
+        if parameters.servo is not None:
+            collect(("servo", "paths"), servo_trials, across, "servoing")
+        if parameters.published is not None:
+            parts["published"] = [within_runs(logs, parameters.published.first_share)]
+        if parameters.force is not None:
+            one_skin = [log for log in weighed if log.channels == logs[0].channels]
+            forces = force_errors(one_skin, parameters.force, parameters.rival_samples)
+            parts |= {name: [table] for name, table in zip(("force", "lags", "traces"), forces, strict=True)}
+    there = {name: [table for table in its if len(table)] for name, its in parts.items()}
+    tables = {name: pd.concat(its, ignore_index=True) for name, its in there.items() if its}
+    if folder is not None:
+        for name, skin in skins.items():
+            path = f"models/{name}.safetensors" if parameters.apart else f"{name}.safetensors"
+            write_models(skin.models, skin.units, folder / path)
+        for name, table in tables.items():
+            write_table(table, folder / f"{name}.parquet")
+    return skins, tables
+
+
+def _whole(run: Touches, parameters: TouchParameters) -> LearnedSkin:
+    return learn_skin(run, np.full(len(run.counts), True), parameters, parameters.servo is not None)
+
+
+def servo_trials(
+    work: tuple[LearnedSkin, Touches, Touches], parameters: TouchParameters
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Closed loops of all controllers, from press to press of another run.
+
+    Returns:
+        Trials: `learned_from`, `asked_about`, `model`, `controller`, `seed`, `trial`, `arrived`, `left_mm`,
+        `length_ratio`, `straight_mm`. Paths of the corrected controller of the first seed with structure:
+        `learned_from`, `asked_about`, `trial`, `step`, `x_m`, `y_m`, `target_x_m`, `target_y_m`.
+    """
+    (learned, run, other), chosen = work, parameters.servo
+    assert chosen is not None
+    table, rng = table_of(run, other, 1e-3 * chosen.depth_mm), np.random.default_rng(chosen.seed)
+    starts, targets = rng.integers(0, len(table.pressure), (2, chosen.trials))
+    straight = np.linalg.norm(table.place[starts, :PLANE] - table.place[targets, :PLANE], axis=1)
+    names, trials, paths = {"learned_from": run.name, "asked_about": other.name}, [], pd.DataFrame()
+    for structure, controller, servo in controllers(learned, parameters):
+        map_alone = structure and len(learned.units.action_scale) == PLANE
+        done = servo_on_table(servo, table, starts, targets, chosen.steps, map_alone)
+        arrival = done.arrival(1e-3 * chosen.tolerance_mm)
+        seed, trial = np.indices(arrival.shape).reshape(2, -1)
+        columns = names | {
+            "model": STRUCTURED if structure else PLAIN,
+            "controller": controller,
+            "seed": seed,
+            "trial": trial,
+            "arrived": (arrival >= 0).ravel(),
+            "left_mm": 1e3 * done.left()[-1].ravel(),
+            "length_ratio": done.length_ratio(arrival).ravel(),
+            "straight_mm": 1e3 * straight[trial],
+        }
+        trials.append(pd.DataFrame(columns))
+        if structure and controller == CORRECTED:
+            steps = len(done.path)
+            places = np.hstack([done.path[:, 0].reshape(-1, PLANE), np.tile(done.target, (steps, 1))])
+            paths = pd.DataFrame(places, columns=["x_m", "y_m", "target_x_m", "target_y_m"])
+            step, trial = np.indices((steps, chosen.trials)).reshape(2, -1)
+            paths = paths.assign(trial=trial, step=step, **names)
+    return pd.concat(trials, ignore_index=True), paths
+
+
+def table_of(run: Touches, other: Touches, depth_m: float) -> PressedSkin:
+    """Presses of another run; only those within `depth_m` of the learned depth if there is a single one."""
+    kept = np.full(len(other.counts), True)
+    if np.std(run.place[:, PLANE]) < NEVER_VARIES:
+        away = np.abs(other.place[:, PLANE] - run.place[:, PLANE].mean())
+        kept = away <= max(depth_m, away.min())
+    return other.skin(np.flatnonzero(kept))
+
+
+def controllers(
+    learned: LearnedSkin, parameters: TouchParameters
+) -> Iterator[tuple[bool, str, TactileServo]]:
+    """Structure, name and controller of all that are compared."""
+    chosen = parameters.servo
+    assert chosen is not None
+    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in TEXT_SERVO), (CORRECTED, "NJ")]
+    caution = Caution(by_likelihood=True, spread=SPREAD, correction=chosen.correction)
+    for structure in STRUCTURES:
+        for name, inverse in compared:
+            settings = ServoParameters(
+                inverse=inverse,
+                action_penalty=parameters.spaces.training.action_penalty,
+                gradient_gain=chosen.gradient_gain,
+                largest_action=chosen.largest_action,
+            )
+            given = learned.models, learned.units, structure, settings, 1.0 / STEP_S
+            if name == CORRECTED:
+                yield structure, name, RestingServo(*given, actions_per_step=1, caution=caution)
+            else:
+                yield structure, name, TactileServo(*given)
