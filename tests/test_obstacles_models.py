@@ -71,23 +71,6 @@ def test_a_network_learns_the_same_alone_and_among_others(rule):
     assert not np.array_equal(stack.layers[0][0], stack.layers[0][1])
 
 
-def test_members_are_averaged():
-    sets = by_scenario(toy_dataset(scenarios=1))
-    parameters = chosen(hidden=(6, 4), members=3, inputs="phase", training=QUICK)
-    stack = network_training.fit_networks(sets, parameters, "test")
-    its = sets[0]
-    alone = [
-        network_training.stacked(
-            [network_training.train_member(its, parameters, (0, member))], sets, parameters
-        )
-        for member in range(3)
-    ]
-    states = its.features, its.phase, its.phase_velocity
-    mean = np.mean([one.coupling(one.inputs(*states)[None])[0] for one in alone], axis=0)
-    inside = (mean > its.target.min(axis=0)) & (mean < its.target.max(axis=0))  # a mean is cut later
-    np.testing.assert_allclose(stack(*states)[inside], mean[inside], atol=0.05)
-
-
 def ensemble(**changes):
     return committed(EnsembleParameters, "obstacle_training.ensemble", **changes)
 

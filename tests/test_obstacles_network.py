@@ -87,7 +87,7 @@ def test_scaling_takes_training_data_to_the_unit_range():
     np.testing.assert_allclose(found, np.broadcast_to(targets[1].mean(axis=0), (30, 3)))
 
 
-def test_files_hold_the_networks(tmp_path):
+def test_files_hold_the_networks_and_others_are_refused(tmp_path):
     stacks = {
         "sphere": random_networks(1),
         "cube": random_networks(2, avoidance_network.FEATURES_AND_PHASE, seed=3),
@@ -96,17 +96,12 @@ def test_files_hold_the_networks(tmp_path):
     avoidance_network.write_avoidance_networks(stacks, path)
     found = avoidance_network.read_avoidance_networks(path)
     for name, stack in stacks.items():
-        features, p, u = states(len(stack))
-        np.testing.assert_array_equal(found[name](features, p, u), stack(features, p, u))
-
-
-def test_other_files_are_refused(tmp_path):
-    path = tmp_path / "other.safetensors"
+        its = states(len(stack))
+        np.testing.assert_array_equal(found[name](*its), stack(*its))
     artefacts.write_tensors({"a": np.zeros(2)}, path, "{}")
     with pytest.raises(InputError, match="holds no avoidance networks"):
         avoidance_network.read_avoidance_networks(path)
-    broken = random_networks(1)
-    broken.layers[0][0, 0, 0] = np.nan
-    avoidance_network.write_avoidance_networks({"sphere": broken}, path)
+    stacks["sphere"].layers[0][0, 0, 0] = np.nan
+    avoidance_network.write_avoidance_networks(stacks, path)
     with pytest.raises(InputError, match=r"sphere\.layers\.0 holds a value that is not finite"):
         avoidance_network.read_avoidance_networks(path)

@@ -11,21 +11,19 @@ from structlearn.primitives import transformation
 DECAY = committed(PostprocessingParameters, "obstacle_evaluation.postprocessing").passed_decay_per_m2
 
 
-def test_along_the_reach_nothing_acts_and_beside_the_obstacle_all_else_does():
-    c = post_processed(np.array([[3.0, -2.0, 5.0]]), [0.3], [0.25], [0.35], [0.66], DECAY)
-    np.testing.assert_array_equal(c, [[0.0, -2.0, 5.0]])
-
-
-@pytest.mark.parametrize(("passed", "left"), [(0.0, 1.0), (0.1, np.exp(-0.1)), (0.26328, 0.5)])
-def test_past_the_obstacle_the_author_s_decay_fades_it(passed, left):
-    c = post_processed(np.array([0.0, 1.0, -1.0]), 0.3 + passed, 0.2, 0.3, 0.9, DECAY)
-    np.testing.assert_allclose(c, [0.0, left, -left], rtol=1e-4)
-
-
-@pytest.mark.parametrize(("first_x", "factor"), [(0.661, 0.0), (0.66, 1.0), (0.5, 1.0)])
-def test_an_obstacle_beyond_the_goal_is_ignored_one_level_with_it_is_not(first_x, factor):
-    c = post_processed(np.array([1.0, 4.0, 4.0]), 0.1, first_x, first_x + 0.1, 0.66, DECAY)
-    np.testing.assert_array_equal(c, [0.0, 4.0 * factor, 4.0 * factor])
+@pytest.mark.parametrize(
+    ("x", "first_x", "factor"),
+    [
+        (0.3, 0.25, 1.0),  # beside the obstacle
+        (0.45, 0.25, np.exp(-0.1)),  # past it, the author's decay of 10 per m^2
+        (0.61328, 0.25, 0.5),
+        (0.1, 0.66, 1.0),  # level with the goal
+        (0.1, 0.661, 0.0),  # beyond it
+    ],
+)
+def test_the_rules_of_the_text_fade_what_acts_across_the_reach(x, first_x, factor):
+    c = post_processed(np.array([3.0, -2.0, 5.0]), x, first_x, first_x + 0.1, 0.66, DECAY)
+    np.testing.assert_allclose(c, [0.0, -2.0 * factor, 5.0 * factor], rtol=1e-4)
 
 
 @given(rngs, st.floats(0, 1e4))

@@ -18,7 +18,6 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
 )
 from structlearn.testbeds.obstacles.views import demonstrated_avoidance as drawn
 from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
-    chosen_scenarios,
     shown_scenarios,
     write_trained_avoidance,
 )
@@ -45,8 +44,8 @@ def shown(reaches):
     samples = pd.DataFrame(
         {"scenario": [0, 0, 3, 3, 6, 6], "demonstration": [0, 1] * 3, "time_s": 6 * [0.5]}
     ).assign(target_x=0.0, target_y=np.arange(6.0), target_z=1.0)
-    chosen = chosen_scenarios(PLACES, [place.name for place in PLACES[::3]])
-    return shown_scenarios(chosen, [people()] * 3, samples, reaches, 30)
+    names = [place.name for place in PLACES[::3]]
+    return shown_scenarios(PLACES, names, lambda _: people(), samples, reaches, 30)
 
 
 def test_reaches_are_those_of_the_tables(reaches):

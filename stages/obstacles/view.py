@@ -4,12 +4,11 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.core.artefacts import publish, read_table
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.demonstration import read_runs
+from structlearn.readers.demonstration import Demonstration, read_runs
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
 from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     ObstacleViewParameters,
-    chosen_scenarios,
     shown_scenarios,
     write_avoidance_demonstrations,
     write_trained_avoidance,
@@ -18,7 +17,7 @@ from structlearn.testbeds.obstacles.views.unseen_avoidance import (
     write_changing_avoidance,
     write_unseen_avoidance,
 )
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
+from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, scenarios
 
 
 def main() -> None:
@@ -30,10 +29,12 @@ def main() -> None:
     baseline = files.read_baselines()[person]
     scores = read_table(files.SCORES_FILE).query("person == @person")
     reaches = unrolled_reaches.reaches_by_situation(read_table(files.PATHS_FILE), scores, baseline)
-    chosen = chosen_scenarios(places, names)
-    people = [read_runs(f"{files.RUNS}/{place.name}.parquet") for place in chosen.values()]
-    samples = read_table(files.SAMPLES_FILE)
-    shown = shown_scenarios(chosen, people, samples[samples["person"] == person], reaches, cloud_count)
+    samples = read_table(files.SAMPLES_FILE).query("person == @person")
+
+    def recorded(place: Scenario) -> list[Demonstration]:
+        return read_runs(f"{files.RUNS}/{place.name}.parquet")
+
+    shown = shown_scenarios(places, names, recorded, samples, reaches, cloud_count)
     hit = {number for _, number in unrolled_reaches.hit_settings(reaches, avoidance_protocols.TRAINED)}
     settings = [(place, place.setting in hit) for place in places if place.shape == places[0].shape]
     unseen = avoidance_protocols.unseen(baseline)

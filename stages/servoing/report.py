@@ -1,5 +1,6 @@
 """The report of the servoing testbed: figures, tables, findings and the page that shows them."""
 
+from structlearn.core.artefacts import read_table
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.reporting.claims import quoted_claims
@@ -7,7 +8,7 @@ from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
-from structlearn.tactile.touch_dataset import TouchDataParameters
+from structlearn.tactile.touch_dataset import TouchDataParameters, read_dataset
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.page.figures import drawings
 from structlearn.testbeds.servoing.page.findings import PEOPLE_STUDY, ModelScores, ServoingResults, findings
@@ -34,8 +35,8 @@ def main() -> None:
     loops = files.tables("loops")
     skin_tables = files.tables("skins") | {"trials": loops.pop("other_skins")}
     results = ServoingResults(
-        dataset=files.touch(),
-        truth=files.true_contacts(),
+        dataset=read_dataset(files.MADE_BY["touch"][0]),
+        truth=read_table(files.MADE_BY["contacts"][0]),
         models=ModelScores(**files.tables("models")),
         comparison=Comparison(**loops),
         skin_tables=skin_tables,

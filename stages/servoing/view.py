@@ -1,12 +1,12 @@
 """Recordings to look at: demonstrations of touch, the latent map, and closed loops (chapter II)."""
 
-from structlearn.core.artefacts import publish
+from structlearn.core.artefacts import publish, read_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.demonstration import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters
-from structlearn.tactile.touch_dataset import TouchDataParameters
+from structlearn.tactile.touch_dataset import TouchDataParameters, read_dataset
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.views.demonstrated_touches import (
     shown_touches,
@@ -23,12 +23,16 @@ def main() -> None:
     prepared = stage_parameters("touch_dataset", TouchDataParameters)
     person = stage_parameters("toucher", ToucherParameters)
     map_unit = stage_parameters("train_latent", LatentParameters).map_unit_m
-    skin, dataset, latent_map = SKINS[person.skin], files.touch(), files.tables("models")["latent_map"]
+    skin, dataset, latent_map = (
+        SKINS[person.skin],
+        read_dataset(files.MADE_BY["touch"][0]),
+        files.tables("models")["latent_map"],
+    )
     shown = shown_touches(
         read_runs(files.RUNS),
         dataset,
         latent_map,
-        files.true_contacts(),
+        read_table(files.MADE_BY["contacts"][0]),
         chosen.demonstrations,
         prepared.air_s,
     )

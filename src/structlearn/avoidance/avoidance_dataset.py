@@ -1,8 +1,8 @@
 """Supervised data from reaches past obstacles: features and coupling targets (IV.8, eq. IV.23).
 
-All of it is in the local frame of the baseline: x along its reach, origin at its start. A demonstration has
-its own start and end there; they scatter by the hand's aim, which no obstacle explains, so its coupling term
-is the difference to the baseline unrolled from its start to its end.
+Everything is in the local frame of the baseline: x along its reach, origin at its start. Starts and ends of
+demonstrations scatter with the hand's aim, which no obstacle explains, so the coupling term of each is the
+difference to the baseline unrolled from its start to its end.
 """
 
 from collections.abc import Iterable, Sequence
@@ -41,8 +41,7 @@ class AvoidanceDataParameters(Parameters):
 class AvoidanceDataset:
     """Samples of demonstrations in several scenarios."""
 
-    # (S, 17) of one obstacle (`avoidance.features`), or (S, F) of a scene (`look_ahead`)
-    features: np.ndarray
+    features: np.ndarray  # (S, 17) of one obstacle (`features`), or (S, F) of a scene (`look_ahead`)
     target: np.ndarray  # (S, 3) coupling term in the local frame
     phase: np.ndarray  # (S,) p
     phase_velocity: np.ndarray  # (S,) u
@@ -51,7 +50,6 @@ class AvoidanceDataset:
     time: np.ndarray  # (S,) s since the start
 
     def __len__(self) -> int:
-        """Number of samples S."""
         return len(self.time)
 
     def where(self, mask: np.ndarray) -> Self:
@@ -62,10 +60,9 @@ class AvoidanceDataset:
 def fit_baseline(
     demonstrations: Sequence[Demonstration], parameters: AvoidanceDataParameters
 ) -> PositionPrimitive:
-    """The primitive of the unhindered reach.
+    """Primitive of the unhindered reach, whose local frame is used throughout.
 
-    Returns the primitive; its local frame is the one for everything here. Raises InputError: the reach is too
-    short to have a direction, or a demonstration too short to differentiate.
+    Raises InputError: the reach is too short to have a direction, or a demonstration to differentiate.
     """
     primitive = fit_position([smooth_path(one, parameters) for one in demonstrations])
     if primitive.frame == "world":
@@ -104,11 +101,9 @@ def samples(
     scenario: int = 0,
     number: int = 0,
 ) -> AvoidanceDataset:
-    """What one demonstration says about avoiding one obstacle.
+    """Samples of one demonstration past one obstacle, given by its cloud (P, 3) m in the base frame.
 
-    `demonstration`: with position in the base frame; `cloud` (P, 3) m, base frame; its mean is the obstacle's
-    centre; `parameters`: of the smoothing, and which samples are kept. Raises InputError: the cloud is empty,
-    or the demonstration too short.
+    Raises InputError: the cloud is empty, or the demonstration too short.
     """
     check_cloud(cloud)
     path = smooth_path(demonstration, parameters).shifted(-baseline.start).turned(baseline_axes(baseline))
@@ -118,15 +113,8 @@ def samples(
     p, u = canonical.phase(path.time[kept], tau)
     local = to_local(cloud, baseline)
     columns = features(path.position[kept], path.velocity[kept], tau, local, local.mean(axis=0))
-    return AvoidanceDataset(
-        features=columns,
-        target=target[kept],
-        phase=p,
-        phase_velocity=u,
-        scenario=np.full(len(p), scenario),
-        demonstration=np.full(len(p), number),
-        time=path.time[kept],
-    )
+    numbers = np.full(len(p), scenario), np.full(len(p), number)
+    return AvoidanceDataset(columns, target[kept], p, u, *numbers, path.time[kept])
 
 
 def avoidance_dataset(
@@ -138,13 +126,11 @@ def avoidance_dataset(
 
     Raises InputError: as `samples`, or there is no demonstration at all.
     """
-    parts = []
-    for place, (obstacle, demonstrations) in enumerate(sets):
-        cloud = obstacle.cloud(parameters.cloud_count)
-        parts += [
-            samples(one, cloud, baseline, parameters, place, number)
-            for number, one in enumerate(demonstrations)
-        ]
+    parts = [
+        samples(one, obstacle.cloud(parameters.cloud_count), baseline, parameters, place, number)
+        for place, (obstacle, demonstrations) in enumerate(sets)
+        for number, one in enumerate(demonstrations)
+    ]
     if not parts:
         raise InputError("there are no demonstrations past obstacles")
     return concatenated(parts)
@@ -156,27 +142,19 @@ def concatenated(parts: Sequence[Samples]) -> Samples:
     return type(parts[0])(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in names})
 
 
-KEYS = {
-    "scenario": "scenario",
-    "demonstration": "demonstration",
-    "time_s": "time",
-    "phase": "phase",
-    "phase_velocity": "phase_velocity",
-}
-"""Fields of a dataset by the column of its table."""
+KEYS = ("scenario", "demonstration", "time", "phase", "phase_velocity")
+TARGETS = [f"target_{axis}" for axis in AXES]
 
 
 def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:
-    """One row per sample; targets are `target_x`, `target_y`, `target_z`, features have their names."""
-    keys = {column: getattr(dataset, name) for column, name in KEYS.items()}
-    targets = {f"target_{axis}": values for axis, values in zip(AXES, dataset.target.T, strict=True)}
-    return pd.DataFrame(keys | targets | dict(zip(NAMES, dataset.features.T, strict=True)))
+    """One row per sample: `KEYS`, with the time as `time_s`, `TARGETS` and the features' names."""
+    columns = {name: getattr(dataset, name) for name in KEYS}
+    columns |= dict(zip(TARGETS, dataset.target.T, strict=True))
+    columns |= dict(zip(NAMES, dataset.features.T, strict=True))
+    return pd.DataFrame(columns).rename(columns={"time": "time_s"})
 
 
 def from_table(table: pd.DataFrame) -> AvoidanceDataset:
     """The dataset of a table written by `to_table`."""
-    return AvoidanceDataset(
-        features=table[list(NAMES)].to_numpy(float),
-        target=table[[f"target_{axis}" for axis in AXES]].to_numpy(float),
-        **{name: table[column].to_numpy() for column, name in KEYS.items()},
-    )
+    keys = {name: table["time_s" if name == "time" else name].to_numpy() for name in KEYS}
+    return AvoidanceDataset(table[list(NAMES)].to_numpy(float), table[TARGETS].to_numpy(float), **keys)

@@ -1,12 +1,11 @@
-"""The avoidance network of IV.8.1 as a coupling model: 17 inputs, 20 and 10 ReLU, three outputs, in stacks.
+"""Stacks of the avoidance network of IV.8.1 as coupling models: 17 inputs, 20 and 10 ReLU, three outputs.
 
     z = 2 (s - low) / (high - low) - 1      h_1 = max(0, z W_1 + b_1)      h_2 = max(0, h_1 W_2 + b_2)
     c = clip(mean + scale * (h_2 W_3 + b_3), smallest target, largest target)
 
 The text bounds its outputs by a sigmoid, the author's code by tanh scaled to the target's range. Either
-flattens just where the coupling is largest, and makes the error of an axis count by its extremes, not its
-variance. Here the outputs are linear while they are learnt and cut at the training targets' range afterwards:
-bounded as well.
+saturates where the coupling is largest, and weights the error of an axis by its extremes, not its variance.
+Here outputs are linear in training and clipped to the range of the training targets afterwards.
 """
 
 import json
@@ -24,10 +23,8 @@ from structlearn.core.errors import InputError
 FEATURES = tuple(range(17))
 """Columns that the dissertation's network sees; 17 and 18 are the phase and the phase velocity."""
 
-PHASE_VELOCITY = 18
-FEATURES_AND_PHASE = (*FEATURES, 17, PHASE_VELOCITY)
-FEATURES_AND_PHASE_VELOCITY = (*FEATURES, PHASE_VELOCITY)
-"""Of other features, too, the phase and its velocity are the columns behind them."""
+FEATURES_AND_PHASE, FEATURES_AND_PHASE_VELOCITY = (*FEATURES, 17, 18), (*FEATURES, 18)
+"""Phase and phase velocity follow the features, however many those are."""
 
 Layers = Sequence[np.ndarray]  # one network: (before + 1, after) of each layer, the biases in the last row
 
@@ -49,31 +46,22 @@ class AvoidanceNetworks:
         return len(self.input_low)
 
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
-        """Coupling terms of a batch: of network b for sample b, or of the only network for all samples.
+        """Coupling terms (B, 3) in m: of network b for sample b, or of the only network for all samples.
 
-        `features` (B, 17) of `features.features`; `phase` (B,) p; `phase_velocity` (B,) u. Returns (B, 3)
-        coupling terms in m. Raises ValueError: there are several networks, and not as many as samples.
+        `features` (B, 17); `phase` (B,) p; `phase_velocity` (B,) u. Raises ValueError: there are several
+        networks, and not as many as samples.
         """
-        inputs = self.inputs(features, phase, phase_velocity)
-        if len(self) == 1:
-            return self.coupling(inputs[None])[0]
-        if len(inputs) != len(self):
+        inputs = selected_inputs(features, phase, phase_velocity, self.columns)
+        if len(self) not in (1, len(inputs)):
             raise ValueError(f"{len(inputs)} samples for {len(self)} networks")
-        return self.coupling(inputs[:, None])[:, 0]
-
-    def coupling(self, inputs: np.ndarray) -> np.ndarray:
-        """Coupling terms (M, S, 3) of S inputs (M, S, D) per network; a leading 1 is for all networks."""
+        inputs = inputs[None] if len(self) == 1 else inputs[:, None]  # (M, samples of each, D)
         span = (self.input_high - self.input_low)[:, None]
         outputs = forward(self.layers, 2.0 * (inputs - self.input_low[:, None]) / span - 1.0)
         found = self.output_mean[:, None] + self.output_scale[:, None] * outputs
-        return np.clip(found, self.output_low[:, None], self.output_high[:, None])
-
-    def inputs(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
-        """(S, D) inputs that these networks see, of (S, 17) features, (S,) p and (S,) u."""
-        return selected_inputs(features, phase, phase_velocity, self.columns)
+        return np.clip(found, self.output_low[:, None], self.output_high[:, None]).reshape(-1, 3)
 
     def take(self, index: np.ndarray | Sequence[int]) -> Self:
-        """The networks of some indices, in their order and as often as named: (K,) -> K networks."""
+        """The K networks of indices (K,), in their order and as often as named."""
         index = np.asarray(index)
         arrays = {name: getattr(self, name)[index] for name in _PER_NETWORK}
         return type(self)(self.columns, layers=tuple(layer[index] for layer in self.layers), **arrays)
@@ -87,11 +75,7 @@ def selected_inputs(
 
 
 def forward(layers: Layers, inputs: np.ndarray) -> np.ndarray:
-    """Outputs in units of the target's scale.
-
-    `layers`: of one network, or with a leading axis of networks; `inputs` (..., S, D) scaled inputs. Returns
-    (..., S, 3) outputs.
-    """
+    """Scaled outputs (..., S, 3) of scaled inputs (..., S, D); layers may have a leading axis of networks."""
     values = inputs
     for layer in layers[:-1]:
         values = np.maximum(values @ layer[..., :-1, :] + layer[..., -1:, :], 0.0)
@@ -99,10 +83,7 @@ def forward(layers: Layers, inputs: np.ndarray) -> np.ndarray:
 
 
 def averaged(members: Sequence[Layers]) -> list[np.ndarray]:
-    """One network whose output is the mean of several of equal shape.
-
-    Outputs are linear, so the mean of networks is a network with all their nodes side by side.
-    """
+    """One network whose output is the mean of several of equal shape: it has all their nodes side by side."""
     first = np.concatenate([layers[0] for layers in members], axis=1)
     inner = [
         np.vstack([block_diag(*(layer[:-1] for layer in same)), np.hstack([layer[-1:] for layer in same])])
@@ -119,11 +100,7 @@ def scaled_networks(
     targets: Sequence[np.ndarray],
     columns: Sequence[int],
 ) -> AvoidanceNetworks:
-    """Stack networks whose inputs and outputs are in the units of `input_range` and `output_scale`.
-
-    `inputs` (S, D) training inputs of each network, which need not be equally many; `targets` (S, 3) training
-    targets of each network; `columns` (D,) columns of the inputs.
-    """
+    """Stack networks trained on inputs (S, D) and targets (S, 3) scaled by `input_range`, `output_scale`."""
     low, high = zip(*(input_range(values) for values in inputs), strict=True)
     return AvoidanceNetworks(
         columns=np.array(columns),
@@ -166,11 +143,7 @@ def write_avoidance_networks(networks: Mapping[str, AvoidanceNetworks], path: st
 
 
 def read_avoidance_networks(path: str | Path) -> dict[str, AvoidanceNetworks]:
-    """Read the stacks of a file by name, in alphabetical order.
-
-    Raises InputError: the file is missing, no safetensors, or holds something else; or a weight is not
-    finite.
-    """
+    """Read the stacks of a file, keyed by name in alphabetical order; InputError if it holds no such."""
     tensors = read_tensors(path)
     with holding(path, "avoidance networks"):
         layers = json.loads(read_description(path))["avoidance_networks"]

@@ -3,12 +3,12 @@
 Everything is in each scenario's local frame: origin at its start, x along its reach. The integrator is that
 of all primitives (`primitives.transformation`); the avoidance model is its coupling term.
 
-An obstacle that moves is seen in its own frame, where the hand passes an obstacle at rest, as in training:
-the velocity among the features is relative to it.
+A moving obstacle is seen in its own frame, where the hand passes an obstacle at rest, as in training: the
+velocity among the features is relative to it.
 
-Each of several obstacles has its own features and post-processing. What they ask for is not summed: a detour
-past one is a detour past another on the same side as well, and a sum would make it twice. Along each axis the
-strongest push either way counts (`strongest_pushes`).
+Each of several obstacles has its own features and post-processing. Their coupling terms are not summed,
+which would double a detour past two obstacles on the same side: along each axis the strongest push in either
+direction counts (`strongest_pushes`).
 """
 
 from collections.abc import Sequence
@@ -47,9 +47,7 @@ class AvoidancePaths:
 
     path: Trajectory  # (B, T, 3) positions relative to the start, velocities, accelerations
     coupling: np.ndarray  # (B, T, 3) coupling term that acted, held over the step after its sample
-    # (B, T, 3) post-processed coupling term; what acted differs where this would have kept the movement from
-    # its goal (`GoalReach`)
-    asked: np.ndarray
+    asked: np.ndarray  # (B, T, 3) post-processed coupling term, before the limits of `GoalReach`
     goal: np.ndarray  # (B, 3) steady goal, the last one if it changed
     start: np.ndarray  # (B, 3) origin of the local frame in the base frame, m
     frame: np.ndarray  # (B, 3, 3) local to base
@@ -73,19 +71,21 @@ def unroll(
     until_factor: float = 1.5,
     goal_change: GoalChange | None = None,
 ) -> AvoidancePaths:
-    """Unroll the baseline round obstacles.
+    """Unroll the baseline round one or several obstacles in each of B scenarios.
 
-    The feedback begins with the second sample: what it asked for at the first would be absorbed by the
-    initial goal (eq. IV.12), which gives it back with the opposite sign. `obstacles`: one or several in each
-    of the B scenarios, in the local frames; `dt`: sampling interval in s; `postprocessing`: what acts of the
-    model's coupling term; `starts` (B, 3) or (3,) in the base frame, m; default the primitive's; `goals` (B,
-    3) or (3,) in the base frame, m; default the primitive's; `duration`: prescribed, s; default the
-    primitive's; `until_factor`: time of the last sample in durations; `goal_change`: new goals on the way.
-    The frame and the forcing term stay those of the first goals. Returns the movements; without coupling term
-    they are the primitive's own. Raises InputError: no obstacle, batches of different sizes, a reach without
-    a local frame, a change of goal outside the movement, or a model that returns another shape or NaN.
+    The feedback begins with the second sample: at the first, the initial goal (eq. IV.12) would absorb it and
+    return it with the opposite sign. `obstacles`: in the local frames; `dt`: s; `starts`, `goals` (B, 3) or
+    (3,) m, base frame, and `duration` in s; default the primitive's; `until_factor`: last time in durations;
+    `goal_change`: the frame and the forcing term stay those of the first goals. Raises InputError: no
+    obstacle, batches of different sizes, a reach without a local frame, a change of goal outside the
+    movement, or a model that returns another shape or NaN.
     """
-    batch = _batch_size(obstacles)
+    sizes = {len(obstacle.points) for obstacle in obstacles}
+    if len(sizes) != 1:
+        raise InputError(
+            f"obstacles must come for one number of scenarios, are for {sorted(sizes) or 'none'}"
+        )
+    batch = sizes.pop()
     starts = np.broadcast_to(primitive.start if starts is None else starts, (batch, 3)).astype(float)
     goals = np.broadcast_to(primitive.goal if goals is None else goals, (batch, 3)).astype(float)
     frames = reach_frames(primitive, starts, goals)
@@ -113,10 +113,9 @@ def unroll(
 
 
 def reach_frames(primitive: PositionPrimitive, starts: np.ndarray, goals: np.ndarray) -> np.ndarray:
-    """Local frames of reaches, in the primitive's definition.
+    """Local frames (B, 3, 3) to base of reaches from starts (B, 3) to goals (B, 3), as the primitive's.
 
-    `starts` (B, 3) m; `goals` (B, 3) m. Returns (B, 3, 3) local to base. Raises InputError: a reach is too
-    short to have a direction, or along the axis that the frame is anchored to.
+    Raises InputError: a reach is too short to have a direction, or parallel to the frame's anchor.
     """
     lengths = np.linalg.norm(goals - starts, axis=1)
     short = np.flatnonzero(~(lengths >= SHORTEST_REACH))
@@ -146,8 +145,7 @@ class _Feedback:
         parameters: PostprocessingParameters,
     ) -> None:
         batch, self._dt = len(obstacles[0].points), time[1]
-        self.coupling = np.zeros((batch, len(time), 3))
-        self.asked = np.zeros((batch, len(time), 3))
+        self.coupling, self.asked = np.zeros((2, batch, len(time), 3))
         self._model, self._obstacles, self._time = model, obstacles, time
         self._decay = parameters.passed_decay_per_m2
         self._extent = [(o.points[..., 0].min(axis=1), o.points[..., 0].max(axis=1)) for o in obstacles]
@@ -155,28 +153,22 @@ class _Feedback:
         phase = canonical.phase(time, self._tau)
         self._phase = [np.repeat(values[:, None], batch, axis=1) for values in phase]  # (T, B) each
         limits = ((1.0, parameters.end_limit_m), (parameters.late_factor, parameters.late_limit_m))
-        self._reach = GoalReach(
-            (batch, 3),
-            self._dt / self._tau,
-            [Deadline(sample_count(f * duration, self._dt) - 1, m) for f, m in limits if m is not None],
-            parameters.return_coupling,
-        )
+        due = [Deadline(sample_count(f * duration, self._dt) - 1, m) for f, m in limits if m is not None]
+        self._reach = GoalReach((batch, 3), self._dt / self._tau, due, parameters.return_coupling)
         self._done = 0  # samples whose coupling term is known; nothing acts at the first
 
     def at(self, first: int, goal: np.ndarray, step: int, x: np.ndarray, xd: np.ndarray) -> np.ndarray:
         """Coupling term (B, 3) a step after the first sample of a piece of the movement with one goal."""
         k = first + step
         if k > self._done:  # the sample at which the goal changes belongs to two pieces
-            terms = [self._of_obstacle(number, k, goal, x, xd) for number in range(len(self._obstacles))]
+            terms = [self._term(number, k, goal, x, xd) for number in range(len(self._obstacles))]
             self.asked[:, k] = strongest_pushes(np.stack(terms))
             self.coupling[:, k] = self._reach.admissible(k, self.asked[:, k])
             self._reach.advance(self.coupling[:, k])
             self._done = k
         return self.coupling[:, k]
 
-    def _of_obstacle(
-        self, number: int, k: int, goal: np.ndarray, x: np.ndarray, xd: np.ndarray
-    ) -> np.ndarray:
+    def _term(self, number: int, k: int, goal: np.ndarray, x: np.ndarray, xd: np.ndarray) -> np.ndarray:
         """Post-processed coupling term (B, 3) for one obstacle."""
         obstacle, (first_x, last_x) = self._obstacles[number], self._extent[number]
         moved = obstacle.displacement(float(self._time[k]))
@@ -192,22 +184,11 @@ class _Feedback:
 
 
 def strongest_pushes(terms: np.ndarray) -> np.ndarray:
-    """What several obstacles ask for together: per axis max_i max(c_i, 0) + min_i min(c_i, 0).
+    """Combine terms (O, ..., 3) of several obstacles: per axis max_i max(c_i, 0) + min_i min(c_i, 0).
 
-    One obstacle's coupling term stays as it is; terms on the same side are not added up, those on opposite
-    sides are. `terms` (O, ..., 3) coupling terms in m. Returns (..., 3) m, along no axis larger than the
-    largest of them.
+    Terms on opposite sides add up, terms on the same side do not; one obstacle's term stays as it is.
     """
     return np.maximum(terms, 0.0).max(axis=0) + np.minimum(terms, 0.0).min(axis=0)
-
-
-def _batch_size(obstacles: Sequence[CloudBatch]) -> int:
-    sizes = {len(obstacle.points) for obstacle in obstacles}
-    if len(sizes) != 1:
-        raise InputError(
-            f"obstacles must come for one number of scenarios, are for {sorted(sizes) or 'none'}"
-        )
-    return sizes.pop()
 
 
 def _turned(vectors: np.ndarray, frames: np.ndarray) -> np.ndarray:
@@ -225,8 +206,5 @@ def _change_sample(change: GoalChange, time: np.ndarray) -> int:
 
 def _joined(path: Trajectory, rest: Trajectory, time: np.ndarray) -> Trajectory:
     """Two pieces (B, T_i, 3) in a row; the second begins with the last sample of the first."""
-    signals = (
-        np.concatenate([getattr(path, name), getattr(rest, name)[:, 1:]], axis=1)
-        for name in ("position", "velocity", "acceleration")
-    )
-    return Trajectory(time, *signals)
+    pieces = zip(*([one.position, one.velocity, one.acceleration] for one in (path, rest)), strict=True)
+    return Trajectory(time, *(np.concatenate([first, then[:, 1:]], axis=1) for first, then in pieces))

@@ -11,19 +11,15 @@ The order and the last feature are those of the author's data files; the text ha
 centre.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from structlearn.core.compilation import numba
 from structlearn.core.errors import InputError
 
-TO_CENTRE = slice(0, 3)
-TO_POINTS = slice(3, 12)
-SCALED_VELOCITY = slice(12, 15)
-CENTRE_DISTANCE = 15
-APPROACH_COSINE = 16
-
+TO_CENTRE, TO_POINTS, SCALED_VELOCITY = slice(0, 3), slice(3, 12), slice(12, 15)
+CENTRE_DISTANCE, APPROACH_COSINE = 15, 16
 CLOSEST_POINTS = 3
 
 NAMES = (
@@ -33,13 +29,11 @@ NAMES = (
     "centre_distance",
     "approach_cosine",
 )
-"""Names of the 17 columns."""
-
 MIRROR = (1.0, -1.0, 1.0)
-"""What a vector of the local frame is multiplied by if the scene is mirrored in the plane y = 0."""
+"""Factors of a local vector if the scene is mirrored in the plane y = 0."""
 
 MIRROR_SIGNS = np.array([*MIRROR, *np.repeat(MIRROR, CLOSEST_POINTS), *MIRROR, 1.0, 1.0])
-"""Likewise of the 17 columns."""
+"""Factors of the 17 columns."""
 
 CouplingModel = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Avoidance model: features (B, 17), phase (B,), phase velocity (B,) -> coupling terms (B, 3) in m."""
@@ -48,53 +42,36 @@ CouplingModel = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 def features(
     position: np.ndarray, velocity: np.ndarray, tau: float, cloud: np.ndarray, centre: np.ndarray
 ) -> np.ndarray:
-    """Features of a batch of states; leading axes broadcast, so many states may share one cloud.
+    """Features (..., 17) of a batch of states; leading axes broadcast, so many states may share one cloud.
 
-    Args:
-        position: (..., 3) end-effector in m.
-        velocity: (..., 3) of the end-effector in m/s.
-        tau: time constant in s; tau v does not depend on the movement's duration.
-        cloud: (..., P, 3) points of the obstacle's surface in m, P >= 3.
-        centre: (..., 3) m.
-
-    Returns:
-        (..., 17) features. The cosine is -1 where it is undefined: at rest, or on the closest point.
-
-    Raises:
-        InputError: a wrong shape, fewer than three points, a tau that is not positive, NaN or infinity.
+    `position` (..., 3) m; `velocity` (..., 3) m/s; `tau`: time constant in s; `cloud` (..., P, 3) m, P >= 3;
+    `centre` (..., 3) m. The cosine is -1 where it is undefined: at rest, or on the closest point. Raises
+    InputError: a wrong shape, fewer than three points, a tau that is not positive, NaN or infinity.
     """
-    position, velocity = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
-    cloud, centre = np.asarray(cloud, dtype=float), np.asarray(centre, dtype=float)
-    _check_shapes(position, velocity, cloud, centre)
+    given = {"position": position, "velocity": velocity, "centre": centre, "cloud": cloud}
+    arrays = {name: np.asarray(array, dtype=float) for name, array in given.items()}
+    batch = _batch_shape(arrays)
     if not 0.0 < tau < np.inf:
         raise InputError(f"obstacle features: tau must be positive and finite, is {tau}")
+    position, velocity, centre, cloud = arrays.values()
+    values = np.empty((*batch, 17))
     with np.errstate(invalid="ignore"):  # what is not finite is named below
-        to_centre = centre - position
         to_points = _closest_points(position, cloud)  # (..., 3 points, 3 axes)
-        values = np.empty(
-            (*np.broadcast_shapes(to_points.shape[:-2], to_centre.shape[:-1], velocity.shape[:-1]), 17)
-        )
-        values[..., TO_CENTRE] = to_centre
-        for axis in range(3):
-            first = TO_POINTS.start + CLOSEST_POINTS * axis
-            values[..., first : first + CLOSEST_POINTS] = to_points[..., axis]
+        values[..., TO_CENTRE] = centre - position
+        values[..., TO_POINTS] = np.swapaxes(to_points, -1, -2).reshape(*to_points.shape[:-2], 9)
         values[..., SCALED_VELOCITY] = tau * velocity
-        values[..., CENTRE_DISTANCE] = _norm(to_centre)
+        values[..., CENTRE_DISTANCE] = _norm(centre - position)
         values[..., APPROACH_COSINE] = _cosine(velocity, to_points[..., 0, :])
     if not np.isfinite(values).all():
-        names = ("position", "velocity", "cloud", "centre")
-        arrays = (position, velocity, cloud, centre)
-        bad = [name for name, array in zip(names, arrays, strict=True) if not np.isfinite(array).all()]
+        bad = [name for name, array in arrays.items() if not np.isfinite(array).all()]
         raise InputError(f"obstacle features: not finite: {', '.join(bad) or 'too large numbers'}")
     return values
 
 
 def displaced(features: np.ndarray, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
-    """The same obstacles as a hand sees them that is elsewhere, and moves otherwise.
+    """Features (..., 17) of the same obstacles for a hand displaced by a position and a tau v, (..., 3) m.
 
-    The three points stay those that were closest: it is the obstacle that is seen from elsewhere, not others.
-    `features` (..., 17); `position` (..., 3) by which the hand is off, m; `scaled_velocity` (..., 3) by which
-    tau v is off, m. Returns (..., 17).
+    The three points remain those that were closest.
     """
     found = np.array(features, dtype=float)
     found[..., TO_CENTRE] -= position
@@ -107,26 +84,25 @@ def displaced(features: np.ndarray, position: np.ndarray, scaled_velocity: np.nd
 
 
 def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
-    """Distance to the closest point of a cloud.
-
-    `position` (..., 3) m; `cloud` (..., P, 3) m. Returns (...) m; NaN where an input is not finite.
-    """
+    """Distance (...) m of positions (..., 3) to the closest point of clouds (..., P, 3), or NaN."""
     return _norm(_closest_points(position, cloud)[..., 0, :])
 
 
-def _check_shapes(position: np.ndarray, velocity: np.ndarray, cloud: np.ndarray, centre: np.ndarray) -> None:
-    vectors = {"position": position, "velocity": velocity, "centre": centre}
-    for name, array in vectors.items():
-        if array.ndim < 1 or array.shape[-1] != 3:
-            raise InputError(f"obstacle features: {name} must be (..., 3), is {array.shape}")
-    if cloud.ndim < 2 or cloud.shape[-1] != 3:
-        raise InputError(f"obstacle features: cloud must be (..., P, 3), is {cloud.shape}")
-    if cloud.shape[-2] < CLOSEST_POINTS:
-        raise InputError(f"obstacle features: {cloud.shape[-2]} points in a cloud, at least 3 are needed")
+def _batch_shape(arrays: Mapping[str, np.ndarray]) -> tuple[int, ...]:
+    """Common leading axes of the arguments of `features`; InputError where there are none."""
+    batches = []
+    for name, array in arrays.items():
+        form = "(..., P, 3)" if name == "cloud" else "(..., 3)"
+        axes = form.count(",")
+        if array.ndim < axes or array.shape[-1] != 3:
+            raise InputError(f"obstacle features: {name} must be {form}, is {array.shape}")
+        batches.append(array.shape[:-axes])
+    if (points := arrays["cloud"].shape[-2]) < CLOSEST_POINTS:
+        raise InputError(f"obstacle features: {points} points in a cloud, at least 3 are needed")
     try:
-        np.broadcast_shapes(*(array.shape[:-1] for array in vectors.values()), cloud.shape[:-2])
+        return np.broadcast_shapes(*batches)
     except ValueError as error:
-        shapes = [array.shape for array in (position, velocity, cloud, centre)]
+        shapes = [array.shape for array in arrays.values()]
         raise InputError(f"obstacle features: batches do not fit together: {shapes}") from error
 
 
@@ -161,36 +137,29 @@ def _to_closest_points(
 ) -> None:
     """Write the vectors (N, 3, 3) from positions (N, 3) to the three closest points of clouds (M, P, 3).
 
-    Closest first, of cloud `which` (N,); NaN if anything is not finite. One pass and no intermediate arrays:
-    twenty times quicker than distances, argpartition and take.
+    Closest first, of cloud `which` (N,); NaN if anything is not finite. One pass without intermediate arrays
+    is twenty times quicker than distances, argpartition and take.
     """
     for n in range(len(positions)):
-        _to_closest_of_one(positions[n], clouds[which[n]], vectors[n])
-
-
-@numba.njit(cache=True)
-def _to_closest_of_one(position: np.ndarray, cloud: np.ndarray, vectors: np.ndarray) -> None:
-    """Write the vectors (3, 3) from one position to the three closest points of one cloud (P, 3)."""
-    first = second = third = np.inf
-    at_first = at_second = at_third = 0
-    total = 0.0
-    for i in range(cloud.shape[0]):
-        squared = 0.0
-        for d in range(3):
-            squared += (cloud[i, d] - position[d]) ** 2
-        total += squared
-        if squared < third:
-            if squared < second:
+        position, cloud = positions[n], clouds[which[n]]
+        first = second = third = np.inf
+        at_first = at_second = at_third = 0
+        total = 0.0
+        for i in range(cloud.shape[0]):
+            squared = 0.0
+            for d in range(3):
+                squared += (cloud[i, d] - position[d]) ** 2
+            total += squared
+            if squared < first:
+                third, at_third, second, at_second = second, at_second, first, at_first
+                first, at_first = squared, i
+            elif squared < second:
                 third, at_third = second, at_second
-                if squared < first:
-                    second, at_second = first, at_first
-                    first, at_first = squared, i
-                else:
-                    second, at_second = squared, i
-            else:
+                second, at_second = squared, i
+            elif squared < third:
                 third, at_third = squared, i
-    finite = np.isfinite(total)  # comparisons with NaN are false: such a point would be passed over
-    for d in range(3):
-        vectors[0, d] = cloud[at_first, d] - position[d] if finite else np.nan
-        vectors[1, d] = cloud[at_second, d] - position[d] if finite else np.nan
-        vectors[2, d] = cloud[at_third, d] - position[d] if finite else np.nan
+        finite = np.isfinite(total)  # comparisons with NaN are false: such a point would be passed over
+        for d in range(3):
+            vectors[n, 0, d] = cloud[at_first, d] - position[d] if finite else np.nan
+            vectors[n, 1, d] = cloud[at_second, d] - position[d] if finite else np.nan
+            vectors[n, 2, d] = cloud[at_third, d] - position[d] if finite else np.nan

@@ -1,4 +1,4 @@
-"""What has been learned: avoidance models of four kinds by what they learned from, and their files.
+"""Files of avoidance models of four kinds, and the phase-modulated network on obstacle features.
 
 The phase-modulated network on obstacle features is named as future work in IV.8: one network per axis of the
 coupling term (eq. IV.27-IV.30), trained as one stack on the same draws. Where the phase rests there is no
@@ -27,7 +27,7 @@ HUMAN_INSPIRED, PHASE_MODULATED = "human_inspired", "phase_modulated"
 """Kinds of models: names of their files, and in tables."""
 
 SETTING, ALL = "setting", "all"
-"""What a model learned from, if not from all scenarios of a shape: from one scenario, or from all of them."""
+"""What a model learned from, if not all scenarios of a shape: a single scenario, or all of them."""
 
 
 @dataclass(frozen=True)
@@ -38,36 +38,32 @@ class PhaseModulatedAvoidance:
 
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
         """Coupling terms (B, 3) in m of features (B, 17), phase (B,) and phase velocity (B,)."""
-        return np.stack(
-            [network.coupling(features, phase, phase_velocity) for network in self.networks], axis=-1
-        )
+        terms = [network.coupling(features, phase, phase_velocity) for network in self.networks]
+        return np.stack(terms, axis=-1)
 
 
 def train_phase_modulated(
     dataset: AvoidanceDataset, parameters: TrainingParameters, hidden: Sequence[int]
 ) -> PhaseModulatedAvoidance:
-    """Train on all samples but those that say when to stop.
+    """Train on all samples but those for early stopping; chunks of consecutive samples are split together.
 
-    `dataset`: samples of any number of scenarios; `parameters`: of the training; its chunks of consecutive
-    samples are split together. Raises InputError: too few samples, or the target of an axis is constant.
+    Raises InputError: too few samples, or the target of an axis is constant.
     """
-    per_axis = [coupling_dataset(dataset, axis) for axis in range(len(AXES))]
+    per_axis = [
+        CouplingDataset(
+            deviation=dataset.features,
+            phase=dataset.phase,
+            phase_velocity=dataset.phase_velocity,
+            target=target,
+            setting=dataset.scenario.astype(float),
+            demonstration=dataset.demonstration,
+            time=dataset.time,
+        )
+        for target in dataset.target.T
+    ]
     fold = without_generalization(per_axis[0], FRACTIONS, parameters.chunk_samples, parameters.seed)
     trained = PhaseModulatedNetwork.train([(one, fold) for one in per_axis], parameters, hidden)
     return PhaseModulatedAvoidance(tuple(one.models["validation"] for one in trained))
-
-
-def coupling_dataset(dataset: AvoidanceDataset, axis: int) -> CouplingDataset:
-    """One axis of the coupling term as the feedback models know it; the scenario is the setting."""
-    return CouplingDataset(
-        deviation=dataset.features,
-        phase=dataset.phase,
-        phase_velocity=dataset.phase_velocity,
-        target=dataset.target[:, axis],
-        setting=dataset.scenario.astype(float),
-        demonstration=dataset.demonstration,
-        time=dataset.time,
-    )
 
 
 def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: str | Path) -> None:
@@ -81,10 +77,7 @@ def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: s
 
 
 def read_phase_modulated(path: str | Path) -> dict[str, PhaseModulatedAvoidance]:
-    """Read the models of a file by name, in alphabetical order.
-
-    Raises InputError: the file is missing, no safetensors, or a model lacks an axis.
-    """
+    """Read the models of a file, keyed by name in alphabetical order; InputError if one lacks an axis."""
     networks = read_networks(path)
     names = sorted({name.rpartition(".")[0] for name in networks})
     if set(networks) != {f"{name}.{axis}" for name in names for axis in AXES}:
@@ -95,10 +88,8 @@ def read_phase_modulated(path: str | Path) -> dict[str, PhaseModulatedAvoidance]
 
 
 AvoidanceModels = Mapping[str, Mapping[str, Any]]
-"""Coupling models of one person by their kind, then by what they learned from: a shape, `all`, or `setting`.
-
-The latter are stacks with a model for each of some scenarios. Phase-modulated networks may be left out.
-"""
+"""Coupling models of one person by kind, then by what they learned from: a shape, `all`, or `setting`, a
+stack with a model for each of some scenarios. Phase-modulated networks may be missing."""
 
 FORMATS: dict[str, tuple[Callable[..., dict[str, Any]], Callable[..., None]]] = {
     NETWORK: (read_avoidance_networks, write_avoidance_networks),
@@ -117,10 +108,7 @@ def write_models(models: AvoidanceModels, folder: str | Path) -> None:
 
 
 def read_models(folder: str | Path) -> AvoidanceModels:
-    """Read what `write_models` wrote.
-
-    Raises InputError: a file is missing or holds something else.
-    """
+    """Read what `write_models` wrote; InputError: a file is missing or holds something else."""
     files = {kind: Path(folder, f"{kind}.safetensors") for kind in FORMATS}
     wanted = [kind for kind, file in files.items() if kind != PHASE_MODULATED or file.exists()]
     return {kind: FORMATS[kind][0](files[kind]) for kind in wanted}

@@ -3,22 +3,22 @@
     w <- w - (b J^T J + (a + mu) I)^-1 (b J^T e + a w)
 
 With 1000 samples an iteration takes 25 ms, 13 of them in `normal_equations` and 3 in each Cholesky factor of
-the 603 x 603 matrix. Against that the calls of one network cost nothing, so networks are trained one by one,
-over processes, and not in batches: each stops when it is done, and their samples need not be equally many.
+the 603 x 603 matrix. Calls are cheap beside that, so networks are trained one by one over processes: each
+stops on its own, and they need not have equally many samples.
 
-Two rules say when enough has been learnt. `validation` is MATLAB's trainlm (a = 0, b = 1): stop after some
-iterations without gain on validation samples, keep the best. `evidence` needs no validation samples:
-weight decay a and precision b are re-estimated after every step from the number of weights that the data
-determine (MacKay 1992; Foresee & Hagan 1997, MATLAB's trainbr).
+There are two stopping rules. `validation` is MATLAB's trainlm (a = 0, b = 1): stop after some iterations
+without gain on validation samples, keep the best. `evidence` needs no validation samples: weight decay a and
+precision b are re-estimated after every step from the number of weights that the data determine (MacKay
+1992; Foresee & Hagan 1997, MATLAB's trainbr).
 
-The Jacobian of 1000 samples and three outputs by 603 weights is never made. Of layer l, output o and sample s
-its entries are h_si d_soj, an activation times a backpropagated slope, so that
+The Jacobian of 1000 samples and three outputs by 603 weights is never formed. For layer l, output o and
+sample s its entries are h_si d_soj, an activation times a backpropagated slope, so that
 
     (J^T J)_{(l i j)(m k n)} = sum_s (h_si h_sk) (sum_o d_soj d_son)
 
-is one matrix product per pair of layers, with the outputs summed before and symmetric halves left out: an
-eighth of the operations of forming J and multiplying. Single precision would be twice as fast, but it limits
-how far damping can fall: trainings end elsewhere, and what they are good for changes as with another seed.
+is one matrix product per pair of layers, with outputs summed first and symmetric halves left out: an eighth
+of the operations. Single precision would be twice as fast, but limits how far damping can fall: results
+change as much as with another seed.
 """
 
 from collections.abc import Sequence
@@ -43,17 +43,15 @@ DAMPING_FACTOR = 10.0
 PATIENCE = 6  # with `validation`, iterations without gain after which training stops
 VALIDATION_SHARE = 0.15  # with `validation`, of the training demonstrations or blocks of samples
 
-TOLERANCE = 1e-4
-"""Training stops when some steps in a row (`SLOW_STEPS`) gain less than this part of the error."""
+SLOW_STEPS, TOLERANCE = 3, 1e-4
+"""Training stops after so many steps in a row that gain less than this share of the error."""
 
 WEIGHTS, SPLIT, LESSON = 0, 1, 2  # last number of a network's streams of random numbers
 VALIDATION, EVIDENCE = "validation", "evidence"
 FIRST_DECAY = 0.01  # of `evidence` before the first estimate, in units of the precision
 
 SETTLING_STEPS = 5
-"""Before the first estimate: random weights explain nothing, and decay would be chosen to remove them."""
-
-SLOW_STEPS = 3  # steps in a row with hardly a gain, after which nothing more is expected
+"""Steps before the first estimate: random weights explain nothing, so decay would remove them."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +67,9 @@ class Samples:
 
 
 def normal_equations(layers: Layers, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """J^T J and J^T e of the errors e = output - target with respect to all weights, layer by layer.
+    """J^T J (P, P) and J^T e (P,) of the errors e = output - target by all P weights, layer by layer.
 
-    `layers`: of one network, P weights in all. Returns (P, P), of which only the upper triangle is filled
-    where blocks of layers are off the diagonal. (P,) half the gradient of the squared error.
+    Of the blocks of two different layers only those above the diagonal are filled.
     """
     count = len(layers)
     starts = np.cumsum([0, *(layer.size for layer in layers)])
@@ -182,10 +179,9 @@ def train(
     validation: Samples | None = None,
     stream: Sequence[int] = (),
 ) -> tuple[np.ndarray, ...]:
-    """Layers of one network, trained from random initial weights.
+    """Layers of one network, trained from random initial weights; `stream` is its stream of random numbers.
 
-    `validation`: samples that say when to stop; needed by that rule, and only by it; `stream`: which random
-    numbers are this network's own. Raises ValueError: validation samples are missing, or given for nothing.
+    Raises ValueError: validation samples are missing, or given to the other rule.
     """
     if (parameters.rule == VALIDATION) != (validation is not None):
         raise ValueError(
@@ -198,12 +194,11 @@ def train(
 
 def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> list[np.ndarray]:
     """Random layers (before + 1, after): weights of variance 2 / before (ReLU keeps half), small biases."""
-    return [
-        np.vstack(
-            [rng.normal(size=(before, after)) * (2.0 / before) ** 0.5, 0.1 * rng.normal(size=(1, after))]
-        )
-        for before, after in pairwise(sizes)
-    ]
+    layers = []
+    for before, after in pairwise(sizes):
+        weights = rng.normal(size=(before, after)) * (2.0 / before) ** 0.5
+        layers.append(np.vstack([weights, 0.1 * rng.normal(size=(1, after))]))
+    return layers
 
 
 def train_from(

@@ -1,17 +1,14 @@
-"""What a whole scene asks of a hand: the way ahead along the cost-to-go of a plane (beyond IV.8).
+"""Features of a whole scene: the way ahead along the cost-to-go of a plane (beyond IV.8).
 
-The 17 features of the text see one obstacle, so a model of them cannot know that beside it stands another,
-and goes where there is no gap. Here all shapes, any number and in any order, act by the distance to the
-nearest of them alone:
+The 17 features of the text see one obstacle, so their models ignore others beside it and may go where there
+is no gap. Here any number of shapes act through the distance d to the nearest of them:
 
     w(x) = 1 + a exp(-max(d, 0) / s) + b max(0, 1 - d / r)         |grad C(x)| = w(x),  C(goal) = 0
 
 C, the cost of the cheapest way from x to the goal, is found on a grid over the horizontal plane of the reach
-by fast sweeping (Zhao 2005), first-order upwind. The steepest descent of C is that cheapest way: it goes
-through the gap that a plan through the whole scene takes. Models see where it leads within some distances, in
-the local frame; they learn from people how closely, when and how smoothly it is followed.
-
-Movements are planar: a way over or under an obstacle is not looked for.
+by fast sweeping (Zhao 2005), first-order upwind. The steepest descent of C is that way. Models see where it
+leads within some distances, in the local frame; from people they learn how closely, when and how smoothly it
+is followed. Ways over or under an obstacle are not searched.
 """
 
 from collections.abc import Sequence
@@ -32,10 +29,7 @@ STEP_CELLS = 0.5  # step along the way, in cells: the direction is interpolated 
 
 
 class LookAheadParameters(Parameters):
-    """The plane, what ways in it cost, and how far ahead is looked.
-
-    Fields: `stages/tasks/params.yaml`, `defaults.obstacles.look_ahead`; symbols as above.
-    """
+    """Grid, costs, distances ahead. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.look_ahead`."""
 
     cell_m: float = Field(gt=0, le=0.1)
     margin_m: float = Field(ge=0, le=1)
@@ -57,10 +51,9 @@ class CostToGo:
     direction: np.ndarray  # (X, Y, 2) unit vectors of its steepest descent, 0 at the goal
 
     def ways(self, points: np.ndarray, ahead: Sequence[float] | np.ndarray) -> np.ndarray:
-        """Where the cheapest ways from some points lead.
+        """Points (N, L, 2) m on the cheapest ways from points (N, 2), increasing distances `ahead` (L,) m on.
 
-        `points` (N, 2) m; what is outside of the grid is looked at as at its edge; `ahead` (L,) increasing
-        distances along the way, m. Returns (N, L, 2) m; the goal where the way is shorter.
+        Beyond its end a way stays at the goal; the grid continues beyond its edge as at it.
         """
         found = np.empty((len(points), len(ahead), 2))
         grid = (self.origin, self.cell, self.goal, self.direction)
@@ -68,7 +61,7 @@ class CostToGo:
         return found
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """Cost-to-go (N,) of points (N, 2), between the centres of cells bilinear."""
+        """Cost-to-go (N,) of points (N, 2), bilinear between the centres of cells."""
         place = np.clip((points - self.origin) / self.cell, 0.0, np.array(self.cost.shape) - 1.000001)
         corner = place.astype(int)
         (i, j), (u, v) = corner.T, (place - corner).T
@@ -80,17 +73,15 @@ class CostToGo:
 def cost_to_go(
     shapes: Sequence[Obstacle], start: np.ndarray, goal: np.ndarray, parameters: LookAheadParameters
 ) -> CostToGo:
-    """Cheapest ways past all shapes in the horizontal plane halfway up the reach.
+    """Cheapest ways past all shapes in the horizontal plane halfway up the reach, base frame.
 
-    `shapes`: any number, in any order, base frame; `start` (3,) m, base frame; the grid covers it; `goal`
-    (3,) m. Raises InputError: start or goal is not finite.
+    The grid covers `start` and `goal`, (3,) m. Raises InputError: one of them is not finite.
     """
     ends = np.array([start, goal], dtype=float)
     if not np.isfinite(ends).all():
         raise InputError(f"start and goal of a look-ahead must be finite, are {ends.tolist()}")
-    reach = [np.abs(shape.rotation) @ shape.half_size for shape in shapes]
     corners = [
-        shape.centre + side * half for shape, half in zip(shapes, reach, strict=True) for side in (-1, 1)
+        shape.centre + side * np.abs(shape.rotation) @ shape.half_size for shape in shapes for side in (-1, 1)
     ]
     points = np.vstack([ends, *corners])[:, :2]
     cell, margin = parameters.cell_m, parameters.margin_m
@@ -126,39 +117,31 @@ def scene_features(
     goal: np.ndarray,
     ahead: Sequence[float],
 ) -> np.ndarray:
-    """What a model sees of a scene and of its own movement, in the local frame of the reach.
+    """Features (N, 2 L + 9) of a scene and of the hand's movement, in the local frame of the reach.
 
-    `scene`: cheapest ways, base frame; `position` (N, 3) m, local frame, relative to the start;
-    `scaled_velocity` (N, 3) tau v, m; `start` (3,) m, base frame; `frame` (3, 3) local to base; `goal` (3,)
-    m, local frame; `ahead` (L,) distances along the way, m. Returns (N, 2 L + 9): along x and y of the local
-    frame how far the way leads within each distance; by how much the way to the goal is dearer than a
-    straight one in the open; what is left to the goal; tau v; how far the hand is off the straight line along
-    y and z.
+    `position` (N, 3) m relative to the start; `scaled_velocity` (N, 3) tau v, m; `start` (3,) m, base frame;
+    `frame` (3, 3) local to base; `goal` (3,) m, local frame; `ahead` (L,) m. Columns: x and y of where the
+    way leads within each distance; excess of its cost over a straight way in the open; vector to the goal;
+    tau v; y and z of the hand.
     """
     here = (position @ frame.T + start)[:, :2]
-    way = scene.ways(here, ahead) - here[:, None]
-    led = (way @ frame[:2])[..., :2].reshape(
-        len(position), -1
-    )  # the way is horizontal: no z in the base frame
-    left = goal - position
-    dearer = scene.at(here) - np.linalg.norm(scene.goal - here, axis=1)
-    return np.column_stack([led, dearer, left, scaled_velocity, position[:, 1:]])
+    way = scene.ways(here, ahead) - here[:, None]  # horizontal: no z in the base frame
+    led = (way @ frame[:2])[..., :2].reshape(len(position), -1)
+    excess = scene.at(here) - np.linalg.norm(scene.goal - here, axis=1)
+    return np.column_stack([led, excess, goal - position, scaled_velocity, position[:, 1:]])
 
 
 def mirror_signs(parameters: LookAheadParameters) -> np.ndarray:
-    """(F,) what columns of `scene_features` are multiplied by if the scene is mirrored in the plane y = 0."""
+    """Factors (F,) of the columns of `scene_features` if the scene is mirrored in the plane y = 0."""
     led = [1.0, -1.0] * len(parameters.ahead_m)
     return np.array([*led, 1.0, *MIRROR, *MIRROR, *MIRROR[1:]])
 
 
 def _descent(cost: np.ndarray) -> np.ndarray:
     """Unit vectors (X, Y, 2) towards smaller cost, by the neighbours that the cost of a cell comes from."""
-    descent = np.zeros((*cost.shape, 2))
-    for axis in range(2):
-        padded = np.pad(
-            cost, [(1, 1) if other == axis else (0, 0) for other in range(2)], constant_values=np.inf
-        )
-        before, after = (np.take(padded, np.arange(cost.shape[axis]) + at, axis=axis) for at in (0, 2))
+    descent, padded = np.zeros((*cost.shape, 2)), np.pad(cost, 1, constant_values=np.inf)
+    neighbours = ((padded[:-2, 1:-1], padded[2:, 1:-1]), (padded[1:-1, :-2], padded[1:-1, 2:]))
+    for axis, (before, after) in enumerate(neighbours):
         gain = cost - np.minimum(before, after)
         descent[..., axis] = np.where(after < before, 1.0, -1.0) * np.maximum(gain, 0.0)
     length = np.linalg.norm(descent, axis=-1, keepdims=True)

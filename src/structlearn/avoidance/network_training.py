@@ -1,20 +1,19 @@
 """Avoidance models learned from demonstrations: per setting, per shape, for all shapes (IV.8.5, IV.8.6).
 
-A fifth of the demonstrations of every scenario tests. The dissertation does not say whether its 80/20 split
-is of samples or demonstrations; neighbouring samples are nearly the same, so a test on other samples of the
-same demonstration would say little.
+A fifth of the demonstrations of every scenario is held out. The dissertation does not say whether its 80/20
+split is by samples or demonstrations; neighbouring samples are nearly equal, so other samples of a training
+demonstration would test little.
 
-Beside single networks, as in the text, there are ensembles: means of networks that each see other
-demonstrations, and those from elsewhere. A network of the text sees how fast a hand already avoids, and so
-learns that who has not begun to avoid need not: in the loop that confirms itself, and the hand goes straight
-on. Members of an ensemble see every sample from a state (x + dx, v + dv) across the reach, drawn at random,
-with the coupling term that was demonstrated there. Under it the displacement dies out as the primitive's own
-attraction lets it,
+Beside single networks, as in the text, there are ensembles: means of networks that each see some of the
+demonstrations, displaced. A single network sees how fast a hand already avoids and learns that a hand that
+has not begun to avoid need not; in closed loop this confirms itself, and the hand goes straight on. Members
+of an ensemble see every sample from a random state (x + dx, v + dv) across the reach, with the coupling term
+that was demonstrated. The displacement is the difference of two solutions of the transformation system with
+the same coupling term, so it decays by the primitive's own attraction:
 
-    tau^2 dx'' = -alpha (beta dx + tau dx'),
+    tau^2 dx'' = -alpha (beta dx + tau dx')
 
-since it is what is left of two solutions of the transformation system with the same coupling term. So members
-can tell what to do by the obstacle only, not by what was done before.
+Members can therefore choose by the obstacle only, not by what was done before.
 """
 
 from collections.abc import Sequence
@@ -49,11 +48,11 @@ COLUMNS = {
     "phase_velocity": avoidance_network.FEATURES_AND_PHASE_VELOCITY,
     "phase": avoidance_network.FEATURES_AND_PHASE,
 }
-"""What a network sees beside the features: nothing, the phase velocity, or the phase as well."""
+"""Columns that a network sees: features alone, with the phase velocity, or with both phase and velocity."""
 
 
 def seen_columns(inputs: str, features: int) -> tuple[int, ...]:
-    """The columns of `COLUMNS` where there are other features than 17: they, and the same of what follows."""
+    """The columns of `COLUMNS` for another number of features than 17."""
     behind = [column - len(avoidance_network.FEATURES) for column in COLUMNS[inputs]]
     return (*range(features), *(features + column for column in behind if column >= 0))
 
@@ -68,10 +67,7 @@ class NetworkParameters(Parameters):
 
 
 class EnsembleParameters(NetworkParameters):
-    """A mean of networks, each of which sees part of the demonstrations, from elsewhere.
-
-    Fields: `params.yaml`, `obstacle_training.ensemble`.
-    """
+    """A mean of networks that see displaced demonstrations. Fields: `obstacle_training.ensemble`."""
 
     demonstrations: PositiveInt
     displaced_m: float = Field(ge=0, le=0.5)
@@ -79,14 +75,14 @@ class EnsembleParameters(NetworkParameters):
 
 
 class SplitParameters(Parameters):
-    """Which demonstrations of every scenario test."""
+    """Which demonstrations of every scenario are held out."""
 
     test_share: float = Field(gt=0, lt=1)
     seed: int = Field(ge=0)
 
 
 def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.ndarray:
-    """Mask (S,) of the samples whose demonstrations test, the same share of every scenario.
+    """Mask (S,) of held-out samples: whole demonstrations, the same share of every scenario.
 
     Raises InputError: a scenario has one demonstration only.
     """
@@ -105,11 +101,9 @@ def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.
 def fit_networks(
     datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters, description: str
 ) -> AvoidanceNetworks:
-    """Train one network per dataset, over processes.
+    """Train one network per dataset of training samples, each the mean of its members, over processes.
 
-    `datasets`: training samples of each network; of an ensemble every member has a `lesson` of its own.
-    Returns a stack, one network per dataset, each the mean of its members. Raises InputError: the target of
-    an axis is constant, or there are too few samples.
+    Raises InputError: the target of an axis is constant, or there are too few samples.
     """
     work = [
         (one, parameters, (place, member))
@@ -125,16 +119,13 @@ def fit_networks(
 def lesson(
     dataset: AvoidanceDataset, parameters: EnsembleParameters, stream: Sequence[int]
 ) -> AvoidanceDataset:
-    """What one member of an ensemble sees of the samples: some demonstrations, from elsewhere.
-
-    `dataset`: training samples; `stream`: which random numbers are the member's own.
-    """
+    """Training samples of one member of an ensemble: some demonstrations, displaced; `stream` seeds it."""
     rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
     which = _demonstrations(dataset)
     chosen = rng.permutation(which.max() + 1)[: parameters.demonstrations]
     seen = dataset.where(np.isin(which, chosen))
     sizes = np.array([parameters.displaced_m, parameters.displaced_velocity_m])[:, None, None]
-    off = sizes * rng.standard_normal((2, len(seen), 3)) * (0.0, 1.0, 1.0)  # x is never acted upon
+    off = sizes * rng.standard_normal((2, len(seen), 3)) * (0.0, 1.0, 1.0)  # nothing acts along x
     return replace(seen, features=displaced(seen.features, *off))
 
 
@@ -155,12 +146,11 @@ def train_member(
     stream: Sequence[int],
     seen: AvoidanceDataset | None = None,
 ) -> tuple[np.ndarray, ...]:
-    """Train one network in this process.
+    """Layers of one network for `avoidance_network.scaled_networks`, trained in this process.
 
-    `dataset`: training samples, whose ranges scale inputs and outputs; `members` are not looked at; `seen`:
-    the samples that it learns from; default all. By the rule `validation` some demonstrations of them say
-    when to stop. Returns its layers, in the units of `avoidance_network.scaled_networks`. Raises InputError:
-    the target of an axis is constant, or there is one demonstration and none to validate.
+    `dataset`: training samples, whose ranges scale inputs and outputs; `seen`: the samples that it learns
+    from; default all; `stream` seeds it. Raises InputError: the target of an axis is constant, or there is
+    one demonstration and none to validate.
     """
     columns = seen_columns(parameters.inputs, dataset.features.shape[1])
     seen = dataset if seen is None else seen
@@ -169,11 +159,11 @@ def train_member(
         2.0 * (_inputs(seen, columns) - low) / (high - low) - 1.0,
         (seen.target - dataset.target.mean(axis=0)) / avoidance_network.output_scale(dataset.target),
     )
-    training = parameters.training
-    if training.rule != VALIDATION:
-        return train(samples, parameters.hidden, training, stream=stream)
-    held = _validation_rows(seen, training, stream)
-    return train(samples.where(~held), parameters.hidden, training, samples.where(held), stream)
+    training, validation = parameters.training, None
+    if training.rule == VALIDATION:
+        held = _validation_rows(seen, training, stream)
+        samples, validation = samples.where(~held), samples.where(held)
+    return train(samples, parameters.hidden, training, validation, stream)
 
 
 def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description: str) -> HumanInspiredModels:
@@ -185,12 +175,10 @@ def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description:
 def fit_errors(
     datasets: Sequence[AvoidanceDataset], tests: Sequence[np.ndarray], models: Sequence[CouplingModel]
 ) -> pd.DataFrame:
-    """Training and test errors of one model per dataset.
+    """Training and test errors of one model per dataset, with the mask (S,) of its test samples.
 
-    `datasets`: all samples, in the order of the models; `tests` (S,) mask of the test samples of each
-    dataset. Returns per `model` (number from 0) and `part` (`train`, `test`): `nmse_x`, `nmse_y`, `nmse_z`
-    and their mean `nmse`; `dominant` (the axis of `dominant_axis` over all samples of a single scenario, or
-    "") and `nmse_dominant` (NaN without one).
+    Returns per `model` (number from 0) and `part` (`train`, `test`): `nmse_x`, `nmse_y`, `nmse_z` and their
+    mean `nmse`; `dominant` (see `dominant_axis`, of a single scenario, or "") and `nmse_dominant` (or NaN).
     """
     rows = []
     for place, (dataset, mask, model) in enumerate(zip(datasets, tests, models, strict=True)):
@@ -210,32 +198,25 @@ def dominant_axis(dataset: AvoidanceDataset) -> str | None:
     """The axis across the reach along which the demonstrations of a scenario avoid its obstacle, if any.
 
     The dissertation counts 43 of 120 such scenarios and does not say how. Here it is the axis, y or z, along
-    which the mean coupling term over the demonstrations is larger (rms over phase), if it is larger than what
-    single demonstrations differ from it by, and `DOMINANCE` times that of the other axis.
+    which the mean coupling term over the demonstrations is larger (rms over phase), if it exceeds the
+    scatter of single demonstrations, and `DOMINANCE` times the mean of the other axis.
     """
-    courses = _courses(dataset)[..., 1:]
-    mean = courses.mean(axis=0)
+    fractions = np.linspace(0.0, 1.0, COURSE_SAMPLES)
+    courses = []  # per demonstration the targets (COURSE_SAMPLES, 2) along y and z in normalised time
+    for number in np.unique(dataset.demonstration):
+        its = dataset.where(dataset.demonstration == number)
+        time = its.time / its.time[-1]
+        courses.append(np.stack([np.interp(fractions, time, one) for one in its.target.T[1:]], axis=1))
+    mean = np.mean(courses, axis=0)
     size = np.sqrt(np.mean(mean**2, axis=0))
     noise = np.sqrt(np.mean((courses - mean) ** 2, axis=(0, 1)))
     axis = int(size.argmax())
-    if size[axis] > noise[axis] and size[axis] > DOMINANCE * size[1 - axis]:
-        return AXES[1 + axis]
-    return None
+    dominates = size[axis] > noise[axis] and size[axis] > DOMINANCE * size[1 - axis]
+    return AXES[1 + axis] if dominates else None
 
 
 DOMINANCE = 1.5  # how much larger the coupling along the dominant axis is than along the other
 COURSE_SAMPLES = 50  # of a demonstration in normalised time
-
-
-def _courses(dataset: AvoidanceDataset) -> np.ndarray:
-    """Targets (demonstrations, COURSE_SAMPLES, 3) in normalised time, samples of one scenario."""
-    fractions = np.linspace(0.0, 1.0, COURSE_SAMPLES)
-    courses = []
-    for number in np.unique(dataset.demonstration):
-        its = dataset.where(dataset.demonstration == number)
-        time = its.time / its.time[-1]
-        courses.append(np.stack([np.interp(fractions, time, values) for values in its.target.T], axis=1))
-    return np.array(courses)
 
 
 def _inputs(dataset: AvoidanceDataset, columns: Sequence[int]) -> np.ndarray:
@@ -257,7 +238,7 @@ def _demonstrations(dataset: AvoidanceDataset) -> np.ndarray:
 def _validation_rows(
     dataset: AvoidanceDataset, training: LevenbergMarquardtParameters, stream: Sequence[int]
 ) -> np.ndarray:
-    """Mask (S,) of whole demonstrations that say when to stop; InputError where there is only one."""
+    """Mask (S,) of whole demonstrations for early stopping; InputError where there is only one."""
     which = _demonstrations(dataset)
     number = int(which.max()) + 1
     if number < 2:

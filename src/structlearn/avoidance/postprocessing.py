@@ -65,11 +65,9 @@ def post_processed(
     goal_x: np.ndarray,
     passed_decay_per_m2: float,
 ) -> np.ndarray:
-    """Coupling term after the rules above, in the local frame.
+    """Coupling term (..., 3) of a model after the rules above, in the local frame; never longer than before.
 
-    `coupling` (..., 3) output of the model; `x` (...) of the end-effector in m; `first_x` (...) smallest x of
-    the obstacle's points in m; `last_x` (...) largest x of the obstacle's points in m; `goal_x` (...) m;
-    `passed_decay_per_m2`: k in 1/m^2. Returns (..., 3) coupling term, never longer than what came in.
+    All in m: `x` (...) of the hand, smallest and largest x (...) of the obstacle's points, `goal_x` (...).
     """
     passed = np.maximum(np.subtract(x, last_x), 0.0)
     factor = np.where(np.less(goal_x, first_x), 0.0, np.exp(-passed_decay_per_m2 * passed**2))

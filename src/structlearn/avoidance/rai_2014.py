@@ -41,8 +41,7 @@ VAGUE = 1e-6  # shape and rate of the gamma priors of all precisions
 class HumanInspiredModels:
     """M models, e.g. one per scenario."""
 
-    # (M, 3, F) per axis and feature, centre before closest point, beta before k; 0 where pruned
-    weights: np.ndarray
+    weights: np.ndarray  # (M, 3, F) by axis and feature: centre first, beta before k; 0 where pruned
 
     def __len__(self) -> int:
         return len(self.weights)
@@ -54,11 +53,8 @@ class HumanInspiredModels:
         """
         if len(self) not in (1, len(features)):
             raise ValueError(f"{len(features)} samples for {len(self)} models")
-        return np.einsum(
-            "sif,sif->si",
-            steering_features(features),
-            np.broadcast_to(self.weights, (len(features), *self.weights.shape[1:])),
-        )
+        weights = np.broadcast_to(self.weights, (len(features), *self.weights.shape[1:]))
+        return np.einsum("sif,sif->si", steering_features(features), weights)
 
     def take(self, index: np.ndarray | Sequence[int]) -> Self:
         """The models of some indices, in their order and as often as named."""
@@ -68,17 +64,13 @@ class HumanInspiredModels:
 def steering_features(features: np.ndarray) -> np.ndarray:
     """Grid of steering effects (..., 3 axes, 2 x 5 x 5) of features (..., 17); 0 where R v is undefined."""
     velocity = features[..., columns.SCALED_VELOCITY]
-    points = features[..., columns.TO_POINTS].reshape(*features.shape[:-1], 3, columns.CLOSEST_POINTS)
-    effects = [_steering(velocity, to) for to in (features[..., columns.TO_CENTRE], points[..., 0])]
+    closest = features[..., columns.TO_POINTS][..., :: columns.CLOSEST_POINTS]
+    effects = [_steering(velocity, to) for to in (features[..., columns.TO_CENTRE], closest)]
     return np.concatenate(effects, axis=-1)
 
 
 def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspiredModels:
-    """Fit one model.
-
-    `features` (S, 17); `target` (S, 3) coupling terms in m. Returns a stack of one model. Raises InputError:
-    fewer than two samples.
-    """
+    """Fit one model to features (S, 17) and coupling terms (S, 3) in m; InputError below two samples."""
     if len(target) < 2:
         raise InputError(f"{len(target)} samples are too few for a regression")
     effects = steering_features(features)
@@ -123,11 +115,7 @@ def write_human_inspired(models: Mapping[str, HumanInspiredModels], path: str | 
 
 
 def read_human_inspired(path: str | Path) -> dict[str, HumanInspiredModels]:
-    """Read the stacks of a file by name, in alphabetical order.
-
-    Raises InputError: the file is missing, no safetensors, or holds something else; or a weight is not
-    finite.
-    """
+    """Read the stacks of a file, keyed by name in alphabetical order; InputError if it holds no such."""
     tensors = read_tensors(path)
     with holding(path, "human-inspired models"):
         names = json.loads(read_description(path))["human_inspired"]

@@ -1,7 +1,4 @@
-"""Learn from some people how to reach through scenes, and try it in the scenes of others (IV.8).
-
-People are left out in turn, so a model is judged in scenes, and beside paths, of people it has never seen.
-"""
+"""Cross-validation of reaches through scenes by people: models are tested on people left out (IV.8)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,15 +38,15 @@ SHOWN = 6  # reaches in pictures and recordings
 
 @dataclass(frozen=True)
 class SceneResults:
-    """What the folds show."""
+    """Tables of the folds."""
 
     # per `way` of `WAYS` and `reach`: `person`, `fold`; whether the straight line hits an obstacle,
     # `blocked`; whether the reach does, `hit`, or meets a wall, `hit_wall`; `clearance_mm` of the hand's
     # centre from the nearest obstacle, `left_mm` from the goal at the prescribed end, `path_mm` from the
     # person's own path, and whether it takes the person's gaps, `same_gaps`
     reaches: pd.DataFrame
-    # per `way` of `MODELS`, `fold` and `axis`: `squared`, the error of the coupling term on what is left out,
-    # squared and summed, and `variance`, the same of the targets about their mean
+    # per `way` of `MODELS`, `fold` and `axis`: sums over held-out samples of `squared` errors of the coupling
+    # term, and of squared deviations of the targets from their mean, `variance`
     errors: pd.DataFrame
     # per pair of people who reached through one scene: `first`, `second`, `reach`, `path_mm`, `same_gaps`
     people: pd.DataFrame
@@ -62,7 +59,7 @@ class SceneResults:
 
 
 def learn_past_obstacles(runs: Sequence[Demonstration], parameters: SceneLearningParameters) -> SceneResults:
-    """Cut the reaches, learn fold by fold, and try everything in the scenes left out.
+    """Cut the reaches, learn fold by fold, and test everything in the held-out scenes.
 
     Raises InputError: as `reaches_past_obstacles`. Raises MissingInputError: people are too few.
     """
@@ -71,12 +68,11 @@ def learn_past_obstacles(runs: Sequence[Demonstration], parameters: SceneLearnin
 
 
 def folds_of_people(reaches: Sequence[SceneReach], parameters: SceneLearningParameters) -> list[list[str]]:
-    """People on whom nothing was chosen, dealt out in turn; fewer are fewer folds.
+    """People on whom nothing was tuned, dealt out in turn; at most one fold each.
 
-    Where all are judged they are dealt out by how far their straightest reach leaves the straight line, so
-    that all folds have straight reaches, of which the baseline is learned, if there are enough. Others are
-    dealt out by name, since those who are always learned from have straight ones. Raises MissingInputError:
-    there is nobody to judge, or nobody else to learn from.
+    Where all are judged they are ordered by the bend of their straightest reach, so that all folds have
+    straight reaches to learn the baseline from; else by name, since people who are always learned from have
+    such. Raises MissingInputError: there is nobody to judge, or nobody else to learn from.
     """
     bends: dict[str, float] = {}
     for reach in reaches:
@@ -98,17 +94,15 @@ def judge_folds(
     folds: Sequence[Sequence[str]],
     parameters: SceneLearningParameters,
 ) -> SceneResults:
-    """Learn from everybody but the people of a fold, and try it on them, fold by fold."""
+    """Learn from everybody but the people of a fold and test on them, fold by fold."""
     scenes = reach_scenes(reaches, parameters)
     person = np.array([reach.person for reach in reaches])
     tests = [np.flatnonzero(np.isin(person, people)).tolist() for people in folds]
     lessons = [np.flatnonzero(~np.isin(person, people)).tolist() for people in folds]
     scored, errors = [], []
     unrolled: dict[tuple[str, str], np.ndarray] = {}
-    for fold, (learned, places) in enumerate(
-        zip(learn(reaches, scenes, lessons, parameters), tests, strict=True)
-    ):
-        own, its = [reaches[place] for place in places], scenes.take(places)
+    for fold, learned in enumerate(learn(reaches, scenes, lessons, parameters)):
+        own, its = [reaches[place] for place in tests[fold]], scenes.take(tests[fold])
         errors.append(_errors(learned, own, its, parameters).assign(fold=fold))
         for way in WAYS:
             paths, left = reach_through(learned, way, its, parameters)
@@ -181,7 +175,7 @@ def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
 
 
 def shown_reaches(table: pd.DataFrame) -> list[str]:
-    """Reaches to look at, chosen by the scene alone: evenly spread over the blocked ones in their order."""
+    """Reaches for pictures, chosen by the scene alone: evenly spread over the blocked ones."""
     blocked = table.loc[(table["way"] == NONE) & table["blocked"], "reach"].sort_values().tolist()
     count = min(SHOWN, len(blocked))
     return [blocked[(2 * place + 1) * len(blocked) // (2 * count)] for place in range(count)]
@@ -209,28 +203,21 @@ def _pictures(
 
 
 def nearest_path_distance(first: np.ndarray, second: np.ndarray) -> float:
-    """Symmetric mean distance of two paths, whatever the times at which they are where they are.
-
-    `first` (T, D) m; `second` (S, D) m. Returns m: mean distance of the points of one to the nearest of the
-    other, averaged over both directions.
-    """
+    """Symmetric mean distance in m of two paths (T, D), (S, D) m: mean distance to the nearest point."""
     distances = np.linalg.norm(first[:, None] - second[None], axis=-1)
     return float(0.5 * (distances.min(axis=0).mean() + distances.min(axis=1).mean()))
 
 
 def same_gaps(first: np.ndarray, second: np.ndarray, centres: Sequence[np.ndarray]) -> bool:
-    """Whether two paths in a plane pass every obstacle on the same side.
+    """Whether two paths (T, 2), (S, 2) of the same ends pass every centre (2,) on the same side.
 
-    They do if the closed curve there along one and back along the other winds round none of the centres: then
-    one can be moved into the other without crossing any. `first` (T, 2) m; `second` (S, 2) m, from about the
-    same start to about the same goal; `centres` (O, 2) m.
+    They do if the closed curve along one and back along the other winds round none of the centres: one can
+    then be deformed into the other without crossing any.
     """
     loop = np.vstack([first, second[::-1], first[:1]])
-    return not any(_winding(loop - centre) for centre in centres)
-
-
-def _winding(loop: np.ndarray) -> int:
-    """How often a closed curve (T, 2) winds round the origin."""
-    angle = np.arctan2(loop[:, 1], loop[:, 0])
-    turns = (np.diff(angle) + np.pi) % (2.0 * np.pi) - np.pi
-    return round(float(turns.sum()) / (2.0 * np.pi))
+    for centre in centres:
+        angle = np.arctan2(*(loop - centre).T[::-1])
+        turns = (np.diff(angle) + np.pi) % (2.0 * np.pi) - np.pi
+        if round(float(turns.sum()) / (2.0 * np.pi)):
+            return False
+    return True

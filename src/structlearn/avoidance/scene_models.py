@@ -1,9 +1,8 @@
-"""What is learned from some people's reaches through scenes, and what it does in others' scenes (IV.8.4).
+"""Models learned from reaches of some people through scenes, and their reaches in other scenes (IV.8.4).
 
-Members of the ensemble see every sample from elsewhere too, as in `network_training`, or the loop is only as
-good as its hand keeps to a path that was shown. With the coupling of the demonstration the displacement dies
-out as the primitive's own attraction lets it; where gaps are narrow that is too slow, so what is learned
-there leads back by a stiffness more:
+Members of the ensemble see every sample displaced too, as in `network_training`; otherwise the loop is good
+only near demonstrated paths. With the demonstrated coupling term a displacement decays by the primitive's own
+attraction, which is too slow where gaps are narrow, so displaced targets have an additional stiffness k:
 
     c(x + dx, v + dv) = c(x, v) - k dx
 """
@@ -28,7 +27,6 @@ from structlearn.avoidance.network_training import (
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
 from structlearn.avoidance.rai_2014 import fit_human_inspired
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
-from structlearn.avoidance.shapes import Obstacle
 from structlearn.core.minimum_jerk import progress
 from structlearn.core.parallel import parallel_map
 from structlearn.feedback.coupling import position_target
@@ -37,21 +35,12 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 
-NONE, HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE, PLANNED = (
-    "none",
-    "human_inspired",
-    "text",
-    "text_ensemble",
-    "scene",
-    "planned",
-)
+NONE, HUMAN_INSPIRED, TEXT = "none", "human_inspired", "text"
+ENSEMBLE, SCENE, PLANNED = "text_ensemble", "scene", "planned"
 """The baseline alone; Rai et al.; the text's features with the text's network; the same features with our
 training; the scene's features with the same network and training; the planned way itself."""
 
-PLANNED_STEP_M = 0.005
-PLANNED_MOST_M = 2.0  # spacing and greatest length of a planned way
-
-
+PLANNED_STEP_M, PLANNED_MOST_M = 0.005, 2.0  # spacing and greatest length of a planned way
 TAU = canonical.time_constant(1.0)  # time constant in durations
 
 
@@ -62,8 +51,7 @@ class Scenes:
     start: np.ndarray  # (B, 3) m, base frame
     frame: np.ndarray  # (B, 3, 3) local to base
     goal: np.ndarray  # (B, 3) m, local frame
-    # (B, O, P, 3) m, local frame, surfaces of the obstacles; a scene with fewer has one repeatedly
-    clouds: np.ndarray
+    clouds: np.ndarray  # (B, O, P, 3) m, local frame, surfaces; scenes with fewer obstacles repeat one
     ways: Sequence[CostToGo]  # of each scene
 
     def __len__(self) -> int:
@@ -98,11 +86,7 @@ class SceneStates:
 
 
 def scene_states(paths: Sequence[Trajectory], baseline: VectorPrimitive, keep_every: int) -> SceneStates:
-    """States of reaches, and their coupling targets (eq. IV.23).
-
-    `paths` (T, 3) in their local frames, relative to the start, time in durations; that of scene b at b;
-    `keep_every`: of the samples.
-    """
+    """Every n-th state of local paths, path b in scene b, with its coupling target (eq. IV.23)."""
     kept = slice(None, None, keep_every)
     parts = [
         SceneStates(
@@ -120,11 +104,7 @@ def scene_states(paths: Sequence[Trajectory], baseline: VectorPrimitive, keep_ev
 def displaced_states(
     states: SceneStates, parameters: EnsembleParameters, stiffness: float, stream: Sequence[int]
 ) -> SceneStates:
-    """What one member of an ensemble sees: some reaches, each sample as it was and once from elsewhere.
-
-    `parameters`: how many reaches, how far and how fast elsewhere; `stream`: which random numbers are the
-    member's own.
-    """
+    """States that one member of an ensemble sees: some reaches, each sample as it was and once displaced."""
     rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
     chosen = rng.permutation(np.unique(states.scene))[: parameters.demonstrations]
     seen = states.where(np.isin(states.scene, chosen))
@@ -149,10 +129,7 @@ def samples_of_scene(states: SceneStates, scenes: Scenes, ahead: Sequence[float]
 
 
 def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> AvoidanceDataset:
-    """The samples, and each once more as it is in the mirror: left and right are alike to a point.
-
-    `signs` (F,) of its features: `look_ahead.mirror_signs` or `features.MIRROR_SIGNS`.
-    """
+    """The samples and their mirror images; `signs` (F,): `mirror_signs` or `MIRROR_SIGNS`."""
     image = replace(dataset, features=dataset.features * signs, target=dataset.target * MIRROR)
     return concatenated([dataset, image])
 
@@ -183,11 +160,7 @@ def _dataset(states: SceneStates, columns: Sequence[np.ndarray]) -> AvoidanceDat
 def nearest_seen(
     position: np.ndarray, scaled_velocity: np.ndarray, clouds: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The text's features of the obstacle whose surface is nearest to the hand.
-
-    `position` (B, 3) m; `scaled_velocity` (B, 3) tau v, m; `clouds` (B, O, P, 3) m. Returns (B, 17) features,
-    and (B, P) x of that obstacle's points in m.
-    """
+    """The text's features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m."""
     every = features(position[:, None], scaled_velocity[:, None], 1.0, clouds, clouds.mean(axis=2))
     nearest = np.linalg.norm(every[..., [3, 6, 9]], axis=-1).argmin(axis=1)
     rows = np.arange(len(position))
@@ -199,18 +172,22 @@ class Learned:
     """What was learned from some people."""
 
     baseline: VectorPrimitive  # without obstacles, of duration one
-    models: Mapping[str, CouplingModel]  # coupling models by name
+    models: Mapping[str, CouplingModel]  # by kind
 
 
 def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParameters) -> Scenes:
     """The scenes of reaches as models see them."""
-    start, frame = (np.array([getattr(reach, name) for reach in reaches]) for name in ("start", "frame"))
     goals = [reach.in_base_frame[-1] for reach in reaches]
+    most, clouds = max(len(reach.obstacles) for reach in reaches), []
+    for reach in reaches:
+        filled = (*reach.obstacles, *[reach.obstacles[0]] * (most - len(reach.obstacles)))
+        surfaces = np.array([one.cloud(parameters.cloud_count) for one in filled])
+        clouds.append((surfaces - reach.start) @ reach.frame)
     return Scenes(
-        start=start,
-        frame=frame,
+        start=np.array([reach.start for reach in reaches]),
+        frame=np.array([reach.frame for reach in reaches]),
         goal=np.array([reach.goal for reach in reaches]),
-        clouds=local_clouds([reach.obstacles for reach in reaches], start, frame, parameters.cloud_count),
+        clouds=np.array(clouds),
         ways=[
             cost_to_go([*reach.obstacles, *reach.walls], reach.start, goal, parameters.look_ahead)
             for reach, goal in zip(reaches, goals, strict=True)
@@ -218,25 +195,10 @@ def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParamet
     )
 
 
-def local_clouds(
-    obstacles: Sequence[Sequence[Obstacle]], start: np.ndarray, frame: np.ndarray, count: int
-) -> np.ndarray:
-    """Surfaces of the obstacles of B scenes in their local frames, `Scenes.clouds`.
-
-    `obstacles`: of each scene, at least one; `start` (B, 3) m, base frame; `frame` (B, 3, 3) local to base.
-    """
-    most = max(map(len, obstacles))
-    clouds = [
-        [(one.cloud(count) - origin) @ axes for one in (*its, *[its[0]] * (most - len(its)))]
-        for its, origin, axes in zip(obstacles, start, frame, strict=True)
-    ]
-    return np.array(clouds)
-
-
 def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> VectorPrimitive:
-    """The primitive of reaches that hardly leave the straight line, or of the straightest where all do.
+    """Primitive of the reaches that hardly leave the straight line, or of the straightest where all do.
 
-    Its forcing grows with their length.
+    Its forcing grows with the reach's length.
     """
     most = max(straight_share, min(reach.bend for reach in reaches))
     straight = [reach.path for reach in reaches if reach.bend <= most]
@@ -249,62 +211,55 @@ def learn(
     parts: Sequence[Sequence[int]],
     parameters: SceneLearningParameters,
 ) -> list[Learned]:
-    """What is learned from each of some sets of reaches."""
-    taught = [
+    """Learn from each of some sets of reaches, given by their places; all networks over processes."""
+    sets = [
         _lessons([reaches[place] for place in places], scenes.take(places), number, parameters)
         for number, places in enumerate(parts)
     ]
     work = [
         (whole, network, (number, member), seen)
-        for number, one in enumerate(taught)
-        for network, whole, lessons in one.networks.values()
+        for number, (_, _, networks) in enumerate(sets)
+        for network, whole, lessons in networks.values()
         for member, seen in enumerate(lessons)
     ]
     layers = iter(parallel_map(_trained, work, "networks of reaches through scenes"))
     learned = []
-    for one in taught:
+    for baseline, nearest, networks in sets:
         models: dict[str, CouplingModel] = {
-            HUMAN_INSPIRED: fit_human_inspired(one.nearest.features, one.nearest.target)
+            HUMAN_INSPIRED: fit_human_inspired(nearest.features, nearest.target)
         }
-        for kind, (network, whole, lessons) in one.networks.items():
-            members = averaged([next(layers) for _ in lessons])
-            models[kind] = stacked([members], [whole], network)
-        learned.append(Learned(one.baseline, models))
+        for kind, (network, whole, lessons) in networks.items():
+            models[kind] = stacked([averaged([next(layers) for _ in lessons])], [whole], network)
+        learned.append(Learned(baseline, models))
     return learned
 
 
-@dataclass(frozen=True)
-class _Lessons:
-    """What there is to learn of one set."""
-
-    baseline: VectorPrimitive  # of the set
-    nearest: AvoidanceDataset  # samples with the text's features
-    # by kind, how it is trained, all of its samples, and what each member sees of them
-    networks: Mapping[str, tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]]
+Lessons = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
+"""How a network is trained, all of its samples, and what each member sees of them."""
 
 
 def _lessons(
     reaches: Sequence[SceneReach], scenes: Scenes, number: int, parameters: SceneLearningParameters
-) -> _Lessons:
-    """Of the set of some number."""
+) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, Lessons]]:
+    """Baseline, samples of the text's features, and training data by kind of network of the n-th set."""
     baseline = straight_baseline(reaches, parameters.straight_share)
     states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
     ensemble, ahead = parameters.network, parameters.look_ahead.ahead_m
-    beside = [
+    displaced = [
         displaced_states(states, ensemble, parameters.return_stiffness, (number, member))
         for member in range(ensemble.members)
     ]
-    nearest, *near = (samples_of_nearest(one, scenes) for one in (states, *beside))
-    scene, *far = (samples_of_scene(one, scenes, ahead) for one in (states, *beside))
+    nearest, *near = (samples_of_nearest(one, scenes) for one in (states, *displaced))
+    scene, *far = (samples_of_scene(one, scenes, ahead) for one in (states, *displaced))
     signs = mirror_signs(parameters.look_ahead)
     every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
     every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
-    networks = {
+    networks: dict[str, Lessons] = {
         TEXT: (parameters.text_network, nearest, [nearest]),
         ENSEMBLE: (ensemble, every_near, near),
         SCENE: (ensemble, every_far, far),
     }
-    return _Lessons(baseline, nearest, networks)
+    return baseline, nearest, networks
 
 
 def _trained(
@@ -316,26 +271,14 @@ def _trained(
 def reach_through(
     learned: Learned, kind: str, scenes: Scenes, parameters: SceneLearningParameters
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Reaches of one model through scenes.
-
-    `kind`: of the model, or `NONE` or `PLANNED`; `scenes`: B of them. Returns `path` (B, T, 3) m, base frame;
-    `left` (B,) m, distance from the goal at the prescribed end.
-    """
+    """Paths (B, T, 3) m, base frame, of a model, `NONE` or `PLANNED`; distances (B,) m left to the goal."""
     samples = parameters.reaches.samples
     if kind == PLANNED:
         path = np.array([planned_path(scenes, place, samples) for place in range(len(scenes))])
     else:
-        limit: dict[str, float] = {}
-        if kind == NONE:
-            feedback = None
-        elif kind == SCENE:
-            ahead = parameters.look_ahead.ahead_m
-            feedback = feedback_of_scene(learned.models[kind], scenes, samples, ahead)
-            limit = {"end_limit_m": parameters.end_limit_m, "return_coupling": parameters.return_coupling}
-        else:
-            decay = parameters.text_decay_per_m2
-            feedback = feedback_of_nearest(learned.models[kind], scenes, samples, decay)
-        unrolled: Trajectory = unroll_through(learned.baseline, scenes.goal, feedback, samples, **limit)
+        feedback = None if kind == NONE else _feedback(learned.models[kind], kind, scenes, parameters)
+        limits = (parameters.end_limit_m, parameters.return_coupling) if kind == SCENE else ()
+        unrolled: Trajectory = unroll_through(learned.baseline, scenes.goal, feedback, samples, *limits)
         path = scenes.start[:, None] + unrolled.position @ np.swapaxes(scenes.frame, 1, 2)
     goal = scenes.start + np.einsum("bij,bj->bi", scenes.frame, scenes.goal)
     return path, np.linalg.norm(path[:, -1] - goal, axis=1)
@@ -357,40 +300,23 @@ Feedback = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 """Sample, position (B, 3) m, tau v (B, 3) m -> coupling term (B, 3) m."""
 
 
-def feedback_of_nearest(model: CouplingModel, scenes: Scenes, samples: int, decay_per_m2: float) -> Feedback:
-    """A model of the text's features, with the text's post-processing, for the nearest obstacle.
-
-    `model`: of features, phase and phase velocity; `scenes`: B of them; `decay_per_m2`: k past the obstacle
-    (`postprocessing`).
-    """
-    phase = phases(samples)
+def _feedback(
+    model: CouplingModel, kind: str, scenes: Scenes, parameters: SceneLearningParameters
+) -> Feedback:
+    """A model in the loop: of the scene, or of the nearest obstacle with the text's post-processing."""
+    phase = canonical.phase(np.linspace(0.0, 1.0, parameters.reaches.samples), TAU)
+    ahead = parameters.look_ahead.ahead_m
 
     def at(k: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
+        now = [np.full(len(position), values[k]) for values in phase]
+        if kind == SCENE:
+            states = enumerate(zip(position[:, None], scaled_velocity[:, None], strict=True))
+            return model(np.concatenate([scenes.features(b, *state, ahead) for b, state in states]), *now)
         seen, x = nearest_seen(position, scaled_velocity, scenes.clouds)
-        wanted = model(seen, *(np.full(len(position), values[k]) for values in phase))
         bounds = (x.min(axis=1), x.max(axis=1), scenes.goal[:, 0])
-        return post_processed(wanted, position[:, 0], *bounds, decay_per_m2)
+        return post_processed(model(seen, *now), position[:, 0], *bounds, parameters.text_decay_per_m2)
 
     return at
-
-
-def feedback_of_scene(model: CouplingModel, scenes: Scenes, samples: int, ahead: Sequence[float]) -> Feedback:
-    """A model of the scene's features; arguments as `feedback_of_nearest`, `ahead` as `scene_features`."""
-    phase = phases(samples)
-
-    def at(k: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
-        rows = [
-            scenes.features(b, position[b : b + 1], scaled_velocity[b : b + 1], ahead)
-            for b in range(len(position))
-        ]
-        return model(np.concatenate(rows), *(np.full(len(position), values[k]) for values in phase))
-
-    return at
-
-
-def phases(samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Phase and phase velocity (T,) of a movement of so many samples."""
-    return canonical.phase(np.linspace(0.0, 1.0, samples), TAU)
 
 
 def unroll_through(
@@ -401,13 +327,11 @@ def unroll_through(
     end_limit_m: float | None = None,
     return_coupling: float = 0.0,
 ) -> Trajectory:
-    """Unroll a primitive of duration one from the origin to B goals.
+    """Unroll a primitive of duration one from the origin to B goals (B, 3) m in local frames, T samples.
 
-    As in `avoiding_unroll` the feedback begins with the second sample. `primitive`: in the local frame;
-    `goals` (B, 3) m, local frame; `feedback`: None for the primitive alone; `samples`: T, from the start to
-    the prescribed end; `end_limit_m`, `return_coupling`: how far off the primitive's own end feedback may
-    leave the hand, and the coupling term that is trusted to bring it back (`GoalReach`). Returns (B, T, 3)
-    positions relative to the start, velocities and accelerations per duration.
+    As in `avoiding_unroll` the feedback begins with the second sample. `end_limit_m` and `return_coupling`
+    limit the deviation that it may leave at the end (`GoalReach`). Returns (B, T, 3) positions relative to
+    the start, velocities and accelerations per duration.
     """
     time = np.linspace(0.0, 1.0, samples)
     forcing = primitive.forcing(time, np.zeros((len(goals), 1, 3)), goals[:, None], 1.0)

@@ -1,7 +1,7 @@
 """Reaches of people through scenes of several obstacles, cut from recordings (IV.8).
 
-Everything is in each reach's own local frame and in units of its duration: coupling terms are scaled by
-tau^2, so a path does not depend on how long it takes.
+Everything is in the local frame of each reach and in units of its duration: coupling terms are scaled by
+tau^2, so a path does not depend on its duration.
 """
 
 from collections.abc import Sequence
@@ -20,8 +20,7 @@ from structlearn.core.params import Parameters
 from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.readers.demonstration import Demonstration
 
-OPEN = "has no obstacles"
-"""Why a reach is left out: in the open it shows nothing of avoidance."""
+OPEN = "has no obstacles"  # why a reach is left out
 
 
 class SceneReachParameters(Parameters):
@@ -37,9 +36,9 @@ class SceneReachParameters(Parameters):
 class SceneLearningParameters(Parameters):
     """Learning to reach through scenes. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
 
-    tuned_on: tuple[str, ...]  # people on whom constants were chosen: learned from, never judged on
-    ignored: tuple[str, ...]  # beginnings of names of shapes that are in nobody's way
-    walls: tuple[str, ...]  # likewise, of what the hand could meet but does not reach past
+    tuned_on: tuple[str, ...]
+    ignored: tuple[str, ...]
+    walls: tuple[str, ...]
     reaches: SceneReachParameters
     folds: int = Field(ge=2)
     hand_radius_m: float = Field(gt=0)
@@ -60,13 +59,13 @@ class SceneReach:
     """One person's reach through a scene."""
 
     name: str  # of the recording
-    person: str  # who
+    person: str
     path: Trajectory  # (T, 3) in the local frame, relative to the start; time in durations, from 0 to 1
     start: np.ndarray  # (3,) m, base frame
     frame: np.ndarray  # (3, 3) local to base
-    duration_s: float  # s
+    duration_s: float
     obstacles: tuple[Obstacle, ...]  # base frame
-    walls: tuple[Obstacle, ...]  # what else the hand could meet, base frame
+    walls: tuple[Obstacle, ...]  # further shapes that the hand could meet, base frame
 
     @property
     def goal(self) -> np.ndarray:
@@ -75,7 +74,7 @@ class SceneReach:
 
     @property
     def bend(self) -> float:
-        """How far it leaves the straight line, in its lengths."""
+        """Largest distance from the straight line over its length."""
         return float(np.linalg.norm(self.path.position[:, 1:], axis=1).max() / self.goal[0])
 
     @property
@@ -87,15 +86,13 @@ class SceneReach:
 def reaches_past_obstacles(
     runs: Sequence[Demonstration], parameters: SceneLearningParameters
 ) -> tuple[list[SceneReach], pd.DataFrame]:
-    """The reach of each run, and which were left out.
+    """Cut the reach of each run; runs left out have a row `trial`, `person`, `reason`.
 
-    A reach lasts from where the hand's speed first exceeds a share of its peak to where it last does. Where a
-    run says when the hand had moved, well after it began to, and when it reached its target (`moved_s` and
-    `reached_s` in its provenance), the reach begins where the speed, looked at backwards from there, first is
-    below that share, or with the slowest sample if the run began too late for that, and ends at the target.
-
-    `runs`: with shapes, and with the `person` in their provenance. Returns the reaches, and per run left out
-    `trial`, `person` and `reason`. Raises InputError: no run has obstacles, or one does not say whose it is.
+    A reach lasts from where the hand's speed first exceeds a share of its peak to where it last does. If the
+    provenance has a time after the onset, `moved_s`, and that of reaching the target, `reached_s`, the reach
+    begins where the speed was last below that share before `moved_s`, or with the slowest sample if the run
+    began too late for that, and ends at the target. Raises InputError: no run has obstacles, or one has no
+    `person` in its provenance.
     """
     reaches, left_out = [], []
     for run in runs:

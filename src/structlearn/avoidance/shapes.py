@@ -1,8 +1,8 @@
 """Obstacles of known geometry: sphere, cube and cylinder as in the recorded experiment (IV.8.3).
 
-Sizes are measured on the public motion-capture models of the recorded objects, markers and the points that
-augment them (`clmc/obs_avoid/vicon_objects`): facts carried over, the files are not read. An unroll
-meets obstacles as point clouds, one per scenario, at rest or moving.
+Sizes are measured on the public motion-capture models of the recorded objects, with the points that augment
+their markers (`clmc/obs_avoid/vicon_objects`); the files are not read. An unroll sees obstacles as point
+clouds, one per scenario, at rest or moving.
 """
 
 from collections.abc import Callable
@@ -45,11 +45,9 @@ RINGS, RING_POINTS = 4, 8
 class Obstacle:
     """A solid at rest."""
 
-    shape: Shape  # what it is
+    shape: Shape
     centre: np.ndarray  # (3,) m
-    # (3,) m, half the extent along the object's own axes; x and y are equal for a cylinder, all three for a
-    # sphere
-    half_size: np.ndarray
+    half_size: np.ndarray  # (3,) m, half the extent along the object's own axes
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))  # (3, 3) object to world
 
     def __post_init__(self) -> None:
@@ -63,35 +61,24 @@ class Obstacle:
         if (self.shape != "cube" and size[0] != size[1]) or (self.shape == "sphere" and size[0] != size[2]):
             raise InputError(f"{self.shape}: is not round with half_size {size.tolist()}")
         if not np.isfinite(self.centre).all():
-            raise InputError(
-                f"{self.shape}: its centre must be finite, is {np.asarray(self.centre).tolist()}"
-            )
+            raise InputError(f"{self.shape}: centre must be finite, is {np.asarray(self.centre).tolist()}")
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         """Distance (...) m of points (..., 3) m to the surface, negative inside."""
         return self.distance_and_normal(points)[0]
 
     def distance_and_normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Signed distance and its gradient, both closed-form.
+        """Signed distance (...) m, negative inside, of points (..., 3) m, and its gradient (..., 3).
 
-        `points` (..., 3) m. Returns `distance` (...) m, negative inside; `normal` (..., 3) unit vectors away
-        from the obstacle; where several points of the surface are equally close, towards one of them.
+        Both are closed-form. Where several points of the surface are equally close, one of them counts.
         """
         own = (np.asarray(points, dtype=float) - self.centre) @ self.rotation
         measure = {"sphere": _sphere, "cube": _cube, "cylinder": _cylinder}[self.shape]
         distance, normal = measure(own, np.asarray(self.half_size, dtype=float))
         return distance, normal @ self.rotation.T
 
-    def contains(self, point: np.ndarray) -> bool:
-        """Whether a point (3,) is inside or on the surface."""
-        return bool(self.signed_distance(point) <= 0.0)
-
     def cloud(self, count: int = CLOUD_COUNT) -> np.ndarray:
-        """Points spread evenly over the surface, the same ones every time.
-
-        `count`: how many, at least 6. Returns (count, 3) m. Raises InputError: there are too few to stand for
-        the surface.
-        """
+        """Evenly spread points of the surface (count, 3) m, always the same; InputError below six."""
         if count < 6:
             raise InputError(f"{self.shape}: a surface needs at least 6 points, not {count}")
         points = _cube_cloud(self.half_size, count) if self.shape == "cube" else _spiral(self, count)
@@ -104,19 +91,18 @@ class Obstacle:
 
 
 def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
-    """An obstacle of the recorded size that stands upright.
+    """An upright obstacle of the recorded size, its centre (3,) in m, turned by a yaw in rad.
 
-    `centre` (3,) m; `yaw`: rad, turn about the vertical. Raises InputError: there is no such shape.
+    Raises InputError: there is no such shape.
     """
-    if shape not in SHAPES:
-        raise InputError(f"unknown obstacle '{shape}'; known are {', '.join(SHAPES)}")
     c, s = np.cos(yaw), np.sin(yaw)
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return Obstacle(shape, np.asarray(centre, dtype=float), np.array(HALF_SIZE_M[shape]), rotation)
+    size = np.array(HALF_SIZE_M.get(shape, ()))
+    return Obstacle(shape, np.asarray(centre, dtype=float), size, rotation)
 
 
 def recorded_obstacle(shape: NamedShape) -> Obstacle:
-    """A shape of a recording as an obstacle; InputError where it is not as round as its form says."""
+    """Obstacle of a recorded shape; InputError if it is not as round as its form says."""
     half = 0.5 * np.asarray(shape.size, dtype=float)
     return Obstacle(shape.form, shape.position, half, quaternion.matrix(shape.orientation))
 
@@ -138,20 +124,14 @@ def check_cloud(cloud: np.ndarray) -> None:
 
 
 def ringed_sphere(centre: np.ndarray, radius: float) -> np.ndarray:
-    """The cloud by which the dissertation's unseen spheres are known: four rings, two poles, the centre.
+    """Cloud (..., 35, 3) m of the dissertation's unseen spheres: four rings, two poles, the centre last.
 
-    `centre` (..., 3) m; `radius`: m. Returns (..., 35, 3) m, the centre last; it is also the mean.
+    `centre` (..., 3) m, also the mean of the points; `radius`: m.
     """
     polar = np.pi * np.arange(1, RINGS + 1) / (RINGS + 1)
     azimuth = 2.0 * np.pi * np.arange(RING_POINTS) / RING_POINTS
-    rings = np.stack(
-        [
-            np.outer(np.sin(polar), np.cos(azimuth)).ravel(),
-            np.outer(np.sin(polar), np.sin(azimuth)).ravel(),
-            np.repeat(np.cos(polar), RING_POINTS),
-        ],
-        axis=1,
-    )
+    across = [np.outer(np.sin(polar), turned(azimuth)).ravel() for turned in (np.cos, np.sin)]
+    rings = np.stack([*across, np.repeat(np.cos(polar), RING_POINTS)], axis=1)
     unit = np.vstack([rings, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]])
     return np.asarray(centre, dtype=float)[..., None, :] + radius * unit
 
@@ -191,10 +171,7 @@ def _unit(vectors: np.ndarray, length: np.ndarray) -> np.ndarray:
 
 
 def _spiral(solid: Obstacle, count: int) -> np.ndarray:
-    """Fibonacci spiral on a solid of revolution about z, equal areas per golden angle, (count, 3).
-
-    The profile (distance from the axis, height) runs from the lowest to the highest point.
-    """
+    """Fibonacci spiral (count, 3) on a solid of revolution about z, from bottom to top in equal areas."""
     radius, _, height = solid.half_size
     share = (np.arange(count) + 0.5) / count
     if solid.shape == "sphere":
@@ -263,12 +240,10 @@ def cloud_batch(
     radius: np.ndarray | float | None = None,
     motion: Motion | None = None,
 ) -> CloudBatch:
-    """Clouds of B scenarios; what is not known of the obstacles is taken from their points.
+    """Clouds of B scenarios from points (B, P, 3) m, at rest by default.
 
-    `points` (B, P, 3) m; `centre` (B, 3) m; default the mean point; `radius` (B,) or one for all, m; default
-    the mean distance of the points to their mean; `motion`: displacement over time; default at rest. Raises
-    InputError: there are no points, or they are not (B, P, 3) or not finite; centres likewise; a radius is
-    not positive.
+    `centre` (B, 3) m; default the mean point; `radius` (B,) or one for all, m; default the mean distance of
+    the points to their mean. Raises InputError: a shape, value or radius that no obstacle has.
     """
     points = np.asarray(points, dtype=float)
     check_cloud(points)

@@ -5,8 +5,13 @@ than the correlation time of its errors, and blocks are resampled with replaceme
 bootstrap, Kuensch 1989). For statistics that are functions of sums a draw costs as much as there are blocks.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.special import ndtri, stdtrit
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -86,3 +91,8 @@ def percentiles(samples: np.ndarray, confidence: float = 0.95) -> tuple[np.ndarr
     tail = 0.5 * (1.0 - confidence)
     low, high = np.quantile(samples, [tail, 1.0 - tail], axis=0)
     return low, high
+
+
+def matching(table: "pd.DataFrame", **values: object) -> "pd.DataFrame":
+    """Rows of a table with these values in these columns."""
+    return table[np.logical_and.reduce([table[name] == value for name, value in values.items()])]

@@ -1,4 +1,4 @@
-"""The files of the obstacle testbed that several of its stages read."""
+"""Files of the obstacle testbed that several stages read."""
 
 import re
 from collections.abc import Mapping
@@ -24,15 +24,12 @@ BASELINE = "baseline"
 
 
 def write_baselines(baselines: Mapping[int, PositionPrimitive], path: str | Path) -> None:
-    """Publish the primitives of the unhindered reach, by person."""
+    """Write the primitives of the unhindered reach, by person."""
     write_primitives([PosePrimitive(f"{BASELINE}_{person}", its) for person, its in baselines.items()], path)
 
 
 def read_baselines(path: str | Path = BASELINES_FILE) -> dict[int, PositionPrimitive]:
-    """Read the primitives of the unhindered reach, by person.
-
-    Raises InputError: the file is missing or holds something else.
-    """
+    """Read the primitives of the unhindered reach, by person; InputError if the file holds others."""
     primitives = read_primitives(path)
     if not all(re.fullmatch(rf"{BASELINE}_\d+", primitive.name) for primitive in primitives):
         raise InputError(f"{path}: holds other primitives than baselines")

@@ -1,9 +1,8 @@
-"""The files of the servoing testbed, read typed, for its page and its recordings."""
+"""Files of the servoing testbed, for its page and its recordings."""
 
 import pandas as pd
 
 from structlearn.core.artefacts import read_table
-from structlearn.tactile.touch_dataset import TouchDataset, read_dataset
 
 RUNS, DATA = "data/runs/servoing.parquet", "data/servoing"
 
@@ -21,20 +20,10 @@ TABLES = {
     "loops": ("trials", "progress", "paths", "other_skins"),
     "skins": ("latent", "directions"),
 }
-"""In the folders, see `tactile.latent_comparison.LatentComparison` and `protocol.servo_variants.Comparison`;
-those of other skins have a column `skin`."""
-
-
-def touch() -> TouchDataset:
-    """Samples of touch."""
-    return read_dataset(MADE_BY["touch"][0])
-
-
-def true_contacts() -> pd.DataFrame:
-    """See `simulation.touch_demonstrator.true_contacts`."""
-    return read_table(MADE_BY["contacts"][0])
+"""Tables of the folders, see `tactile.latent_comparison.LatentComparison` and
+`protocol.servo_variants.Comparison`; those of other skins have a column `skin`."""
 
 
 def tables(source: str) -> dict[str, pd.DataFrame]:
-    """The tables of a folder by name."""
+    """Tables of a folder by name."""
     return {name: read_table(f"{MADE_BY[source][0]}/{name}.parquet") for name in TABLES[source]}

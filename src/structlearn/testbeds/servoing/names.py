@@ -1,4 +1,4 @@
-"""Names, order and colours of what servoing compares: one of each, for its page and its recordings."""
+"""Names, order and colours of what servoing compares, for its page and its recordings."""
 
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, LIGHT_GREY, OCHRE, ORANGE, PINK
 from structlearn.tactile.latent_parameters import (
@@ -16,21 +16,17 @@ INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRAD
 """Inverse models, in the order of the text."""
 
 FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}
-"""Forms of controllers: as the text has it, and this project's own."""
-
 FORM_COLOURS = {PUBLISHED: OCHRE, RESTING: BLUE}
-
 TEXT, OURS = Variant(PUBLISHED, JACOBIAN), Variant(RESTING, JACOBIAN)
-"""The dissertation's controller, non-linear model and network's Jacobian; and the resting one with these."""
+"""The dissertation's controller with the non-linear model and its Jacobian; the resting one with these."""
 
 STRUCTURE_NAMES = {True: "structure", False: "no structure"}  # latent spaces
-
 STRUCTURE_COLOURS = {True: BLACK, False: GREY}
 
 DYNAMICS = tuple((forward, way) for forward, ways in TRAINED_WITH.items() for way in ways)
 """Forward models, and the inverse model whose loss they were trained with."""
 
-STILL = (UNCHANGED, NO_INVERSE)  # the prediction that nothing moves, beside them
+STILL = (UNCHANGED, NO_INVERSE)  # the prediction that nothing moves
 
 LATENT_NAMES = {
     "reconstruction": "reconstruction",
@@ -47,21 +43,20 @@ COMPARISON_NAMES = {
     "encoder": "what followed",
     "agreement": "one against the other",
 }
-"""What inverse models are asked to reach, in the order of figure II.5."""
+"""Targets of inverse models, in the order of figure II.5."""
 
 PART_NAMES = {"translation": "linear", "rotation": "angular"}  # parts of an action
-
 SKIN_NAMES = {"biotac": "BioTac", "flat_pad": "flat pad", "sphere": "sphere"}
 
 ESTIMATED, TRUE, LATENT = ORANGE, GREEN, LIGHT_BLUE
 """Colours of the estimated contact, the true one, and the latent state."""
 
 ELECTRODE_COLOURS = (LIGHT_BLUE, OCHRE, GREEN, PINK, ORANGE, BLUE, LIGHT_GREY)
-"""By number; as there are more electrodes, they come again."""
+"""Colours by number, repeated: neighbours in number differ."""
 
 
 def electrode_colours(count: int) -> list[str]:
-    """Colours of electrodes 1 to `count`, which tell neighbours in number apart."""
+    """Colours of electrodes 1 to `count`."""
     return [ELECTRODE_COLOURS[number % len(ELECTRODE_COLOURS)] for number in range(count)]
 
 

@@ -4,11 +4,11 @@ Paths are seen from the side and from above, in the local frame of the reach, in
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
@@ -68,18 +68,16 @@ THIN: Mapping[str, Any] = {"linewidth": 0.7}
 WIDE: Mapping[str, Any] = {"linewidth": 1.9}
 
 
-@dataclass(frozen=True)
-class Curve:
+class Curve(NamedTuple):
     """A path (T, 3) in m, local frame, or points where its style has a marker."""
 
     points: np.ndarray
     colour: str
+    style: Mapping[str, Any]
     label: str | None = None
-    style: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Outline:
+class Outline(NamedTuple):
     """The silhouette of a cloud (P, 3) in m, local frame."""
 
     cloud: np.ndarray
@@ -114,10 +112,7 @@ def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing 
 
 
 def simulated_scene(results: ObstacleResults, setting: int) -> np.ndarray:
-    """A still (H, W, 3) of a demonstrated reach past each shape, and one without avoidance, side by side.
-
-    The hand of each is above its obstacle. In truth all are at one place.
-    """
+    """A still (H, W, 3) of reaches past each shape, demonstrated and without avoidance, set side by side."""
     shown = [scenario for scenario in results.scenarios if scenario.setting == setting]
     along, across, _ = baseline_axes(results.baseline).T
     middle = 0.5 * (results.baseline.start + results.baseline.goal)
@@ -137,7 +132,7 @@ def simulated_scene(results: ObstacleResults, setting: int) -> np.ndarray:
 
 
 def _beads(path: np.ndarray) -> np.ndarray:
-    """Points (N, 3) of a path (T, 3) at equal distances, but for its rests."""
+    """Points (N, 3) of a path (T, 3) at equal distances."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     places = np.linspace(0.0, length[-1], max(2, round(length[-1] / SPACING_M)))
     return np.stack([np.interp(places, length, values) for values in path.T], axis=1)
@@ -157,7 +152,7 @@ def _solid(obstacle: Obstacle, shift: np.ndarray) -> Solid:
 
 
 def worst(results: ObstacleResults, protocol: str) -> tuple[int, float]:
-    """Number and speed of the situation in which the reach without avoidance comes closest, fastest first.
+    """Number and speed of the fastest situation in which the reach without avoidance comes closest.
 
     Of those whose obstacles all lie between start and goal.
     """
@@ -166,7 +161,8 @@ def worst(results: ObstacleResults, protocol: str) -> tuple[int, float]:
     along = np.stack([obstacle.centre[:, 0] for obstacle in situation.obstacles])
     between = ((along > 0.0) & (along < length)).all(axis=0)
     chosen = between & (situation.speed == situation.speed[between].max(initial=0.0))
-    bare = results.shown_rows(protocol)[chosen if between.any() else np.ones_like(between)]
+    bare = results.rows(protocol, person=results.population.shown)
+    bare = bare[chosen if between.any() else np.ones_like(between)]
     row = bare.loc[bare["obstacle_distance"].idxmin()]
     return int(row["scenario"]), float(row["speed_m_s"])
 
@@ -175,8 +171,8 @@ def _example_panel(results: ObstacleResults, shape: str, setting: int) -> Figure
     """Paths past an obstacle: demonstrations, no avoidance, models that learned all settings of the shape."""
     (solid,) = (one.obstacle for one in results.scenarios if (one.shape, one.setting) == (shape, setting))
     paths = [to_local(one.position, results.baseline) for one in results.demonstrations[shape]]
-    curves = [Curve(path, DEMONSTRATIONS.colour, style=THIN) for path in paths[1:]]
-    curves.append(Curve(paths[0], DEMONSTRATIONS.colour, DEMONSTRATIONS.name, THIN))
+    curves = [Curve(path, DEMONSTRATIONS.colour, THIN) for path in paths[1:]]
+    curves.append(Curve(paths[0], DEMONSTRATIONS.colour, THIN, DEMONSTRATIONS.name))
     for kind in (NO_MODEL, HUMAN_INSPIRED, NETWORK, ENSEMBLE):
         source = "" if kind == NO_MODEL else shape
         reach = _reach(results, SituationKey(TRAINED, shape, setting), kind, source)
@@ -187,7 +183,8 @@ def _example_panel(results: ObstacleResults, shape: str, setting: int) -> Figure
 
 def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
     """The grid of unseen spheres, and the path of an ensemble past each of them."""
-    centres, hit = results.situations[UNSEEN].obstacles[0].centre, results.shown_rows(UNSEEN)["hit"]
+    centres = results.situations[UNSEEN].obstacles[0].centre
+    hit = results.rows(UNSEEN, person=results.population.shown)["hit"]
     outlines = [
         Outline(centre + BALL, (HIT if its else FREE).colour, 0.5, filled=False)
         for its, centre in sorted(zip(hit, centres.tolist(), strict=True))
@@ -195,7 +192,7 @@ def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
     keys = [SituationKey(UNSEEN, "sphere", number) for number in range(1, len(hit) + 1)]
     # every other sample is enough for small pictures
     paths = [to_local(_reach(results, key, ENSEMBLE, source).position[::2], results.baseline) for key in keys]
-    curves = [Curve(path, SOURCES[source].colour, style=THIN) for path in paths]
+    curves = [Curve(path, SOURCES[source].colour, THIN) for path in paths]
     curves += _curves(results, _reach(results, keys[0]), BLACK, KINDS[NO_MODEL].name)
     return two_views(capitalised(model_name(ENSEMBLE, source)), outlines, curves)
 
@@ -218,14 +215,19 @@ def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
         if protocol == MOVING:
             hand = to_local(avoiding.position[[np.abs(avoiding.time - time).argmin()]], results.baseline)
             style = {"marker": "o", "markersize": 4, "alpha": count / len(times)}
-            curves.append(Curve(hand, SOURCES[ALL].colour, style=style))
+            curves.append(Curve(hand, SOURCES[ALL].colour, style))
     if situation.goal_change is not None:
         goals = np.stack([results.baseline.goal, np.reshape(situation.goal_change.goals, (-1, 3))[0]])
         for goal, colour in zip(to_local(goals, results.baseline), (LIGHT_GREY, BLACK), strict=True):
             style = {"marker": "x", "markersize": 7, "markeredgewidth": 2, "zorder": 4}
-            curves.append(Curve(goal[None], colour, style=style))
+            curves.append(Curve(goal[None], colour, style))
     words = SITUATIONS[protocol].capitalize()
     return two_views(f"{words}, {speed:g} m/s" if speed else words, outlines, curves)
+
+
+def _panel(height: float) -> tuple[Figure, Axes]:
+    figure = canvas(height, PANEL_WIDTH)
+    return figure, figure.subplots()
 
 
 @styled
@@ -255,8 +257,8 @@ def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) 
 @styled
 def closest_panel(results: ObstacleResults, setting: int) -> Figure:
     """Closest distance to the obstacle of one setting, by shape, of the person shown and of models."""
-    people = results.demonstration_scores
-    people = people[(people["scenario"] == setting) & (people["person"] == results.population.shown)]
+    people = results.demonstration_scores.query(f"scenario == {setting}")
+    people = people[people["person"] == results.population.shown]
     rows = [(DEMONSTRATIONS.name, DEMONSTRATIONS.colour, "o", people)]
     for kind, sources, words, marker in (
         (NO_MODEL, [""], "", "o"),
@@ -270,8 +272,7 @@ def closest_panel(results: ObstacleResults, setting: int) -> Figure:
         its = scored[scored["scenario"] == setting]
         if len(its):  # there are models per setting of some settings only
             rows.append((f"{KINDS[kind].name}{words}", KINDS[kind].colour, marker, its))
-    figure = canvas(3.3, PANEL_WIDTH)
-    panel = figure.subplots()
+    figure, panel = _panel(3.3)
     for words, colour, marker, its in rows:
         distance = its.groupby("obstacle")["obstacle_distance"].mean()[list(SHAPES)]
         fill = "none" if marker == "D" else colour
@@ -286,8 +287,7 @@ def closest_panel(results: ObstacleResults, setting: int) -> Figure:
 @styled
 def fit_panel(results: ObstacleResults, kind: str, column: str, largest_nmse: float) -> Figure:
     """Figure IV.10: over how many scenarios a model that learned one scenario has which error."""
-    figure = canvas(2.2, PANEL_WIDTH)
-    panel = figure.subplots()
+    figure, panel = _panel(2.2)
     for place, (part, (label, colour)) in enumerate(PARTS.items()):
         errors = results.setting_fits(column, part).get(kind, pd.Series(dtype=float))
         counts, _ = np.histogram(errors.clip(upper=BINS[-1] - 1e-9), BINS)
@@ -307,8 +307,7 @@ def people_panel(results: ObstacleResults, kind: str, words: str, sources: Seque
     keys = ["person", "obstacle", "scenario"]
     people = results.demonstrated.groupby(keys)["obstacle_distance"].mean()
     top = 1.05 * float(people.max())
-    figure = canvas(2.8, PANEL_WIDTH)
-    panel = figure.subplots()
+    figure, panel = _panel(2.8)
     panel.plot([-1, top], [-1, top], color=LIGHT_GREY, linewidth=0.9)
     panel.axhline(0.0, color=HIT.colour, **DASHED)
     scored = results.rows(TRAINED, kind, sources).set_index(keys)
@@ -316,8 +315,8 @@ def people_panel(results: ObstacleResults, kind: str, words: str, sources: Seque
         its = scored.loc[scored.index.get_level_values("obstacle") == shape, "obstacle_distance"]
         look: dict[str, Any] = {"markersize": 3, "markeredgewidth": 0, "alpha": 0.5}
         panel.plot(people.loc[its.index], its, marker, label=shape, color=KINDS[kind].colour, **look)
-    # most of what matters is below two radii: a scale that is linear there and shrinks the rest
     panel.set(xlim=(-1, top), ylim=(-1, top))
+    # linear below two radii, where most of the points are
     panel.set_xscale("symlog", linthresh=2.0, linscale=1.0)
     panel.set_yscale("symlog", linthresh=2.0, linscale=1.0)
     for axis in (panel.xaxis, panel.yaxis):
@@ -332,8 +331,7 @@ def people_panel(results: ObstacleResults, kind: str, words: str, sources: Seque
 @styled
 def hits_panel(results: ObstacleResults) -> Figure:
     """How many unseen spheres everyone's models hit: a dot for each person, by form and source."""
-    figure = canvas(2.8, PANEL_WIDTH)
-    panel = figure.subplots()
+    figure, panel = _panel(2.8)
     sources = (*SHAPES, ALL)
     for place, (form, words) in enumerate(((TEXT, "as published"), (OURS, "ours"))):
         for row, source in enumerate(sources):
@@ -356,8 +354,7 @@ def hits_panel(results: ObstacleResults) -> Figure:
 def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
     """Closest distance on the grid of spheres, a dot for each unroll, hits in orange and counted."""
     pairs = results.contenders
-    figure = canvas(1.0 + 0.26 * len(pairs), PANEL_WIDTH)
-    panel = figure.subplots()
+    figure, panel = _panel(1.0 + 0.26 * len(pairs))
     for row, (kind, source) in enumerate(pairs):
         scored = results.rows(protocol, kind, source)
         # number by number from top to bottom: nothing is drawn at random
@@ -378,7 +375,7 @@ def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
 
 
 def _to_scale(figures: Sequence[Figure]) -> list[Figure]:
-    """Give all `two_views` the same limits, and the height at which a millimetre is the same on all axes."""
+    """Give all `two_views` the same limits, and the height at which all axes have the same scale."""
     rows = list(zip(*(figure.axes for figure in figures), strict=True))
     x = np.array([panel.get_xlim() for row in rows for panel in row])
     ranges = [np.array([panel.get_ylim() for panel in row]) for row in rows]
@@ -401,7 +398,7 @@ def _reach(
 
 
 def _curves(results: ObstacleResults, reach: Reach, colour: str, name: str) -> list[Curve]:
-    """A path until the prescribed time, and as a thin line what comes after it."""
+    """A path until the prescribed time, and its rest as a thin line."""
     points, after = to_local(reach.position, results.baseline), reach.time >= results.baseline.duration
     style = DASHED if reach.model == NO_MODEL else WIDE
-    return [Curve(points[~after], colour, name, style), Curve(points[after], colour, style=THIN)]
+    return [Curve(points[~after], colour, style, name), Curve(points[after], colour, THIN)]

@@ -1,9 +1,9 @@
-"""What the page of the obstacle testbed states, over the people of the test population.
+"""Findings of the obstacle testbed, over the people of the test population.
 
-The dissertation's statements are held against its own form: single networks with its rules (`TEXT`).
-Ensembles with limits at the goal (`OURS`) are evidence for this project's claims. Rates are clustered by
-person, errors are means over people, differences are paired by person. To the people of this run come those
-of the study `obstacles/people`: of them there are errors of models, and sums and extremes over reaches.
+The dissertation's statements are tested on its own form: single networks with its rules (`TEXT`). Ensembles
+with limits at the goal (`OURS`) are evidence for this project's claims. Rates are clustered by person, errors
+are means over people, differences are paired by person. The study `obstacles/people` adds people to those of
+this run: errors of their models, and sums and extremes over their reaches.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from pandas.core.groupby import SeriesGroupBy
 
 from structlearn.avoidance.learned_models import (
     ALL,
@@ -25,6 +24,7 @@ from structlearn.avoidance.learned_models import (
     SETTING,
 )
 from structlearn.avoidance.shapes import SHAPES
+from structlearn.core.metrics import matching
 from structlearn.core.params import Population, read_values
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.readers.demonstration import Demonstration
@@ -47,7 +47,7 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, Situ
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 TEXT, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
-"""Kind of model and rules of what avoids: as published, and our variant."""
+"""Kind of model and rules: as published, and our variant."""
 
 PEOPLE_STUDY = "obstacles/people"  # further people, with whom verdicts are stated
 EVERY = (*SHAPES, ALL)
@@ -67,13 +67,14 @@ class ObstacleResults:
     """Outputs of the stages of the testbed, and selections of them."""
 
     scores: pd.DataFrame  # of every unroll, see `avoidance_protocols.evaluate`
-    paths: pd.DataFrame  # of the unrolls with limits at the goal, of the person that is shown, see there
+    paths: pd.DataFrame  # of the unrolls with limits at the goal of the person shown, see there
     demonstration_scores: pd.DataFrame  # of everybody, see `people.demonstration_scores`
-    errors: pd.DataFrame  # how well the models fit, see `avoidance_fits.learn`
-    baselines: Mapping[int, PositionPrimitive]  # the unhindered reaches, by person
-    scenarios: Sequence[Scenario]  # those of the demonstrations, in their order
-    # by shape, of the setting `example_setting`, of the person that is shown
-    demonstrations: Mapping[str, Sequence[Demonstration]]
+    errors: pd.DataFrame  # of the models, see `avoidance_fits.learn`
+    baselines: Mapping[int, PositionPrimitive]  # unhindered reaches by person
+    scenarios: Sequence[Scenario]  # of the demonstrations, in order
+    demonstrations: Mapping[
+        str, Sequence[Demonstration]
+    ]  # of the person shown in `example_setting`, by shape
     population: Population  # whose models are judged, and who is shown
     parameters: Mapping[str, Any]  # of the stages, by their keys in `params.yaml`
     study: Study | None = None  # of further people; None where it was not run with these parameters
@@ -84,24 +85,20 @@ class ObstacleResults:
         return self.by_person["person"].unique().tolist()
 
     @cached_property
-    def own_by_person(self) -> pd.DataFrame:
-        """`reaches_by_person` of those whose models are judged in this run."""
-        scores = self.scores[self.scores["person"].isin(self.population.test)]
-        return reaches_by_person(scores, read_published()["per_setting"][NETWORK]["goal_max"])
-
-    @cached_property
     def by_person(self) -> pd.DataFrame:
-        """The same of everybody whose models are judged."""
-        return extended(self.own_by_person, self.study, "by_person", "person")
+        """`reaches_by_person` of everybody whose models are judged."""
+        scores = self.scores[self.scores["person"].isin(self.population.test)]
+        own = reaches_by_person(scores, read_published()["per_setting"][NETWORK]["goal_max"])
+        return extended(own, self.study, "by_person", "person")
 
     @property
     def baseline(self) -> PositionPrimitive:
-        """The unhindered reach of the person that is shown."""
+        """The unhindered reach of the person shown."""
         return self.baselines[self.population.shown]
 
     @cached_property
     def situations(self) -> dict[str, Situations]:
-        """Those on the grid of spheres by their protocol, of the person that is shown."""
+        """Situations on the grid of spheres by protocol, of the person shown."""
         tested = self.parameters["obstacle_evaluation"]
         cloud_count = self.parameters["obstacle_dataset"].cloud_count
         every = situations(self.scenarios, self.baseline, tested, cloud_count)
@@ -122,16 +119,11 @@ class ObstacleResults:
         person: int | None = None,
     ) -> pd.DataFrame:
         """Scores of one protocol and model, in their order, of people of this run."""
-        sources = [learned_from] if isinstance(learned_from, str) else list(learned_from)
-        keys = [(protocol, rules, model, source) for source in sources]
+        keys = [(protocol, rules, model, source) for source in _listed(learned_from)]
         none = self.scores.iloc[:0]
         found = pd.concat([self._by_model.get(key, none) for key in keys]).sort_index(kind="stable")
         mask = found["person"].isin(self.people if person is None else [person])
         return found[mask if obstacle is None else mask & (found["obstacle"] == obstacle)]
-
-    def shown_rows(self, protocol: str) -> pd.DataFrame:
-        """The same without avoidance, of the person that is shown."""
-        return self.rows(protocol, person=self.population.shown)
 
     def reached(
         self,
@@ -141,12 +133,8 @@ class ObstacleResults:
         rules: str = LIMITED,
     ) -> pd.DataFrame:
         """Rows of `by_person` of one protocol and kind of model."""
-        sources = [learned_from] if isinstance(learned_from, str) else list(learned_from)
-        wanted = {"protocol": protocol, "model": model, "rules": rules}
-        table = self.by_person
-        return table[
-            (table[list(wanted)] == pd.Series(wanted)).all(axis=1) & table["learned_from"].isin(sources)
-        ]
+        its = matching(self.by_person, protocol=protocol, model=model, rules=rules)
+        return its[its["learned_from"].isin(_listed(learned_from))]
 
     def hits(self, protocol: str, model: str = NO_MODEL, learned_from: str | Iterable[str] = "") -> int:
         """Number of hits with limits at the goal, of all people together."""
@@ -155,17 +143,14 @@ class ObstacleResults:
     def hits_by_person(
         self, protocol: str, form: tuple[str, str], learned_from: str | Iterable[str]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Hits (P,) of each person with a kind of model and its rules, and of how many reaches (P,)."""
+        """Hits (P,) and reaches (P,) of each person with a kind of model and its rules."""
         kind, rules = form
         by = self.reached(protocol, kind, learned_from, rules).groupby("person", sort=False)
         return by["hits"].sum().to_numpy(int), by["reaches"].sum().to_numpy(int)
 
     @cached_property
     def fits(self) -> pd.DataFrame:
-        """`errors` of everybody with `nmse_across`, mean of y and z, and `nmse_worse`, the larger of both.
-
-        x is never acted upon: the post-processing takes it away.
-        """
+        """`errors` of everybody with `nmse_across` and `nmse_worse`, mean and larger one of y and z."""
         errors = extended(self.errors, self.study, "errors", "person")
         across = errors[["nmse_y", "nmse_z"]]
         return errors.assign(nmse_across=across.mean(axis=1), nmse_worse=across.max(axis=1))
@@ -173,8 +158,7 @@ class ObstacleResults:
     def fit(self, model: str, learned_from: str, obstacle: str, part: str = "test") -> pd.DataFrame:
         """Rows of `fits` of a model that learned several scenarios, one per person, in their order."""
         keys = {"model": model, "learned_from": learned_from, "obstacle": obstacle, "part": part}
-        fits = self._of_people(self.fits)
-        return fits[(fits[list(keys)] == pd.Series(keys)).all(axis=1)]
+        return matching(self._of_people(self.fits), **keys)
 
     def fit_by_person(self, model: str, all_shapes: bool = False) -> np.ndarray:
         """Held-out `nmse_across` (P,), mean over shapes, of models of a shape each or of one of all."""
@@ -182,21 +166,20 @@ class ObstacleResults:
         return np.mean(rows, axis=0)
 
     def setting_fits(self, column: str, part: str) -> pd.DataFrame:
-        """NMSE of models that learned one scenario: one row per scenario that has it, a column per model."""
-        fits = self._of_people(self.fits)
-        fits = fits[(fits["learned_from"] == SETTING) & (fits["part"] == part)]
+        """NMSE of models that learned one scenario: a row per scenario that has it, a column per model."""
+        fits = matching(self._of_people(self.fits), learned_from=SETTING, part=part)
         wide = fits.pivot_table(index=["person", "obstacle", "scenario"], columns="model", values=column)
         return wide.reindex(columns=[NETWORK, HUMAN_INSPIRED]).dropna()
 
     @cached_property
     def reaches(self) -> dict[SituationKey, list[Reach]]:
-        """Every unroll with limits at the goal of the person that is shown."""
+        """Every unroll with limits at the goal of the person shown."""
         own = self.scores[self.scores["person"] == self.population.shown]
         return reaches_by_situation(self.paths, own, self.baseline)
 
     @cached_property
     def contenders(self) -> list[tuple[str, str]]:
-        """Kind of every model that meets the spheres of the grid, with what it learned from."""
+        """Kinds of the models tested on the spheres of the grid, with what they learned from."""
         pairs = [(kind, source) for kind in KINDS for source in ("", *EVERY)]
         return [pair for pair in pairs if len(self.rows(UNSEEN, *pair))]
 
@@ -209,16 +192,15 @@ class ObstacleResults:
         return table[table["person"].isin(self.people)]
 
 
-def _sums_and_sizes(by_person: SeriesGroupBy) -> tuple[np.ndarray, np.ndarray]:
-    """How many of each person are true (P,), of how many (P,)."""
-    return by_person.sum().to_numpy(int), by_person.size().to_numpy(int)
+def _listed(names: str | Iterable[str]) -> list[str]:
+    return [names] if isinstance(names, str) else list(names)
 
 
 def reaches_by_person(scores: pd.DataFrame, farthest_m: float) -> pd.DataFrame:
-    """Sums and extremes over the reaches of each person with each model, of `avoidance_protocols.evaluate`.
+    """Sums and extremes of `avoidance_protocols.evaluate` over the reaches of each person with each model.
 
-    Returns `person`, `MODEL`, number of `reaches`, of `hits`, and of reaches that are `far`, more than
-    `farthest_m` from the goal; largest distances from it in m, as there; means of `detour_m`, `restrained`.
+    Columns: `person`, `MODEL`, numbers of `reaches`, `hits` and reaches that end `far`, more than
+    `farthest_m` from the goal; largest distances from it in m; means of `detour_m` and `restrained`.
     """
     by = scores.assign(far=scores["goal_distance_m"] > farthest_m).groupby(["person", *MODEL], sort=False)
     largest = by[["goal_distance_m", "late_goal_distance_m", "excursion_m"]].max()
@@ -228,14 +210,14 @@ def reaches_by_person(scores: pd.DataFrame, farthest_m: float) -> pd.DataFrame:
 
 
 def example_setting(scores: pd.DataFrame, person: int) -> int:
-    """The setting that a person's reach comes closest to without avoidance, averaged over the shapes."""
+    """Setting that a person's reach without avoidance comes closest to, averaged over shapes."""
     own = scores[(scores["protocol"] == TRAINED) & (scores["person"] == person)]
     bare = own[own["model"] == NO_MODEL]
     return int(bare.groupby("scenario")["obstacle_distance"].mean().idxmin())
 
 
 def findings(results: ObstacleResults, published: Mapping[str, Any]) -> Findings:
-    """All numbers of the page; `published` is the YAML.
+    """All numbers of the page.
 
     `hits_unseen_<source>_worst_person` is the largest number of unseen spheres that anyone's ensemble hits,
     by what it learned from, and `..._share_of_people_within_1` the share of people whose ensemble hits at
@@ -262,8 +244,8 @@ def findings(results: ObstacleResults, published: Mapping[str, Any]) -> Findings
 def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None:
     """Errors of the coupling term."""
     own = results.setting_fits("nmse_dominant", "test")
-    fits = results.fits[results.fits["person"].isin(results.people) & (results.fits["part"] == "test")]
-    fits = fits[(fits["learned_from"] == SETTING) & (fits["model"] == NETWORK)]
+    fits = results.fits[results.fits["person"].isin(results.people)]
+    fits = matching(fits, part="test", learned_from=SETTING, model=NETWORK)
     find.exact("dominant_scenarios", len(own))
     find.exact("nmse_dominant", fits["nmse_dominant"].mean(), len(own))
     find.exact("nmse_without_dominant", fits.loc[fits["dominant"] == "", "nmse_across"].mean())
@@ -274,7 +256,8 @@ def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None
     ):
         errors = {words: results.setting_fits(column, part) for words, part in PARTS.items()}
         low = {words: (its[NETWORK] <= largest_nmse).groupby(level="person") for words, its in errors.items()}
-        find.clustered_share(low_name, {words: _sums_and_sizes(its) for words, its in low.items()})
+        counts = {words: (by.sum().to_numpy(int), by.size().to_numpy(int)) for words, by in low.items()}
+        find.clustered_share(low_name, counts)
         means = {words: its.groupby(level="person").mean() for words, its in errors.items()}
         find.difference(worse, {words: (its[HUMAN_INSPIRED], its[NETWORK]) for words, its in means.items()})
     find.mean("rai_across_settings", results.fit_by_person(HUMAN_INSPIRED))
@@ -346,9 +329,8 @@ def _goals(results: ObstacleResults, find: Findings) -> None:
     for kind in (NETWORK, ENSEMBLE):
         find.exact(f"excursion_{kind}_max_m", *between.loc[kind], unit="m")
     short = results.reached(GOAL_CHANGE)
-    find.exact(
-        "short_of_moved_goal_mm", 1e3 * short["goal_distance_m"].max(), short["reaches"].sum(), unit="mm"
-    )
+    left_mm = 1e3 * short["goal_distance_m"].max()
+    find.exact("short_of_moved_goal_mm", left_mm, short["reaches"].sum(), unit="mm")
     per_setting = results.rows(TRAINED, NETWORK, SETTING)
     for name, its in (("networks", per_setting), ("people", results.demonstrated)):
         find.exact(f"distance_of_{name}_radii", its["obstacle_distance"].mean(), len(its))

@@ -1,10 +1,8 @@
-"""The page of the obstacle testbed: what its template and its claims name, and its tables.
-
-Tables show the published beside the reproduced, and models beside models.
-"""
+"""The page of the obstacle testbed: names for its template and claims, and its tables."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +79,7 @@ def document(results: ObstacleResults, find: Findings) -> Document:
 
 
 def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Any]:
-    """What sentences name beside the findings: parameters, counts of the scene, and words."""
+    """Names for sentences beside the findings: parameters, counts of the scene, and words."""
     spheres = results.situations[UNSEEN].obstacles[0]
     length = float(np.linalg.norm(results.baseline.goal - results.baseline.start))
     return {
@@ -94,7 +92,7 @@ def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, A
         "length": length,
         "longest_detour_m": DETOURS_M[-1],
         "end_clearance_m": END_CLEARANCE_M,
-        **{key.removeprefix("obstacle_"): its for key, its in results.parameters.items()},
+        **{key.removeprefix("obstacle_"): chosen for key, chosen in results.parameters.items()},
         "reaches": lambda protocol: results.reached(protocol)["reaches"].sum(),
         "unseen_spheres": len(results.situations[UNSEEN].numbers),
         "outside": int(((spheres.centre[:, 0] < 0.0) | (spheres.centre[:, 0] > length)).sum()),
@@ -108,7 +106,7 @@ def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, A
 
 
 def worst_hits(study: str) -> str:
-    """Results of a study, in words: by variant the most unseen spheres that anyone hits; whose code."""
+    """Most unseen spheres that anyone hits by variant of a study, and its provenance, in words."""
     found = read_study(study)
     if found is None:
         return ""
@@ -123,11 +121,13 @@ PRINTED, HERE = "dissertation", "here"
 FITS = {"nmse": "all three axes", "nmse_across": "y and z", "nmse_dominant": "dominant axis"}
 """Columns of `ObstacleResults.fits` and over what they are averaged."""
 
+THREE_DIGITS = (
+    *("nmse_train", "nmse_test", "nmse_x", "nmse_y", "nmse_z", "goal_max", "goal_mean", "late_goal_max"),
+    *("obstacle_min", "obstacle_mean", "goal_text", "goal_limited", "late_goal_text", "late_goal_limited"),
+    *("train_mean", "test_mean", "closest", "excursion"),
+)
 FORMATS = {
-    **dict.fromkeys(("nmse_train", "nmse_test", "nmse_x", "nmse_y", "nmse_z"), ".3f"),
-    **dict.fromkeys(("goal_max", "goal_mean", "late_goal_max", "obstacle_min", "obstacle_mean"), ".3f"),
-    **{f"{name}_{rules}": ".3f" for name in ("goal", "late_goal") for rules in ("text", "limited")},
-    **dict.fromkeys(("train_mean", "test_mean", "closest", "excursion"), ".3f"),
+    **dict.fromkeys(THREE_DIGITS, ".3f"),
     **dict.fromkeys(("detour_unseen", "detour_moving", "detour_pair"), ".2f"),
     "restrained": ".1%",
 }
@@ -141,7 +141,7 @@ HEADINGS = {
     **{"goal_limited": "limits", "late_goal_text": "late, text", "late_goal_limited": "limits"},
     **{"moving_0.1": "0.1 m/s", "moving_0.2": "0.2 m/s", "pair": "two", "goal_change": "moving goal"},
     **{"detour_unseen": "detour, unseen", "detour_moving": "moving", "detour_pair": "two"},
-    "none": KINDS[NO_MODEL].name,
+    **{"none": KINDS[NO_MODEL].name},
     **{f"{source}_text": f"{SOURCES[source].name}, text" for source in (*SHAPES, ALL)},
     **{f"{source}_ours": "ours" for source in (*SHAPES, ALL)},
 }
@@ -155,10 +155,7 @@ Row = dict[str, Any]
 
 
 def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Table]:
-    """Tables by name; `published` is the YAML.
-
-    `by_person` and `errors` are what the study gathers of each cell.
-    """
+    """Tables by name; the study gathers `by_person` and `errors` of each cell."""
     own, errors = replace(results, study=None), extended(results.errors, results.study, "errors", "person")
     frames = {
         "people": people(results),
@@ -186,47 +183,35 @@ def people(results: ObstacleResults) -> pd.DataFrame:
 
 def per_setting(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
     """Table IV.1: a model for each scenario."""
-    rows = []
-    for kind in (NO_MODEL, HUMAN_INSPIRED, NETWORK):
-        source = "" if kind == NO_MODEL else SETTING
-        labels = {"model": KINDS[kind].name}
-        rows.append(labels | {"source": PRINTED, "of": len(results.scenarios)} | printed[kind])
-        rows += _rows(results, labels, kind, TRAINED, source)
-    here = summary(results.demonstrated) | {"of": len(results.demonstrated)}
-    people = {PRINTED: printed["demonstrations"], HERE: here}
-    name = DEMONSTRATIONS.name
-    return _compared(rows + [{"model": name, "source": words} | its for words, its in people.items()])
+    rows: list[Row] = []
+    for kind, source in ((NO_MODEL, ""), (HUMAN_INSPIRED, SETTING), (NETWORK, SETTING)):
+        rows += _compared(results, {"model": KINDS[kind].name}, printed[kind], TRAINED, kind, source)
+    name, its = DEMONSTRATIONS.name, results.demonstrated
+    rows.append({"model": name, "source": PRINTED} | printed["demonstrations"])
+    rows.append({"model": name, "source": HERE, "of": len(its)} | summary(its))
+    return _in_order(rows)
 
 
 def per_shape(results: ObstacleResults, printed: Mapping[str, Mapping[str, Row]]) -> pd.DataFrame:
     """Table IV.2: models for the settings of each shape; `nmse_train` and `nmse_test` over y and z."""
-    rows = []
-    for shape in SHAPES:
-        for kind in (NO_MODEL, NETWORK, ENSEMBLE):
-            labels = {"obstacle": shape, "model": KINDS[kind].name}
-            if kind in printed[shape]:
-                rows.append(labels | {"source": PRINTED, "of": len(results.scenarios) // len(SHAPES)})
-                rows[-1] |= printed[shape][kind]
-            if kind != NO_MODEL:
-                fits = {
-                    part: results.fit(kind, shape, shape, part)["nmse_across"] for part in ("train", "test")
-                }
-                labels |= {f"nmse_{part}": errors.mean() for part, errors in fits.items()}
-            rows += _rows(results, labels, kind, TRAINED, "" if kind == NO_MODEL else shape, shape)
-    return _compared(rows)
+    rows: list[Row] = []
+    for shape, kind in product(SHAPES, (NO_MODEL, NETWORK, ENSEMBLE)):
+        labels: Row = {"obstacle": shape, "model": KINDS[kind].name}
+        for part in ("train", "test") if kind != NO_MODEL else ():
+            labels[f"nmse_{part}"] = results.fit(kind, shape, shape, part)["nmse_across"].mean()
+        source = shape if kind != NO_MODEL else ""
+        rows += _compared(results, labels, printed[shape].get(kind), TRAINED, kind, source, shape)
+    return _in_order(rows)
 
 
 def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
     """Table IV.3: models past unseen spheres, by what they learned from."""
-    spheres = len(results.situations[UNSEEN].numbers)
-    labels = {"model": KINDS[NO_MODEL].name}
-    rows = [labels | {"source": PRINTED, "of": spheres} | printed[NO_MODEL]]
-    rows += _rows(results, labels, NO_MODEL, UNSEEN, "")
-    for shape in SHAPES:
-        rows.append({"model": model_name(NETWORK, shape), "source": PRINTED, "of": spheres} | printed[shape])
-        for kind in (NETWORK, ENSEMBLE):
-            rows += _rows(results, {"model": model_name(kind, shape)}, kind, UNSEEN, shape)
-    return _compared(rows)
+    rows: list[Row] = []
+    models = [(NO_MODEL, ""), *((kind, shape) for shape in SHAPES for kind in (NETWORK, ENSEMBLE))]
+    for kind, source in models:
+        row = None if kind == ENSEMBLE else printed[source or NO_MODEL]
+        rows += _compared(results, {"model": model_name(kind, source)}, row, UNSEEN, kind, source)
+    return _in_order(rows)
 
 
 def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
@@ -244,12 +229,8 @@ def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
 def limits(results: ObstacleResults) -> pd.DataFrame:
     """Published rules beside limits at the goal: hits, largest goal distances (m), and samples restrained."""
     families = {"per setting": (SETTING,), "per shape": SHAPES, "all shapes": (ALL,)}
-    groups = [
-        (protocol, kind, words) for protocol in (TRAINED, UNSEEN) for kind in KINDS for words in families
-    ]
-    rows = []
-    for protocol, kind, words in groups:
-        rules = {"text": PUBLISHED, "limited": LIMITED}
+    rules, rows = {"text": PUBLISHED, "limited": LIMITED}, []
+    for protocol, kind, words in product((TRAINED, UNSEEN), KINDS, families):
         found = {name: results.reached(protocol, kind, families[words], its) for name, its in rules.items()}
         limited = found["limited"]
         count = int(limited["reaches"].sum())
@@ -259,16 +240,16 @@ def limits(results: ObstacleResults) -> pd.DataFrame:
         row |= {f"hits_{name}": int(its["hits"].sum()) for name, its in found.items()}
         for column in ("goal", "late_goal"):
             row |= {f"{column}_{name}": its[f"{column}_distance_m"].max() for name, its in found.items()}
-        row["excursion"] = found["limited"]["excursion_m"].max()
+        row["excursion"] = limited["excursion_m"].max()
         rows.append(row | {"restrained": np.average(limited["restrained"], weights=limited["reaches"])})
     return pd.DataFrame(rows)
 
 
 def all_shapes(results: ObstacleResults) -> pd.DataFrame:
     """A model of all shapes beside those of one shape, on the settings of each obstacle."""
-    groups = [(shape, kind, source) for shape in SHAPES for kind in KINDS for source in (shape, ALL)]
     rows = []
-    for shape, kind, source in groups:
+    for shape, kind, every in product(SHAPES, KINDS, (False, True)):
+        source = ALL if every else shape
         scored = results.rows(TRAINED, kind, source, obstacle=shape)
         if len(scored):
             row = {"obstacle": shape, "model": model_name(kind, source)}
@@ -283,9 +264,8 @@ def hits(results: ObstacleResults) -> pd.DataFrame:
     rows = []
     for kind, source in results.contenders:
         row: Row = {"model": model_name(kind, source)}
-        every = {
-            protocol: results.rows(protocol, kind, source) for protocol in SITUATIONS if protocol != TRAINED
-        }
+        beyond = [protocol for protocol in SITUATIONS if protocol != TRAINED]
+        every = {protocol: results.rows(protocol, kind, source) for protocol in beyond}
         for protocol, its in every.items():
             for speed, count in its.groupby("speed_m_s")["hit"].sum().items():
                 row[f"{protocol}_{speed:g}" if protocol == MOVING else protocol] = int(count)
@@ -300,29 +280,36 @@ def summary(rows: pd.DataFrame) -> Row:
     goal, obstacle = rows["goal_distance_m"], rows["obstacle_distance"]
     row: Row = {"goal_max": goal.max(), "goal_mean": goal.mean(), "hits": int(rows["hit"].sum())}
     row |= {"obstacle_min": obstacle.min(), "obstacle_mean": obstacle.mean()}
-    return row | (
-        {"late_goal_max": rows["late_goal_distance_m"].max()} if "late_goal_distance_m" in rows else {}
-    )
+    late = rows.get("late_goal_distance_m")  # demonstrations have none
+    return row if late is None else row | {"late_goal_max": late.max()}
 
 
-def _rows(
-    results: ObstacleResults, labels: Row, kind: str, protocol: str, source: str, obstacle: str | None = None
+def _compared(
+    results: ObstacleResults,
+    labels: Row,
+    printed: Row | None,
+    protocol: str,
+    kind: str,
+    source: str,
+    obstacle: str | None = None,
 ) -> list[Row]:
-    """Rows of a model with either rules; without coupling term these are one."""
+    """Rows of a model as printed, if it is, and here with either rules, which agree without a model."""
     rules = {LIMITED: HERE} if kind == NO_MODEL else {its: f"{HERE}, {words}" for its, words in RULES.items()}
-    rows = []
+    places = [one for one in results.scenarios if obstacle in (None, one.shape)]
+    count = len(results.situations[UNSEEN].numbers) if protocol == UNSEEN else len(places)
+    rows = [labels | {"source": PRINTED, "of": count} | printed] if printed else []
     for its, words in rules.items():
         scored = results.rows(protocol, kind, source, its, obstacle)
         rows.append(labels | {"source": words} | summary(scored) | {"of": len(scored)})
     return rows
 
 
-def _compared(rows: Sequence[Row]) -> pd.DataFrame:
+def _in_order(rows: Sequence[Row]) -> pd.DataFrame:
     frame = pd.DataFrame(rows)
     return frame[[name for name in COMPARED if name in frame]]
 
 
 def _strong(frame: pd.DataFrame) -> frozenset[int]:
-    """Rows of unrolls with the text's rules: those are to be compared with what is printed."""
+    """Rows of unrolls with the text's rules, to be compared with the printed ones."""
     sources = frame.get("source", pd.Series(dtype=str))
     return frozenset(row for row, words in enumerate(sources) if words == f"{HERE}, {RULES[PUBLISHED]}")

@@ -1,15 +1,14 @@
-"""All avoidance models of the testbed, and how well they fit (tables IV.1 and IV.2, figure IV.10).
+"""Training and errors of all avoidance models of the testbed (tables IV.1 and IV.2, figure IV.10).
 
-Everybody's models learn from the own demonstrations and are tested on the same others, whether they learn one
-scenario, all of one shape, or all there are. Models of each of 120 scenarios for everybody would take longer
-than all the rest, so settings are dealt out: each is learned by one person (`own_scenarios`).
+The models of a person learn from that person's demonstrations of one scenario, of one shape, or of all, and
+are tested on the same held-out ones. Models per setting for everybody would take longer than all the rest, so
+settings are dealt out to people (`own_scenarios`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -43,8 +42,8 @@ from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
-KEYS = ("person", "model", "learned_from", "obstacle", "scenario")
-"""Columns of the table of errors that say of which model, and on which samples."""
+KEYS = ["person", "model", "learned_from", "obstacle", "scenario"]
+"""Columns of the table of errors: of which model, on which samples."""
 
 
 class AvoidanceTrainingParameters(Parameters):
@@ -61,16 +60,15 @@ class AvoidanceTrainingParameters(Parameters):
 Stack = TypeVar("Stack", AvoidanceNetworks, HumanInspiredModels)
 
 
-@dataclass(frozen=True)
-class _Lesson:
-    """What one model is learned from."""
+class _Lesson(NamedTuple):
+    """Samples that one model is trained and tested on."""
 
-    person: int  # who demonstrated
+    person: int
     learned_from: str  # `SETTING`, a shape or `ALL`
-    obstacle: str  # shape of the obstacles; that of none where there are several
-    setting: int  # its number; 0 for all of them
-    dataset: AvoidanceDataset  # all samples
-    test: np.ndarray  # (S,) mask of those that test
+    obstacle: str  # shape of the obstacles, empty for several
+    setting: int  # number; 0 for all settings
+    dataset: AvoidanceDataset
+    test: np.ndarray  # (S,) mask of held-out samples
 
 
 def learn(
@@ -79,14 +77,11 @@ def learn(
     parameters: AvoidanceTrainingParameters,
     modulated: int,
 ) -> tuple[dict[int, AvoidanceModels], pd.DataFrame]:
-    """Train every model of everybody.
+    """Train every model of everybody, from datasets by person.
 
-    `datasets`: by person, samples of all demonstrations; `modulated`: the person who gets phase-modulated
-    networks; no claim rests on them. Returns the models by person, and the columns of
-    `network_training.fit_errors` per `person`, `model`, what it was `learned_from`, the `obstacle` whose
-    samples the errors are of, its `scenario` (number of the setting; 0 for all of them) and `part`. Models of
-    all shapes have a row for each shape. Raises InputError: scenarios and datasets do not belong together;
-    too few samples; a constant target.
+    Phase-modulated networks, on which no claim rests, are trained for the person `modulated` only. Returns
+    models by person, and `network_training.fit_errors` by `KEYS` and `part`; models of all shapes have a row
+    for each shape. Raises InputError: datasets of other scenarios, too few samples, a constant target.
     """
     own = own_scenarios(scenarios, list(datasets))
     lessons: list[_Lesson] = []
@@ -112,15 +107,9 @@ def learn(
         }
         for person in datasets
     }
-    found = parallel_map(
-        partial(
-            train_phase_modulated,
-            parameters=parameters.phase_modulated,
-            hidden=parameters.phase_modulated_hidden,
-        ),
-        _training(modulating),
-        "phase-modulated networks",
-    )
+    training, hidden = parameters.phase_modulated, parameters.phase_modulated_hidden
+    train = partial(train_phase_modulated, parameters=training, hidden=hidden)
+    found = parallel_map(train, _training(modulating), "phase-modulated networks")
     sources = [one.learned_from for one in modulating]
     models[modulated] = {**models[modulated], PHASE_MODULATED: dict(zip(sources, found, strict=True))}
     return models, _errors(models, [one for one in lessons if one.learned_from != ALL])
@@ -129,7 +118,7 @@ def learn(
 def _lessons(
     person: int, dataset: AvoidanceDataset, test: np.ndarray, scenarios: Sequence[Scenario], own: np.ndarray
 ) -> Iterator[_Lesson]:
-    """The own scenarios of a person one by one, all scenarios of each shape, all there are."""
+    """A person's own scenarios one by one, all scenarios of each shape, all scenarios."""
     if set(dataset.scenario) != set(range(len(scenarios))):
         raise InputError(f"the samples are not those of {len(scenarios)} scenarios; run all stages")
 
@@ -151,15 +140,13 @@ def _training(lessons: Sequence[_Lesson]) -> list[AvoidanceDataset]:
 
 def _models(lessons: Sequence[_Lesson], stack: Stack, person: int) -> dict[str, Stack]:
     """The models of one person in a stack with one per lesson, by what they learned from."""
-    places: dict[str, list[int]] = {}
-    for place, one in enumerate(lessons):
-        if one.person == person:
-            places.setdefault(one.learned_from, []).append(place)
-    return {source: stack.take(its) for source, its in places.items()}
+    sources = [one.learned_from if one.person == person else "" for one in lessons]
+    names = filter(None, dict.fromkeys(sources))
+    return {name: stack.take([place for place, one in enumerate(sources) if one == name]) for name in names}
 
 
 def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -> pd.DataFrame:
-    """Errors on every lesson of the models that learned it, or more."""
+    """Errors on every lesson of the models that learned it, alone or among others."""
     keys, scored = [], []
     for (person, source), same in groupby(lessons, key=lambda one: (one.person, one.learned_from)):
         for place, one in enumerate(same):
@@ -167,9 +154,8 @@ def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -
                 for name in (source, ALL) if source != SETTING else (source,):
                     if name in found:
                         model = found[SETTING].take([place]) if source == SETTING else found[name]
-                        names = (person, kind, name, one.obstacle, one.setting)
-                        keys.append(dict(zip(KEYS, names, strict=True)))
+                        keys.append((person, kind, name, one.obstacle, one.setting))
                         scored.append((one.dataset, one.test, model))
     found = fit_errors(*zip(*scored, strict=True))
-    rows = pd.DataFrame(keys).iloc[found.pop("model")].reset_index(drop=True)
+    rows = pd.DataFrame(keys, columns=KEYS).iloc[found.pop("model")].reset_index(drop=True)
     return pd.concat([rows, found], axis=1)

@@ -1,10 +1,10 @@
-"""What the avoidance models are put to: known and unseen obstacles (IV.8.4-8.7), and what the text left out.
+"""Situations that avoidance models are tested in (IV.8.4-8.7), and their unrolls and scores.
 
 trained       the scenarios of the demonstrations
 unseen        63 small spheres close round the reach
-moving        the same spheres, crossing the reach just as the hand would be there
-pair          two of them at once
-goal_change   the same spheres while the goal moves
+moving        the same spheres, crossing the reach just as the hand would be there (beyond the text)
+pair          two of them at once (beyond the text)
+goal_change   the same spheres while the goal moves (beyond the text)
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,12 +41,13 @@ NO_MODEL = "none"  # the baseline without coupling term
 LIMITED, PUBLISHED = "limited", "published"
 """Post-processing: the text's rules with limits at the goal, or alone."""
 
-PAIR_SPACING_M = 0.2
-"""Between the centres of a pair along the reach: nearer ones may leave no way between them."""
+PAIR_SPACING_M = (
+    0.2  # least distance of the centres of a pair along the reach, so that there is a way between
+)
 
 
 class AvoidanceEvaluationParameters(Parameters):
-    """How the models are put to the test."""
+    """How the models are evaluated."""
 
     rate_hz: float = Field(ge=25, le=1000)
     kept_every: PositiveInt
@@ -68,14 +69,13 @@ class AvoidanceEvaluationParameters(Parameters):
 class Situations:
     """A batch of reaches past obstacles."""
 
-    protocol: str  # `TRAINED`, `UNSEEN`, `MOVING`, `PAIR` or `GOAL_CHANGE`
-    obstacle: Shape  # shape of the obstacles
+    protocol: str
+    obstacle: Shape
     numbers: np.ndarray  # (B,) of the setting, sphere or pair, from 1
     obstacles: tuple[CloudBatch, ...]  # one or two of each reach
-    speed: np.ndarray  # of moving obstacles in m/s, (B,)
-    # (B,) number of the scenario in the dataset, from 0; None for what was not demonstrated
-    scenarios: np.ndarray | None = None
-    goal_change: GoalChange | None = None  # the goal moves
+    speed: np.ndarray  # (B,) of moving obstacles in m/s
+    scenarios: np.ndarray | None = None  # (B,) numbers in the dataset, from 0; None if not demonstrated
+    goal_change: GoalChange | None = None
 
     @property
     def keys(self) -> pd.DataFrame:
@@ -96,18 +96,18 @@ class Situations:
 
 @dataclass(frozen=True)
 class Learner:
-    """What one person's demonstrations taught."""
+    """Baseline and models learned from one person's demonstrations."""
 
     person: int  # seed
-    baseline: PositionPrimitive  # the unhindered reach
-    models: AvoidanceModels  # of coupling terms
-    own: np.ndarray  # (K,) ascending numbers of the scenarios that there are models per setting of
+    baseline: PositionPrimitive
+    models: AvoidanceModels
+    own: np.ndarray  # (K,) ascending numbers of the scenarios that have models per setting
 
 
 class Contender(NamedTuple):
     """A coupling model in the reaches that it is meant for."""
 
-    model: str  # its kind
+    model: str  # kind
     learned_from: str  # see `learned_models.AvoidanceModels`
     coupling: CouplingModel
     rows: np.ndarray  # (B,) mask of the reaches of a batch
@@ -151,10 +151,7 @@ def unseen(baseline: PositionPrimitive) -> Situations:
 
 
 def moving(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
-    """The spheres of the grid crossing the reach: at their place when the baseline is closest to it.
-
-    At each speed those with an even number go to the left, the others to the right.
-    """
+    """The spheres crossing the reach, in place when the baseline is closest; even ones go to the left."""
     grid = unseen(baseline)
     spheres = grid.obstacles[0]
     path = baseline.unroll(1.0 / parameters.rate_hz)
@@ -165,12 +162,9 @@ def moving(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameter
     velocity = np.zeros((len(speed), 3))
     velocity[:, 1] = speed * np.tile(np.where(grid.numbers % 2 == 0, 1.0, -1.0), len(speeds))
     ahead = velocity * np.tile(passing, len(speeds))[:, None]
-    obstacles = cloud_batch(
-        np.tile(spheres.points, (len(speeds), 1, 1)) - ahead[:, None],
-        np.tile(spheres.centre, (len(speeds), 1)) - ahead,
-        UNSEEN_RADIUS_M,
-        constant_velocity(velocity),
-    )
+    points = np.tile(spheres.points, (len(speeds), 1, 1)) - ahead[:, None]
+    centres = np.tile(spheres.centre, (len(speeds), 1)) - ahead
+    obstacles = cloud_batch(points, centres, UNSEEN_RADIUS_M, constant_velocity(velocity))
     return Situations(MOVING, "sphere", np.tile(grid.numbers, len(speeds)), (obstacles,), speed)
 
 
@@ -195,8 +189,7 @@ def goal_change(baseline: PositionPrimitive, parameters: AvoidanceEvaluationPara
 def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
     """No model, and all that are meant for a situation.
 
-    Demonstrated scenarios: the model of each that has one, of their shape, of all shapes. Others: of every
-    shape, of all.
+    In demonstrated scenarios these are models of the setting, of the shape, and of all; else of every shape.
     """
     every = np.ones(len(situation.numbers), dtype=bool)
     yield Contender(NO_MODEL, "", no_coupling, every)
@@ -213,13 +206,12 @@ def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
 def evaluate(
     work: tuple[Learner, Situations], parameters: AvoidanceEvaluationParameters, with_paths_of: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Unroll all contenders.
+    """Unroll all contenders; trained and unseen obstacles with both kinds of rules.
 
-    Returns scores: the columns of `avoidance_scores.scores` per `person`, `protocol`, `rules`
-    (post-processing), `model`, `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; trained and
-    unseen obstacles with both kinds of rules. Paths: per sample of the unrolls with the rules `limited` the
-    same keys without the person, `time_s`, positions `x_m`, `y_m`, `z_m` in the base frame and coupling terms
-    `coupling_x`, `coupling_y`, `coupling_z` that acted, local frame, m. There are none of other people.
+    Returns the columns of `avoidance_scores.scores` per `person`, `protocol`, `rules`, `model`,
+    `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`. Of unrolls with the rules `limited` of
+    one person it also returns paths: the same keys without the person, `time_s`, positions `x_m`, ... in the
+    base frame, and coupling terms `coupling_x`, ... that acted, local frame, m.
     """
     learner, situation = work
     rules = {LIMITED: parameters.postprocessing}
@@ -249,15 +241,10 @@ def unrolled(
     parameters: AvoidanceEvaluationParameters,
     postprocessing: PostprocessingParameters,
 ) -> AvoidancePaths:
-    """All reaches of a situation with one model, until the goal is looked at for the last time."""
+    """All reaches of a situation with one model, until `LATE_FACTOR` durations."""
+    obstacles, dt, change = situation.obstacles, 1.0 / parameters.rate_hz, situation.goal_change
     return unroll(
-        baseline,
-        coupling,
-        situation.obstacles,
-        1.0 / parameters.rate_hz,
-        postprocessing,
-        until_factor=LATE_FACTOR,
-        goal_change=situation.goal_change,
+        baseline, coupling, obstacles, dt, postprocessing, until_factor=LATE_FACTOR, goal_change=change
     )
 
 
@@ -266,8 +253,7 @@ def _path_table(keys: pd.DataFrame, paths: AvoidancePaths, kept_every: int) -> p
     time = paths.path.time[kept]
     table = keys.iloc[np.repeat(np.arange(len(keys)), len(time))].reset_index(drop=True)
     table["time_s"] = np.tile(time, len(keys))
-    position = paths.in_base_frame.position[:, kept].astype(np.float32).reshape(-1, 3)
-    coupling = paths.coupling[:, kept].astype(np.float32).reshape(-1, 3)
-    table[["x_m", "y_m", "z_m"]] = position
-    table[["coupling_x", "coupling_y", "coupling_z"]] = coupling
+    for name, values in (("{}_m", paths.in_base_frame.position), ("coupling_{}", paths.coupling)):
+        flat = values[:, kept].astype(np.float32).reshape(-1, 3)
+        table[[name.format(axis) for axis in "xyz"]] = flat
     return table

@@ -1,8 +1,8 @@
 """How well movements avoid obstacles and reach their goals: the columns of tables IV.1 to IV.3.
 
 The tables' distance to an obstacle is unitless, (|x - centre| - r) / r with the virtual radius r; a movement
-hits when it is 0 or less. That is exact for spheres only; the distance to the closest point of the cloud, in
-metres, stands beside it.
+hits when it is 0 or less. This is exact for spheres only; beside it there is the distance to the closest
+point of the cloud in m.
 """
 
 from collections.abc import Sequence
@@ -16,27 +16,20 @@ from structlearn.avoidance.shapes import CloudBatch
 from structlearn.core.errors import InputError
 from structlearn.primitives.vector import sample_count
 
-LATE_FACTOR = 1.5
-"""Durations after which the goal is looked at again: the last remains of the forcing term are gone."""
+LATE_FACTOR = 1.5  # durations after which the goal distance is scored again: the forcing term is gone
 
 
 def unitless_distance(position: np.ndarray, centre: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
-    """Distance to an obstacle in virtual radii from its virtual surface.
-
-    `position` (..., 3) m; `centre` (..., 3) m; `radius` (...) m. Returns (...), at least -1; a hit where it
-    is not positive.
-    """
+    """Distance (...) of positions (..., 3) from a virtual surface in virtual radii; a hit if not positive."""
     return (np.linalg.norm(np.subtract(position, centre), axis=-1) - radius) / radius
 
 
 def closest_approaches(
     time: np.ndarray, position: np.ndarray, obstacles: Sequence[CloudBatch]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Closest approach of each movement to any of its obstacles, moving ones included.
+    """Closest approach of movements (B, T, 3) m to any of their obstacles, at times (T,) s.
 
-    `time` (T,) s since the start; obstacles that move are where they are then; `position` (B, T, 3) m in the
-    local frames; `obstacles`: of the B scenarios. Returns `unitless` (B,) see `unitless_distance`;
-    `clearance` (B,) distance to the closest cloud point in m.
+    Returns `unitless_distance` (B,), and the distance (B,) in m to the closest cloud point.
     """
     unitless, clearance = [], []
     for obstacle in obstacles:
@@ -48,15 +41,12 @@ def closest_approaches(
 
 
 def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndarray) -> pd.DataFrame:
-    """One row per scenario of a batch of unrolls.
+    """One row per scenario of a batch of unrolls over at least `LATE_FACTOR` durations; else InputError.
 
-    `paths`: unrolled for at least `LATE_FACTOR` durations; `bare` (B, T, 3) m, where the hand would be
-    without avoidance. Returns columns `obstacle_distance` (closest, unitless), `hit`, `clearance_m` (closest
-    to the cloud), all over the prescribed duration, as `detour_m`: the largest distance from where the hand
-    would be without avoidance; `goal_distance_m` at its end, `late_goal_distance_m` at `LATE_FACTOR`
-    durations, `excursion_m`: the largest from the prescribed end on; `restrained`: share of the samples up to
-    the prescribed end whose coupling term was changed for the goal. Raises InputError: the paths end too
-    early.
+    Over the prescribed duration: `obstacle_distance` (closest, unitless), `hit`, `clearance_m` (closest to
+    the cloud), `detour_m` (largest distance from the path without avoidance, `bare` (B, T, 3) m), and
+    `restrained`, the share of samples whose coupling term was changed for the goal. `goal_distance_m` at its
+    end, `late_goal_distance_m` at `LATE_FACTOR` durations, `excursion_m`, the largest from its end on.
     """
     dt = paths.path.dt
     end, late = (sample_count(factor * paths.duration, dt) for factor in (1.0, LATE_FACTOR))

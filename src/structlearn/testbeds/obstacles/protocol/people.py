@@ -1,7 +1,6 @@
-"""The people of the testbed: what each of them demonstrates, and what is learned from it.
+"""Demonstrations of each person of the testbed, as baseline, samples and scores.
 
-Runs of one of them are kept, to be shown. The others are simulated where they are needed: as many runs of
-each would say nothing more.
+Runs of one person are stored, to be shown; those of the others are simulated when needed.
 """
 
 from collections.abc import Sequence
@@ -33,11 +32,9 @@ def taught(
     person: AvoiderParameters,
     parameters: AvoidanceDataParameters,
 ) -> tuple[PositionPrimitive, pd.DataFrame, pd.DataFrame]:
-    """What one person teaches.
+    """Baseline, samples (`avoidance_dataset.to_table`) and `demonstration_scores` of one person.
 
-    `recorded`: folder with the runs of `person`; others are simulated and differ by their seed. Returns the
-    unhindered reach; the samples, see `avoidance_dataset.to_table`; and `demonstration_scores`; the tables
-    with a column `person`.
+    `recorded`: folder with the runs of `person`; other seeds are simulated. Tables have a column `person`.
     """
     places = scenarios(scene)
     if seed == person.seed:
@@ -59,10 +56,9 @@ def demonstration_scores(
     baseline: PositionPrimitive,
     cloud_count: int = CLOUD_COUNT,
 ) -> pd.DataFrame:
-    """How the demonstrations themselves avoid their obstacles and reach the baseline's goal.
+    """Columns of `avoidance_scores.scores` for the demonstrations, with the goal distance at the last sample.
 
-    Returns `obstacle_distance`, `hit`, `clearance_m` (see `avoidance_scores.scores`) and, at the last sample,
-    `goal_distance_m` per `obstacle`, `scenario` (number of the setting) and `demonstration` (from 1).
+    By `obstacle`, `scenario` (number of the setting) and `demonstration` (from 1).
     """
     goal, rows = to_local(baseline.goal, baseline), []
     for scenario, its in zip(scenarios, sets, strict=True):
@@ -71,7 +67,7 @@ def demonstration_scores(
             position = to_local(one.position, baseline)
             (distance,), (clearance,) = closest_approaches(one.time, position[None], [cloud])
             left = np.linalg.norm(position[-1] - goal)
-            its_keys = (scenario.shape, scenario.setting, number)
-            rows.append((*its_keys, distance, distance <= 0.0, clearance, left))
-    keys = ["obstacle", "scenario", "demonstration"]
-    return pd.DataFrame(rows, columns=[*keys, "obstacle_distance", "hit", "clearance_m", "goal_distance_m"])
+            keys = (scenario.shape, scenario.setting, number)
+            rows.append((*keys, distance, distance <= 0.0, clearance, left))
+    columns = ["obstacle", "scenario", "demonstration", "obstacle_distance", "hit", "clearance_m"]
+    return pd.DataFrame(rows, columns=[*columns, "goal_distance_m"])

@@ -31,8 +31,8 @@ class SituationKey(NamedTuple):
 class Reach:
     """One unroll in one situation."""
 
-    model: str  # whose coupling term acted, or `avoidance_protocols.NO_MODEL`
-    learned_from: str  # what it learned from, see `learned_models.AvoidanceModels`
+    model: str  # kind, or `NO_MODEL`
+    learned_from: str  # see `learned_models.AvoidanceModels`
     time: np.ndarray  # (T,) s since the start
     position: np.ndarray  # (T, 3) m, base frame
     coupling: np.ndarray  # (T, 3) m, coupling term that acted, local frame of the reach
@@ -49,11 +49,9 @@ Group = Sequence[Reach]
 def reaches_by_situation(
     paths: pd.DataFrame, scores: pd.DataFrame, baseline: PositionPrimitive
 ) -> dict[SituationKey, list[Reach]]:
-    """The unrolls of an evaluation with limits at the goal.
+    """The unrolls of `avoidance_protocols.evaluate` of one person with limits at the goal, by situation.
 
-    `paths`: of `avoidance_protocols.evaluate`, of one person; `baseline`: whose local frame the coupling
-    terms are in. Returns by situation the reaches of all models, in the order in which they were evaluated:
-    that without avoidance first.
+    In the order of evaluation, so the reach without avoidance is the first of each group.
     """
     limited = scores[scores["rules"] == LIMITED].set_index(KEYS)
     scored = limited[["obstacle_distance", "hit", "goal_distance_m"]].to_dict("index")
@@ -61,7 +59,7 @@ def reaches_by_situation(
     numbers = paths[NUMBERS].to_numpy(float).T
     rows = pd.Series(range(len(paths)), paths.index).groupby([paths[key] for key in KEYS], sort=False)
     reaches: dict[SituationKey, list[Reach]] = {}
-    for key, places in rows:  # thousands: a frame of each would take longer than all else
+    for key, places in rows:  # thousands: a frame of each would be slow
         time, position, coupling = np.split(numbers.take(places, axis=1), [1, 4])
         time, position, coupling = time[0], position.T, coupling.T
         *situation, model, learned_from = key

@@ -3,7 +3,7 @@
 Everything is in the base frame. No robot is shown: the hand is a point, as motion capture sees it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,6 @@ from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, FREE, HIT, KIND
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import NO_MODEL, TRAINED
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
     Group,
-    Reach,
     SituationKey,
     of_model,
     without_avoidance,
@@ -50,26 +49,19 @@ from structlearn.viewer.rrd import (
 )
 
 BARE = SOURCES[""]  # look of the reach without avoidance
-PALE = 0.5  # opacity of demonstrations, of which there are many, and of paths before they come about
+PALE = 0.5  # opacity of demonstrations, of which there are many, and of future paths
 SOLID_OPACITY = 0.35  # of obstacles: the cloud on the far side stays visible
-ARROW_SCALE = 1.5e-3  # length of an arrow per coupling term, m per m: those of networks are up to 0.15 m long
-
-LONGEST_ARROW_M = 0.15
-"""Of longer ones the direction is drawn: the model of Rai et al. asks for up to 100 times as much."""
-
-ARROW_EVERY = 2  # every how many samples of a path an arrow is drawn
+ARROW_SCALE, LONGEST_ARROW_M = 1.5e-3, 0.15  # m per m of coupling term; Rai et al. reach 100 times as much
+ARROW_EVERY = 2  # samples of a path per arrow
 
 SIDES = {1: "left of", 2: "above"}
-"""Of the straight line from start to goal, where the hand is, by axis of the local frame."""
+"""Sides of the straight line from start to goal, by local axis."""
 
 DIRECTIONS = {1: "to the left", 2: "upwards"}
-"""Of coupling terms, by axis of the local frame; the one along the reach is always 0."""
+"""Directions of coupling terms, by local axis; the term along the reach is always 0."""
 
-DIM = "#555c64"
-"""Colour of demonstrated coupling terms behind those of models: a darker grey than that of demonstrations."""
-
-ROOM = 1.5
-"""Range of plots of coupling terms over that of the demonstrated ones: some go far beyond for an instant."""
+DIM = "#555c64"  # colour of demonstrated coupling terms, darker than that of demonstrations
+ROOM = 1.5  # range of plots of coupling terms over that of the demonstrated ones
 
 
 class ObstacleViewParameters(Parameters):
@@ -82,49 +74,37 @@ class ObstacleViewParameters(Parameters):
 class ShownScenario:
     """A scenario, how people avoided its obstacle, and how the models do."""
 
-    scenario: Scenario  # with its obstacle in the base frame
+    scenario: Scenario
     cloud: np.ndarray  # (P, 3) m, base frame, the points of the obstacle that models see
-    demonstrations: Sequence[Demonstration]  # of people
-    targets: pd.DataFrame  # of what the demonstrations teach, columns `demonstration`, `time_s`, `target_x`
+    demonstrations: Sequence[Demonstration]
+    targets: pd.DataFrame  # samples of the demonstrations: `demonstration`, `time_s`, `target_x`, ...
     reaches: Group  # of the models; that without avoidance is among them
 
 
-def chosen_scenarios(places: Sequence[Scenario], names: Sequence[str]) -> dict[int, Scenario]:
-    """Scenarios by their number in the dataset, in the order of the names.
-
-    Raises InputError: there is no scenario of a name.
-    """
-    known = {place.name: number for number, place in enumerate(places)}
-    missing = [name for name in names if name not in known]
-    if missing:
-        raise InputError(
-            f"inspect_obstacles.scenarios: there is no '{missing[0]}'; names are '{places[0].name}' to "
-            f"'{places[-1].name}'"
-        )
-    return {known[name]: places[known[name]] for name in names}
-
-
 def shown_scenarios(
-    chosen: Mapping[int, Scenario],
-    demonstrations: Sequence[Sequence[Demonstration]],
+    places: Sequence[Scenario],
+    names: Sequence[str],
+    demonstrated: Callable[[Scenario], Sequence[Demonstration]],
     samples: pd.DataFrame,
     reaches: Mapping[SituationKey, Group],
     cloud_count: int,
 ) -> list[ShownScenario]:
-    """All that there is of the chosen scenarios.
+    """Demonstrations, samples and unrolls of some scenarios, in the order of their names.
 
-    `chosen`: of `chosen_scenarios`; `reaches`: of `unrolled_reaches.reaches_by_situation`.
+    Raises InputError: there is no scenario of a name.
     """
-    return [
-        ShownScenario(
-            scenario,
-            scenario.obstacle.cloud(cloud_count),
-            people,
-            samples[samples["scenario"] == number],
-            reaches[SituationKey(TRAINED, scenario.shape, scenario.setting)],
-        )
-        for (number, scenario), people in zip(chosen.items(), demonstrations, strict=True)
-    ]
+    known, shown = {place.name: number for number, place in enumerate(places)}, []
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"inspect_obstacles.scenarios: there is no '{name}'; names are '{places[0].name}' to "
+                f"'{places[-1].name}'"
+            )
+        scenario = places[known[name]]
+        cloud, its = scenario.obstacle.cloud(cloud_count), samples[samples["scenario"] == known[name]]
+        unrolled = reaches[SituationKey(TRAINED, scenario.shape, scenario.setting)]
+        shown.append(ShownScenario(scenario, cloud, demonstrated(scenario), its, unrolled))
+    return shown
 
 
 def write_avoidance_demonstrations(
@@ -135,11 +115,9 @@ def write_avoidance_demonstrations(
     places: Sequence[tuple[Scenario, bool]],
     title: str,
 ) -> None:
-    """Write demonstrations past obstacles as a recording.
+    """Record demonstrations past obstacles: all chosen scenarios, all settings, and one scenario a tab.
 
-    The first tab puts all chosen scenarios beside each other, the second shows the unhindered reaches and all
-    settings, the others one scenario each with its signals. `places`: a scenario of each setting, and whether
-    the reach without avoidance hits an obstacle there.
+    `places`: a scenario of each setting, and whether the reach without avoidance hits an obstacle there.
     """
     origin = origin_label([*unhindered, *(one for group in shown for one in group.demonstrations)])
     with recording(path, title) as stream:
@@ -157,12 +135,13 @@ def write_avoidance_demonstrations(
             curves = rrb.Vertical(*_send_signals(stream, one, baseline))
             detail = scene_view(name, contents, points, floor)
             details.append(rrb.Horizontal(detail, curves, column_shares=[4, 3], name=name))
+        views: dict[str, rrb.Container | rrb.View] = {
+            "chosen scenarios": rrb.Grid(*scenes, grid_columns=3),
+            "all settings": settings,
+        }
         tabs = [
             rrb.Horizontal(view, notes_view(), column_shares=[4, 1], name=words)
-            for words, view in (
-                ("chosen scenarios", rrb.Grid(*scenes, grid_columns=3)),
-                ("all settings", settings),
-            )
+            for words, view in views.items()
         ]
         stream.send_blueprint(layout(rrb.Tabs(*tabs, *details, active_tab=0)))
 
@@ -173,7 +152,7 @@ def _send_settings(
     baseline: PositionPrimitive,
     places: Sequence[tuple[Scenario, bool]],
 ) -> np.ndarray:
-    """Log where obstacles stand, with the numbers of their settings, and reaches; their points (N, 3) m."""
+    """Log obstacles with the numbers of their settings, and reaches; returns their points (N, 3) m."""
     centres = [place.obstacle.centre for place, _ in places]
     colours = rgba([(HIT if hit else FREE).colour for _, hit in places])
     labels = [f"{place.setting:02d}" for place, _ in places]
@@ -189,13 +168,13 @@ def _send_settings(
 def _send_signals(
     stream: rr.RecordingStream, one: ShownScenario, baseline: PositionPrimitive
 ) -> list[rrb.TimeSeriesView]:
-    """Log the hands of people, and signals of these and of the reach without avoidance; plots of them."""
+    """Log the hands of people, and plot signals of these and of the reach without avoidance."""
     name, bare = one.scenario.name, without_avoidance(one.reaches)
-    people = [(person.name, person.time, person.position) for person in one.demonstrations]
-    for label, time, position in people:
-        send_hand(stream, entity(name, "hands", label), time, position, DEMONSTRATIONS.colour)
-    for label, time, position in [*people, (BARE.name, bare.time, bare.position)]:
-        colour = BARE.colour if label == BARE.name else DEMONSTRATIONS.colour
+    grey = DEMONSTRATIONS.colour
+    people = [(person.name, person.time, person.position, grey) for person in one.demonstrations]
+    for label, time, position, colour in people:
+        send_hand(stream, entity(name, "hands", label), time, position, colour)
+    for label, time, position, colour in [*people, (BARE.name, bare.time, bare.position, BARE.colour)]:
         local = 1e3 * to_local(position, baseline)
         curves = {"distance": 1e3 * one.scenario.obstacle.signed_distance(position)}
         curves |= {side: local[:, axis] for axis, side in SIDES.items()}
@@ -228,60 +207,55 @@ def _notes(
 
 
 def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], title: str) -> None:
-    """Write what the models do in scenarios that they learned from as a recording.
+    """Record unrolls in trained scenarios: a tab per scenario, in it a column per kind of model.
 
-    Each scenario has a tab with a column per kind of model: paths with coupling terms beside the
-    demonstrations, the distance to the obstacle, and coupling terms over time beside what was demonstrated.
+    A column has paths with coupling terms beside the demonstrations, the distance to the obstacle, and
+    coupling terms over time beside the demonstrated ones.
     """
     origin = origin_label([one for group in shown for one in group.demonstrations])
     with recording(path, title) as stream:
         tabs = []
         for one in shown:
             name, points = one.scenario.name, send_scenario(stream, one)
-            _send_targets(stream, one)
+            for number, rows in one.targets.groupby("demonstration"):
+                for axis, direction in DIRECTIONS.items():
+                    curve = entity(name, "demonstrated terms", direction, str(number))
+                    time, term = (rows[key].to_numpy(float) for key in ("time_s", f"target_{'xyz'[axis]}"))
+                    send_curve(stream, curve, time, term, DEMONSTRATIONS.name, DIM)
             send_notes(stream, _trained_notes(title, origin, one), name)
             floor = send_floor_axes(stream, entity(name, "axes"), points)
             kinds = [kind for kind in KINDS if kind != NO_MODEL and of_model(one.reaches, kind)]
-            columns = []
-            for kind in kinds:
-                _send_model(stream, one, kind)
-                columns.append(_column(one, kind, points, floor))
+            columns = [_send_model(stream, one, kind, points, floor) for kind in kinds]
             shares = [5] * len(columns) + [4]
             tabs.append(rrb.Horizontal(*columns, notes_view(name), column_shares=shares, name=name))
         stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
-def _send_targets(stream: rr.RecordingStream, one: ShownScenario) -> None:
-    """Coupling terms that the demonstrations teach; every column of plots shows them."""
-    for number, rows in one.targets.groupby("demonstration"):
-        for axis, direction in DIRECTIONS.items():
-            path = entity(one.scenario.name, "demonstrated terms", direction, str(number))
-            values = rows[f"target_{'xyz'[axis]}"].to_numpy(float)
-            send_curve(stream, path, rows["time_s"].to_numpy(float), values, DEMONSTRATIONS.name, DIM)
-
-
-def _send_model(stream: rr.RecordingStream, one: ShownScenario, kind: str) -> None:
-    """Paths of a model and its signals, by what it learned from."""
+def _send_model(
+    stream: rr.RecordingStream, one: ShownScenario, kind: str, points: np.ndarray, floor: float
+) -> rrb.Vertical:
+    """Log paths and signals of a kind of model by what it learned from; returns its scene and plots."""
     name = one.scenario.name
     for reach in of_model(one.reaches, kind):
-        label, colour = SOURCES[reach.learned_from].name, SOURCES[reach.learned_from].colour
+        label, colour = SOURCES[reach.learned_from]
         scene = entity(name, kind, label)
         send_paths(stream, f"{scene}/path", [reach.position], colour, width=1.5)
-        send_arrows(stream, f"{scene}/coupling", reach, colour)
+        arrows = rr.Arrows3D(
+            origins=reach.position[::ARROW_EVERY],
+            vectors=arrow_vectors(reach.coupling_in_base[::ARROW_EVERY]),
+            colors=rgba([colour], 0.8),
+            radii=-0.8,
+        )
+        stream.log(f"{scene}/coupling", arrows, static=True)
         send_hand(stream, f"{scene}/hand", reach.time, reach.position, colour)
         distance = 1e3 * one.scenario.obstacle.signed_distance(reach.position)
         send_curve(stream, entity(name, "distance", kind, label), reach.time, distance, label, colour)
         for axis, direction in DIRECTIONS.items():
             curve = entity(name, "terms", kind, direction, label)
             send_curve(stream, curve, reach.time, reach.coupling[:, axis], label, colour)
-
-
-def _column(one: ShownScenario, kind: str, points: np.ndarray, floor: float) -> rrb.Vertical:
-    """Scene and plots of a kind of model."""
-    name = one.scenario.name
     parts = ("obstacle", "demonstrated", BARE.name, "axes", kind)
-    scene = scene_view(KINDS[kind].name, [f"{entity(name, part)}/**" for part in parts], points, floor)
-    distance = plot("distance to the surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
+    view = scene_view(KINDS[kind].name, [f"{entity(name, part)}/**" for part in parts], points, floor)
+    nearness = plot("distance to the surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
     limit = ROOM * float(np.abs(one.targets[["target_y", "target_z"]].to_numpy()).max())
     terms = []
     for direction in DIRECTIONS.values():
@@ -290,7 +264,7 @@ def _column(one: ShownScenario, kind: str, points: np.ndarray, floor: float) -> 
         term = plot(f"coupling {direction} (m)", contents, legend=False)
         term.properties["ScalarAxis"] = rrb.ScalarAxis(range=(-limit, limit))
         terms.append(term)
-    return rrb.Vertical(scene, distance, *terms, row_shares=[5, 2, 2, 2])
+    return rrb.Vertical(view, nearness, *terms, row_shares=[5, 2, 2, 2])
 
 
 def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:
@@ -315,10 +289,8 @@ def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:
     )
 
 
-def send_obstacle(
-    stream: rr.RecordingStream, path: str, solid: Obstacle, cloud: np.ndarray, colour: str
-) -> None:
-    """Log an obstacle at rest: its solid, and its cloud (P, 3) in m, base frame."""
+def _body(solid: Obstacle, colour: str) -> rr.AsComponents:
+    """The solid of an obstacle at rest."""
     from scipy.spatial.transform import Rotation
 
     pose: dict[str, Any] = {
@@ -329,12 +301,9 @@ def send_obstacle(
     }
     if solid.shape == "cylinder":
         radius, _, half_height = solid.half_size
-        body: rr.AsComponents = rr.Cylinders3D(lengths=[2.0 * half_height], radii=[radius], **pose)
-    else:
-        drawn = rr.Boxes3D if solid.shape == "cube" else rr.Ellipsoids3D
-        body = drawn(half_sizes=[solid.half_size], **pose)
-    stream.log(f"{path}/solid", body, static=True)
-    stream.log(f"{path}/cloud", rr.Points3D(cloud, colors=rgba([colour]), radii=-1.5), static=True)
+        return rr.Cylinders3D(lengths=[2.0 * half_height], radii=[radius], **pose)
+    drawn = rr.Boxes3D if solid.shape == "cube" else rr.Ellipsoids3D
+    return drawn(half_sizes=[solid.half_size], **pose)
 
 
 def send_paths(
@@ -353,38 +322,24 @@ def send_paths(
 def send_hand(
     stream: rr.RecordingStream, path: str, time: np.ndarray, position: np.ndarray, colour: str
 ) -> None:
-    """Log where a hand is over time (T,) in s, as a point (T, 3) in m."""
+    """Log a hand over time (T,) in s, as a point (T, 3) in m."""
     send_moving_frame(stream, path, [time_column(time)], position, None, colour, 0.0)
 
 
-def send_arrows(stream: rr.RecordingStream, path: str, reach: Reach, colour: str) -> None:
-    """Log the coupling term along a whole path."""
-    kept = slice(None, None, ARROW_EVERY)
-    arrows = rr.Arrows3D(
-        origins=reach.position[kept],
-        vectors=arrow_vectors(reach.coupling_in_base[kept]),
-        colors=rgba([colour], 0.8),
-        radii=-0.8,
-    )
-    stream.log(path, arrows, static=True)
-
-
 def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
-    """Vectors in m, (N, 3), that stand for coupling terms (N, 3) in m; see `LONGEST_ARROW_M`."""
+    """Arrows (N, 3) in m of coupling terms (N, 3) in m, shortened to `LONGEST_ARROW_M`."""
     vectors = ARROW_SCALE * coupling
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors * np.minimum(1.0, LONGEST_ARROW_M / np.maximum(length, LONGEST_ARROW_M))
 
 
 def send_scenario(stream: rr.RecordingStream, one: ShownScenario) -> np.ndarray:
-    """Log the obstacle, demonstrated paths, and the reach without avoidance.
-
-    Returns all points that a view of the scenario has to show, (N, 3) m.
-    """
+    """Log the obstacle, demonstrations and the reach without avoidance; returns their points (N, 3) m."""
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     demonstrated = [person.position for person in one.demonstrations]
-    colour = (HIT if bare.hit else FREE).colour
-    send_obstacle(stream, entity(name, "obstacle"), one.scenario.obstacle, one.cloud, colour)
+    colour, path = (HIT if bare.hit else FREE).colour, entity(name, "obstacle")
+    stream.log(f"{path}/solid", _body(one.scenario.obstacle, colour), static=True)
+    stream.log(f"{path}/cloud", rr.Points3D(one.cloud, colors=rgba([colour]), radii=-1.5), static=True)
     send_paths(stream, entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, PALE)
     send_paths(stream, entity(name, BARE.name, "path"), [bare.position], BARE.colour, width=2.0)
     send_hand(stream, entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour)

@@ -48,11 +48,8 @@ from structlearn.viewer.rrd import (
     time_column,
 )
 
-SPHERE = "sphere"  # time line on which each step is another sphere
-
-STEPS_PER_S = 2.0
-
-SHOWN = 3  # reaches per situation, evenly spread over those in which the reach without avoidance hits
+SPHERE, STEPS_PER_S = "sphere", 2.0  # time line on which each step is another sphere
+SHOWN = 3  # reaches per situation, evenly spread over those that hit without avoidance
 
 EXPLAINED = {
     MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",
@@ -64,10 +61,10 @@ EXPLAINED = {
 def write_unseen_avoidance(
     path: str | Path, situation: Situations, groups: Sequence[Group], baseline: PositionPrimitive, title: str
 ) -> None:
-    """Write reaches past unseen spheres as a recording.
+    """Record reaches past unseen spheres, which are in the local frame of the baseline.
 
-    The first tab shows all paths of each ensemble at once; the second one sphere at a time with the paths of
-    all ensembles, and how close they get to every sphere. `baseline`: whose local frame the spheres are in.
+    The first tab shows all paths of each ensemble; the second one sphere at a time with the paths of all
+    ensembles, and how close they get to every sphere.
     """
     centres = in_base_frame(situation.obstacles[0].centre, baseline)
     ensembles = ensembles_of(groups)
@@ -86,7 +83,14 @@ def write_unseen_avoidance(
             stream.log(one, look, static=True)
             stream.send_columns(one, steps, rr.LineStrips3D.columns(strips=positions))
             _send_closest(stream, its, steps)
-        texts = [_table(*pair) for pair in zip(situation.numbers, groups, strict=True)]
+        texts = []
+        for number, group in zip(situation.numbers, groups, strict=True):
+            rows = [
+                f"| {SOURCES[one.learned_from].name} | {one.obstacle_distance:.2f} | {'hit' * one.hit} |"
+                for one in [without_avoidance(group), *of_model(group, ENSEMBLE)]
+            ]
+            head = f"## Sphere {number}\n\n| path | closest (radii) | |\n|---|---|---|\n"
+            texts.append(head + "\n".join(rows))
         columns = rr.TextDocument.columns(text=texts, media_type=[rr.MediaType.MARKDOWN] * len(texts))
         stream.send_columns(notes_path(SPHERE), steps, columns)
         everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
@@ -95,14 +99,14 @@ def write_unseen_avoidance(
 
 
 def ensembles_of(groups: Sequence[Group]) -> dict[str, list[Reach]]:
-    """Reaches of ensembles in all situations, by what they learned from in the order of names."""
+    """Reaches of ensembles in all situations, by what they learned from."""
     every = [reach for group in groups for reach in of_model(group, ENSEMBLE)]
     found = {source: [reach for reach in every if reach.learned_from == source] for source in SOURCES}
     return {source: its for source, its in found.items() if its}
 
 
 def hits_table(groups: Sequence[Group]) -> str:
-    """How often each ensemble hits, and the reach without avoidance, in Markdown."""
+    """Numbers of hits of each ensemble and without avoidance, in Markdown."""
     counts = {BARE.name: sum(without_avoidance(group).hit for group in groups)}
     for source, its in ensembles_of(groups).items():
         counts[model_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
@@ -141,14 +145,6 @@ def _send_closest(stream: rr.RecordingStream, reaches: Group, steps: Sequence[rr
     send_series(stream, entity("closest", name), steps, closest, [look.name], [look.colour])
 
 
-def _table(number: int, group: Group) -> str:
-    rows = [
-        f"| {SOURCES[one.learned_from].name} | {one.obstacle_distance:.2f} | {'hit' if one.hit else ''} |"
-        for one in [without_avoidance(group), *of_model(group, ENSEMBLE)]
-    ]
-    return f"## Sphere {number}\n\n| path | closest (radii) | |\n|---|---|---|\n" + "\n".join(rows)
-
-
 def _blueprint(
     ensembles: dict[str, list[Reach]], centres: np.ndarray, everything: np.ndarray, floor: float
 ) -> rrb.Blueprint:
@@ -185,10 +181,9 @@ def write_changing_avoidance(
     baseline: PositionPrimitive,
     title: str,
 ) -> None:
-    """Write reaches past obstacles that the models never met in training as a recording.
+    """Record reaches past obstacles of kinds that models never met in training, a tab per situation.
 
-    Each situation has a tab with some of its reaches as scenes over time, and the distance to the nearest
-    sphere below each. `baseline`: whose local frame the spheres are in.
+    A tab has some reaches as scenes over time, with the distance to the nearest sphere below each.
     """
     with recording(path, title) as stream:
         tabs = []
@@ -199,9 +194,8 @@ def write_changing_avoidance(
                 _send_scene(stream, situation, index, groups[index], baseline)
                 for index in shown_reaches(groups)
             ]
-            shares = [4] * len(cells) + [3]
-            views: list[rrb.Container | rrb.View] = [*cells, notes_view(protocol)]
-            tabs.append(rrb.Horizontal(*views, column_shares=shares, name=SITUATIONS[protocol]))
+            shares, name = [4] * len(cells) + [3], SITUATIONS[protocol]
+            tabs.append(rrb.Horizontal(*cells, notes_view(protocol), column_shares=shares, name=name))
         stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
@@ -210,16 +204,6 @@ def shown_reaches(groups: Sequence[Group], count: int = SHOWN) -> list[int]:
     hit = [index for index, group in enumerate(groups) if without_avoidance(group).hit]
     shown = min(count, len(hit))
     return [hit[(2 * place + 1) * len(hit) // (2 * shown)] for place in range(shown)]
-
-
-def sphere_paths(
-    situation: Situations, index: int, times: np.ndarray, baseline: PositionPrimitive
-) -> list[np.ndarray]:
-    """Centres (T, 3) m of each sphere of a reach at times (T,) in s, base frame."""
-    return [
-        in_base_frame(obstacle.centre[index] + obstacle.path(times)[index], baseline)
-        for obstacle in situation.obstacles
-    ]
 
 
 def surface_distances(
@@ -239,41 +223,39 @@ def _send_scene(
         heading += f", {situation.speed[index]:g} m/s"
     parts = (situation.protocol, heading)
     scene, bare = entity(*parts), without_avoidance(group)
-    centres = sphere_paths(situation, index, bare.time, baseline)
+    centres = [
+        in_base_frame(obstacle.centre[index] + obstacle.path(bare.time)[index], baseline)
+        for obstacle in situation.obstacles
+    ]
     radii = [float(obstacle.radius[index]) for obstacle in situation.obstacles]
     nearest = surface_distances(bare.position, centres, radii).min(axis=1)
     for number, (obstacle, path) in enumerate(zip(situation.obstacles, centres, strict=True)):
         cloud = (obstacle.points[index] - obstacle.centre[index]) @ baseline_axes(baseline).T
-        # a hit between the samples that are kept is one of the nearest sphere
+        # a hit between kept samples is assigned to the nearest sphere
         hit = bare.hit and nearest[number] <= max(0.0, nearest.min())
         colours = [(HIT if hit else FREE).colour] * len(bare.time)
         sphere = f"{scene}/spheres/{number}"
         send_sphere(stream, sphere, cloud, radii[number], [time_column(bare.time)], path, colours)
-    _send_goal(stream, f"{scene}/goal", situation, baseline)
+    times, goals = [0.0], [baseline.goal]
+    if situation.goal_change is not None:
+        times.append(situation.goal_change.time)
+        goals.append(np.reshape(situation.goal_change.goals, (-1, 3))[0])
+    stream.log(f"{scene}/goal", rr.Points3D.from_fields(colors=rgba([BLUE]), radii=-5.0), static=True)
+    points = rr.Points3D.columns(positions=goals)
+    stream.send_columns(f"{scene}/goal", [time_column(np.array(times))], points)
     drawn = [bare, *of_model(group, ENSEMBLE)]
     for reach in drawn:
-        label, colour = SOURCES[reach.learned_from].name, SOURCES[reach.learned_from].colour
+        label, colour = SOURCES[reach.learned_from]
         send_paths(stream, entity(*parts, "ahead", label), [reach.position], colour, PALE)
         send_trail(stream, entity(*parts, "reaches", label), reach, colour)
         distance = 1e3 * surface_distances(reach.position, centres, radii).min(axis=0)
         send_curve(stream, entity(*parts, "distance", label), reach.time, distance, label, colour)
-    points = np.concatenate([*(reach.position for reach in drawn), *centres])
-    floor = send_floor_axes(stream, f"{scene}/axes", points)
+    everything = np.concatenate([*(reach.position for reach in drawn), *centres])
+    floor = send_floor_axes(stream, f"{scene}/axes", everything)
     contents = [f"{scene}/{part}/**" for part in ("spheres", "reaches", "ahead", "goal", "axes")]
     distances = plot("distance to the surface (mm)", [f"{scene}/distance/**"], legend=False)
-    view = scene_view(heading, contents, points, floor)
+    view = scene_view(heading, contents, everything, floor)
     return rrb.Vertical(view, distances, row_shares=[3, 2])
-
-
-def _send_goal(
-    stream: rr.RecordingStream, path: str, situation: Situations, baseline: PositionPrimitive
-) -> None:
-    change = situation.goal_change
-    times, goals = [0.0], [baseline.goal]
-    if change is not None:
-        times, goals = [0.0, change.time], [baseline.goal, np.reshape(change.goals, (-1, 3))[0]]
-    stream.log(path, rr.Points3D.from_fields(colors=rgba([BLUE]), radii=-5.0), static=True)
-    stream.send_columns(path, [time_column(np.array(times))], rr.Points3D.columns(positions=goals))
 
 
 def _changing_notes(title: str, protocol: str, groups: Sequence[Group]) -> str:
@@ -302,11 +284,7 @@ def send_sphere(
     centres: np.ndarray,
     colours: Sequence[str],
 ) -> None:
-    """Log a sphere that changes its place and its colour.
-
-    `cloud` (P, 3) m, relative to its centre; `radius`: m; `indexes`: the time lines, each with T times;
-    `centres` (T, 3) m; `colours`: T of them.
-    """
+    """Log a sphere whose centre (T, 3) m and colour change; its cloud (P, 3) m is relative to the centre."""
     solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid)
     stream.log(f"{path}/solid", solid, static=True)
     stream.log(f"{path}/cloud", rr.Points3D(cloud, radii=-1.5), static=True)
@@ -317,7 +295,7 @@ def send_sphere(
 
 
 def send_trail(stream: rr.RecordingStream, path: str, reach: Reach, colour: str) -> None:
-    """Log a reach as it comes about: its hand with the coupling term, and the path that lies behind it."""
+    """Log a reach over time: its hand with the coupling term, and the path behind it."""
     times = [time_column(reach.time)]
     send_hand(stream, f"{path}/hand", reach.time, reach.position, colour)
     stream.log(f"{path}/trail", rr.LineStrips3D.from_fields(colors=rgba([colour]), radii=-1.5), static=True)

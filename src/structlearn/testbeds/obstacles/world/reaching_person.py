@@ -1,7 +1,7 @@
-"""A simulated person who reaches past obstacles; nothing here knows of coupling terms or of networks.
+"""A simulated person who reaches past obstacles, independent of coupling terms and networks.
 
-A reach is of minimum jerk (Flash & Hogan 1985), a little lifted as over a table. Where it would come too near
-to an obstacle, the person picks a side, goes by a via point there with the least additional jerk, and the
+A reach has minimum jerk (Flash & Hogan 1985) and is slightly lifted, as over a table. Where it would come too
+near to an obstacle, the person picks a side, takes a via point there with the least additional jerk, and the
 path gives way until the hand's clearance is kept everywhere: descent on a hinge of the obstacle's signed
 distance in the metric of squared jerk (covariant descent, Ratliff et al. 2009). Trials differ in duration,
 lift, end points, clearance, perceived place of the obstacle, side and motor noise.
@@ -21,20 +21,13 @@ from structlearn.core.params import Parameters
 from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, check_clear, reach_frame
 
-PLAN_POINTS = 51
-"""Points of a planned path over its normalised duration; it is smooth, recorded samples are in between."""
-
-FIXED_POINTS = 3  # At either end of a plan: place, velocity and acceleration there stay those of rest
-SIDES = 16  # Directions across the reach among which a person picks the side
-DETOURS_M = np.linspace(0.0, 0.5, 101)  # Detours that are tried on each side
-
-DESCENT_STEPS, DESCENT_RATE, TOLERANCE_M = 200, 0.3, 5e-4
-"""Of the descent: it stops when no clearance is missed by more than the tolerance."""
-
-TIGHT = 0.9  # Share of the free space at start or goal that is kept where it is less than the clearance
-
-NOISE_CORRELATION_S = 0.12
-"""Of motor noise: std of the Gaussian that smooths it; corrections within a reach take 0.1 to 0.3 s."""
+PLAN_POINTS = 51  # of a planned path over its normalised duration; samples are interpolated
+FIXED_POINTS = 3  # at either end of a plan: position, velocity and acceleration there stay those of rest
+SIDES = 16  # directions across the reach among which a person picks the side
+DETOURS_M = np.linspace(0.0, 0.5, 101)  # detours that are tried on each side
+DESCENT_STEPS, DESCENT_RATE, TOLERANCE_M = 200, 0.3, 5e-4  # ends when no clearance is missed by more
+TIGHT = 0.9  # share of the free space at start or goal that is kept where it is less than the clearance
+NOISE_CORRELATION_S = 0.12  # std of the Gaussian that smooths motor noise; corrections take 0.1 to 0.3 s
 
 Seconds = Annotated[float, Field(ge=0, le=10)]
 Spread = Annotated[float, Field(ge=0, le=0.1)]
@@ -74,8 +67,8 @@ def demonstrations(
 ) -> list[Demonstration]:
     """Reaches "01", "02", ... in one scenario, or without obstacle where it is None.
 
-    Each depends on the seed, its scenario and its number only, not on what else is asked for. Raises
-    InputError: an obstacle contains start or goal, or the reach has no direction.
+    Each depends on the seed, its scenario and its number only. Raises InputError: an obstacle contains start
+    or goal, or the reach has no direction.
     """
     provenance = {
         "origin": "simulated",
@@ -94,7 +87,7 @@ def demonstrations(
 def captured(
     scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
 ) -> list[Demonstration]:
-    """The same of the person who is recorded, with stamps in whole ns as motion capture writes them."""
+    """`demonstrations` of the recorded person, stamped in whole ns as by motion capture."""
     made = demonstrations(scenario, scene, person)
     return [replace(one, time=np.round(one.time * 1e9) * 1e-9) for one in made]
 
@@ -102,13 +95,11 @@ def captured(
 def reaches(
     scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """What the hand does in one scenario.
-
-    `scenario`: None is the baseline without obstacle. Returns per demonstration times (T,) s from 0 and
-    measured positions (T, 3) m in the base frame. Raises InputError: as `demonstrations`.
-    """
+    """Times (T,) s and measured positions (T, 3) m, base frame, of each of the `demonstrations`."""
     count = person.baseline_count if scenario is None else person.count
-    draws = [np.random.default_rng(seed) for seed in _seeds(scenario, person, count)]
+    place = (0, 0) if scenario is None else (1 + SHAPES.index(scenario.shape), scenario.setting)
+    seeds = [np.random.SeedSequence([person.seed, *place, number]) for number in range(count)]
+    draws = [np.random.default_rng(seed) for seed in seeds]
     axes = reach_frame(scene.start, scene.goal)
     trials = np.stack([rng.standard_normal(13) for rng in draws])  # a fixed number of draws
     durations = person.movement_s * np.exp(person.movement_cv * np.clip(trials[:, 0], -2.5, 2.5))
@@ -119,7 +110,7 @@ def reaches(
     if scenario is not None:
         check_clear(scenario.obstacle, scene.start, scene.goal)
         clearance = person.clearance_m * np.exp(person.clearance_spread * trials[:, 7])
-        moved = person.perception_m * trials[:, 8:11]  # seen there instead: the same as a hand that is off
+        moved = person.perception_m * trials[:, 8:11]  # misperceived by so much, like a hand that is off
         chance = np.stack([rng.gumbel(size=SIDES) for rng in draws])
         seen = plans - moved[:, None]
         plans = _avoiding(seen, scenario.obstacle, clearance, axes, person, chance) + moved[:, None]
@@ -127,11 +118,6 @@ def reaches(
         _moved(plan, duration, rng, person)
         for plan, duration, rng in zip(plans, durations, draws, strict=True)
     ]
-
-
-def _seeds(scenario: Scenario | None, person: AvoiderParameters, count: int) -> list[np.random.SeedSequence]:
-    place = (0, 0) if scenario is None else (1 + SHAPES.index(scenario.shape), scenario.setting)
-    return [np.random.SeedSequence([person.seed, *place, number]) for number in range(count)]
 
 
 def _undisturbed(starts: np.ndarray, goals: np.ndarray, bow: np.ndarray) -> np.ndarray:
@@ -182,27 +168,23 @@ def _detour(
     person: AvoiderParameters,
     chance: np.ndarray,
 ) -> np.ndarray:
-    """Displacement (D, 3) of the closest points (D, 3) to the side of least cost with its chance (D, S)."""
+    """Displacement (D, 3) of the closest points (D, 3) to the side of least cost; chance (D, S) is random."""
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
     sides = np.outer(np.cos(angle), axes[:, 1]) + np.outer(np.sin(angle), axes[:, 2])  # (S, 3)
     tried = points[:, None, None] + sides[:, None] * DETOURS_M[:, None]  # (D, S, M, 3)
     free = solid.signed_distance(tried) >= clearance[..., None]
     needed = DETOURS_M[np.where(free.any(axis=-1), free.argmax(axis=-1), -1)]  # (D, S)
-    cost = (
-        needed
-        - person.preference_m * np.cos(angle - np.radians(person.preferred_deg))
-        - person.indecision_m * chance
-    )
-    side = cost.argmin(axis=1)
+    preference = person.preference_m * np.cos(angle - np.radians(person.preferred_deg))
+    side = (needed - preference - person.indecision_m * chance).argmin(axis=1)
     return np.take_along_axis(needed, side[:, None], axis=1) * sides[side]
 
 
 @lru_cache
 def jerk_metric(count: int) -> np.ndarray:
-    """How a path with rest at both ends gives way to a push with the least squared jerk.
+    """Response (count, count) of a path at rest at both ends to a push with the least squared jerk.
 
-    Returns (count, count) inverse of the quadratic form of squared third differences; its largest entry is 1,
-    rows and columns of the `FIXED_POINTS` at either end are 0.
+    It is the inverse of the quadratic form of squared third differences, scaled to a largest entry of 1; rows
+    and columns of the `FIXED_POINTS` at either end are 0.
     """
     third = np.diff(np.eye(count), n=3, axis=0)[:, FIXED_POINTS:-FIXED_POINTS]
     metric = np.zeros((count, count))

@@ -1,9 +1,9 @@
-"""Where the obstacles stand: 40 settings for each of three shapes, and 63 unseen spheres (IV.8.3, IV.8.7).
+"""Places of obstacles: 40 settings for each of three shapes, and 63 unseen spheres (IV.8.3, IV.8.7).
 
-The recorded settings are not public. What is known of them is met, more or less: an unhindered reach hits the
-obstacle in 4 of 120 scenarios, 43 of 120 have a dominant axis of avoidance, the mean over scenarios of the
-closest distance is 5 radii (table IV.1), and in the public samples obstacles lie up to 1.1 m along and 0.9 m
-beside the reach, at up to 0.25 m of height difference.
+The recorded settings are not public. These approximate what is known of them: an unhindered reach hits the
+obstacle in 4 of 120 scenarios, 43 of 120 have a dominant axis of avoidance, the closest distance is 5 radii
+on average (table IV.1), and in the public samples obstacles lie up to 1.1 m along and 0.9 m beside the reach,
+up to 0.25 m higher or lower.
 """
 
 from collections.abc import Sequence
@@ -22,26 +22,20 @@ from structlearn.primitives.position import SHORTEST_REACH
 Metres = tuple[float, float, float]
 
 NEAR_M = (0.15, 0.09)
-"""Half axes of the ellipse across the reach, sideways and upwards, in which near obstacles lie: a hand keeps
-about 0.12 m off, so nearly all of them have to be avoided and a few of them are hit without."""
+"""Half axes, sideways and upwards, of the ellipse across the reach in which near obstacles lie: a hand keeps
+about 0.12 m away, so nearly all have to be avoided and a few are hit without avoidance."""
 
-FAR_ALONG = (-0.6, 1.6)
-"""Range of far obstacles along the reach, in reaches from the start: before it, beside it, beyond it."""
-
+FAR_ALONG = (-0.6, 1.6)  # range of far obstacles along the reach, in reaches from the start
 FAR_M = (0.9, 0.2)  # half width sideways and upwards of the box in which far obstacles lie
-
-FAR_CLEARANCE_M = 0.25
-"""Between the line of the reach and the centre of a far obstacle: nobody makes a detour for it."""
+FAR_CLEARANCE_M = 0.25  # from the line of the reach to the centre of a far obstacle: no detour is needed
 
 END_CLEARANCE_M = 0.06
-"""Between start or goal and the surface of any obstacle: a hand has to fit there, and the unseen spheres are
-as close."""
+"""From start or goal to the surface of any obstacle: a hand has to fit; unseen spheres are as close."""
 
 GRID_ALONG = np.array([-1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0]) / 6.0
 """Seven points from start to goal, the two at the ends pushed one spacing outwards."""
 
-GRID_ACROSS_M = np.array([-0.025, 0.0, 0.025])
-UNSEEN_RADIUS_M = 0.05
+GRID_ACROSS_M, UNSEEN_RADIUS_M = np.array([-0.025, 0.0, 0.025]), 0.05
 
 
 class SceneParameters(Parameters):
@@ -90,10 +84,9 @@ class Scenario:
 
 
 def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> list[Scenario]:
-    """All settings with all shapes, shape by shape.
+    """All settings with all shapes, shape by shape; their order numbers them.
 
-    Returns `len(shapes)` times `settings` scenarios; their order numbers them. Raises InputError: start and
-    goal are too close to each other.
+    Raises InputError: start and goal are too close to each other.
     """
     centres, yaws = _positions(parameters)
     return [
@@ -104,21 +97,19 @@ def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> 
 
 
 def own_scenarios(scenarios: Sequence[Scenario], people: Sequence[int]) -> dict[int, np.ndarray]:
-    """Who learns models per setting of which scenarios: settings go round, with all their shapes.
+    """Ascending numbers of the scenarios that each person has models per setting of.
 
-    Models of every setting of everybody would take longer to train than all others together. Returns by
-    person the numbers of the scenarios, ascending.
+    Settings are dealt out in turn, with all their shapes: training each for everybody would take too long.
     """
     turn = np.array([(scenario.setting - 1) % len(people) for scenario in scenarios])
     return {person: np.flatnonzero(turn == place) for place, person in enumerate(people)}
 
 
 def reach_frame(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Local frame of a reach, as its primitive will have it: x along the reach (IV.6.1).
+    """Local frame (3, 3) to base of a reach, as its primitive will have it: x along the reach (IV.6.1).
 
     A reach along gravity has no z axis closest to up; then y is anchored instead (`frames.frame_kind`).
-    `start` (3,) m; `goal` (3,) m. Returns (3, 3) local to base. Raises InputError: start and goal are nearer
-    than a primitive needs to have a direction.
+    Raises InputError: start and goal, (3,) m each, are too close to have a direction.
     """
     length = float(np.linalg.norm(np.subtract(goal, start)))
     if not length >= SHORTEST_REACH:
@@ -127,18 +118,17 @@ def reach_frame(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
 
 
 def check_clear(solid: Obstacle, start: np.ndarray, goal: np.ndarray) -> None:
-    """Raise InputError if an obstacle contains the start or the goal: no reach can avoid it then."""
+    """Raise InputError if an obstacle contains the start or the goal, so that no reach can avoid it."""
     for end, point in (("start", start), ("goal", goal)):
-        if solid.contains(point):
+        if solid.signed_distance(point) <= 0.0:
             place = ", ".join(f"{value:g}" for value in solid.centre)
             raise InputError(f"the {solid.shape} at ({place}) m contains the {end} of the reach")
 
 
 def unseen_centres(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Centres of the unseen spheres: a 7 x 3 x 3 grid close round the reach (IV.8.7).
+    """Centres (63, 3) m of the unseen spheres: a 7 x 3 x 3 grid close round the reach, z fastest (IV.8.7).
 
     The author's grid has the axes of his world, along which his reach ran; ours has those of the reach.
-    `start` (3,) m; `goal` (3,) m. Returns (63, 3) m; z changes fastest, the place along the reach slowest.
     Raises InputError: as `reach_frame`.
     """
     axes = reach_frame(start, goal)
@@ -164,11 +154,10 @@ def _positions(parameters: SceneParameters) -> tuple[np.ndarray, np.ndarray]:
     places: list[np.ndarray] = []
     while len(places) < parameters.settings:
         number = len(places)
-        local = (
-            _near_place(rng, (number + rng.random()) / near, length)
-            if number < near
-            else _far_place(rng, length)
-        )
+        if number < near:
+            local = _near_place(rng, (number + rng.random()) / near, length)
+        else:
+            local = _far_place(rng, length)
         centre = start + axes @ local
         solids = [obstacle(shape, centre, yaws[number]) for shape in SHAPES]
         ends = np.stack([start, goal])

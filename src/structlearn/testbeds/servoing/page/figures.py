@@ -40,12 +40,9 @@ FEWEST = 10  # samples in a square of skin below which no mean error is drawn
 TOLERANCES_MM = np.linspace(0.25, 4.0, 16)  # at which success is looked at
 
 DASHES: Mapping[str, LineStyleType] = {form: "-" if form == RESTING else "--" for form in names.FORM_NAMES}
-"""Lines of controllers."""
 
-
-SCALE = 10.0  # of the still, drawn so many times larger: the camera sees nothing nearer than 5 cm
-SKIN, ELECTRODE, HANDLE = (0.45, 0.49, 0.55, 1.0), (0.9, 0.62, 0.0, 1.0), (0.8, 0.72, 0.6, 1.0)
-"""Red, green, blue, opacity."""
+SCALE = 10.0  # of the still: the camera sees nothing nearer than 5 cm
+SKIN, ELECTRODE, HANDLE = (0.45, 0.49, 0.55, 1.0), (0.9, 0.62, 0.0, 1.0), (0.8, 0.72, 0.6, 1.0)  # rgba
 ELECTRODE_M = 0.0006  # radius of the mark on the skin over an electrode
 HANDLE_M = 0.04  # length of the handle that is drawn, without its round ends
 ALONG_M = -0.006  # where along the finger it touches the handle
@@ -79,8 +76,16 @@ def _panel(title: str, x: str, y: str, height: float = 2.9) -> tuple[Figure, Axe
     return figure, axes
 
 
+def _patches(colours: Mapping[Any, str]) -> list[Artist]:
+    return [Patch(color=colour, label=name) for name, colour in colours.items()]
+
+
+def _lines(labels: Mapping[LineStyleType, str]) -> list[Artist]:
+    return [Line2D([], [], color=BLACK, linestyle=line, label=label) for line, label in labels.items()]
+
+
 def _scene_still(results: ServoingResults) -> np.ndarray:
-    """(H, W, 3) bytes: the finger across the handle, with its skin all round."""
+    """Still (H, W, 3) of the finger across the handle, with its skin all round."""
     skin, radius = results.skin, 1e-3 * results.chosen["toucher"].handle_radius_mm
     touched = skin.surface(ALONG_M, 0.0)
     over = -touched - radius * skin.normal(touched)  # origin of the finger in the frame of the handle
@@ -109,7 +114,7 @@ def _all_round(skin: Skin, position: np.ndarray, turned: np.ndarray, colour: tup
 
 
 def _approach(results: ServoingResults) -> Figure:
-    """How the dissertation's controller and ours come closer to their targets."""
+    """Distance from the target over time with the dissertation's controller and ours."""
     figure, axes = _panel("From the target, with NJ", "time (s)", "distance (mm)")
     for variant in (names.OURS, names.TEXT):
         rows, colour = rows_of(results.comparison.progress, variant), names.FORM_COLOURS[variant.form]
@@ -144,7 +149,7 @@ def _maps(results: ServoingResults) -> list[Raster]:
 
 
 def _contacts(results: ServoingResults) -> list[Figure]:
-    """Error of the point of contact: over the skin, and how often which error occurs."""
+    """Errors of the estimated contact over the skin, and their cumulative distribution."""
     errors = results.contact_errors
     bias = contact_bias(errors)
     bias = bias[bias["samples"] >= FEWEST]
@@ -213,11 +218,9 @@ def _forward(models: ModelScores, kind: tuple[str, str]) -> list[Figure]:
             axes.plot(models.steps, still, color=colour, linestyle=":", linewidth=1.0)
         axes.set_xticks(models.steps)
         panels.append(figure)
-    handles: list[Artist] = [
-        Patch(color=names.STRUCTURE_COLOURS[one], label=name) for one, name in names.STRUCTURE_NAMES.items()
-    ]
-    others: Mapping[LineStyleType, str] = {"-": "with the loss", "--": "without it", ":": "nothing moves"}
-    handles += [Line2D([], [], color=BLACK, linestyle=line, label=label) for line, label in others.items()]
+    spaces = {name: names.STRUCTURE_COLOURS[one] for one, name in names.STRUCTURE_NAMES.items()}
+    lines: Mapping[LineStyleType, str] = {"-": "with the loss", "--": "without it", ":": "nothing moves"}
+    handles = _patches(spaces) + _lines(lines)
     nmse, relative = (panel.axes[0] for panel in panels)
     nmse.set(yscale="log", ylim=(0.008, 2.0))
     nmse.legend(handles=handles, ncols=2, loc="lower right")
@@ -232,10 +235,7 @@ def _bars(
     groups: Mapping[str, Callable[[InverseModel, bool], Sequence[float]]],
     legend: bool,
 ) -> Figure:
-    """Bars of the inverse models, hollow where trained without the inverse model's loss.
-
-    By group, value and both ends of the interval of an inverse model, trained with that loss or without.
-    """
+    """Bars of inverse models with intervals (value, low, high), hollow if trained without their loss."""
     figure, axes = _panel(title, "", label)
     for group, found in enumerate(groups.values()):
         for place, (name, colour) in enumerate(names.INVERSE_COLOURS.items()):
@@ -245,9 +245,9 @@ def _bars(
                 axes.plot([at, at], ends, color=BLACK, linewidth=1.1)
     axes.set_xticks([4.0 * group + 1.0 for group in range(len(groups))], list(groups))
     axes.grid(axis="x", visible=False)
-    handles = [Patch(color=colour, label=name) for name, colour in names.INVERSE_COLOURS.items()]
     if legend:
-        axes.legend(handles=[*handles, Patch(facecolor="white", edgecolor=GREY, label="without its loss")])
+        hollow = Patch(facecolor="white", edgecolor=GREY, label="without its loss")
+        axes.legend(handles=[*_patches(names.INVERSE_COLOURS), hollow])
     axes.set_ylim(0, top)
     return figure
 
@@ -277,20 +277,17 @@ def _success(results: ServoingResults, form: str) -> Figure:
 
 
 def _ways(results: ServoingResults, variant: Variant) -> Figure:
-    """Ways of true contacts over the flat skin, from start (dot) to target (cross, orange if missed)."""
-    figure, axes = _panel(
-        names.FORM_NAMES[variant.form].capitalize(), "along the finger (mm)", "across (mm)", 3.3
-    )
+    """Paths of true contacts over the flat skin, from start (dot) to target (cross, orange if missed)."""
+    title = names.FORM_NAMES[variant.form].capitalize()
+    figure, axes = _panel(title, "along the finger (mm)", "across (mm)", 3.3)
     skin = results.skin
     trials = rows_of(results.comparison.trials, variant).set_index(["seed", "trial"])
     for key, path in rows_of(results.comparison.paths, variant).groupby(["seed", "trial"]):
         row, touching = trials.loc[key], path[path["load_n"] > 0]
         way = 1e3 * np.stack(skin.coordinates(touching[["x_m", "y_m", "z_m"]].to_numpy(float)))
         axes.plot(*way, color=names.FORM_COLOURS[variant.form], linewidth=1.0)
-        for name, mark, colour in (
-            ("start", "o", GREY),
-            ("target", "x", BLACK if row["success"] else ORANGE),
-        ):
+        target = BLACK if row["success"] else ORANGE
+        for name, mark, colour in (("start", "o", GREY), ("target", "x", target)):
             place = skin.coordinates(row[[f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(float))
             axes.plot(*(1e3 * np.array(place)), mark, color=colour, markersize=5)
     _electrodes(axes, skin)
@@ -300,7 +297,7 @@ def _ways(results: ServoingResults, variant: Variant) -> Figure:
 
 
 def _progress(results: ServoingResults) -> list[Figure]:
-    """Distance and share within tolerance over time, success over the tolerance, and lengths of ways."""
+    """Distance and share within tolerance over time, success over the tolerance, and path lengths."""
     comparison, bound = results.comparison, results.chosen["servo"].tolerance
     one, distance = _panel("Distance, median", "time (s)", "mm")
     two, within = _panel("Within both tolerances", "time (s)", "% of trials")
@@ -316,16 +313,12 @@ def _progress(results: ServoingResults) -> list[Figure]:
     tolerance.axvline(bound.position_mm, color=ORANGE, linestyle=":", linewidth=1.1)
     for axes, top in ((distance, None), (within, 101), (tolerance, 101)):
         axes.set(xlim=(0, None), ylim=(0, top))
-    handles: list[Artist] = [
-        Patch(color=colour, label=name) for name, colour in names.INVERSE_COLOURS.items()
-    ]
-    handles += [
-        Line2D([], [], color=BLACK, linestyle=DASHES[form], label=names.FORM_NAMES[form]) for form in DASHES
-    ]
-    distance.legend(handles=handles)
-    four, length = _panel(
-        "Length of successes, resting controller", "shortest on the skin (mm)", "travelled (mm)"
+    distance.legend(
+        handles=_patches(names.INVERSE_COLOURS)
+        + _lines({line: names.FORM_NAMES[form] for form, line in DASHES.items()})
     )
+    title = "Length of successes, resting controller"
+    four, length = _panel(title, "shortest on the skin (mm)", "travelled (mm)")
     reached = rows_of(comparison.trials, names.OURS).query("success")
     longest = 1.05 * reached["path_mm"].max() if len(reached) else 1.0
     length.plot([0, longest], [0, longest], color=GREY, linewidth=0.9)

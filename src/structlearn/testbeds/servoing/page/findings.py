@@ -1,9 +1,9 @@
-"""Findings on tactile servoing: outputs of the stages, and what sentences and claims of the page name.
+"""Findings on tactile servoing, for sentences and claims of the page.
 
-Claims and sentences are over people. For each the whole branch was run anew, demonstrations, sensor, models
-and trials, by the study `servoing/people`: so people are independent, which seeds of one person's models are
-not. A person's row `servo_success_rate` is one of `people_servo_success_rate`, which n counts. Rows of the
-person of this run are what the study gathers; they decide nothing.
+Claims and sentences are over people. The study `servoing/people` runs the whole branch for each, with new
+demonstrations, sensor, models and trials, so people are independent; seeds of one person's models are not. A
+person's row `servo_success_rate` is a sample of `people_servo_success_rate`, which n counts. Rows of the
+person of this run are gathered by the study; no verdict rests on them.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from structlearn.core.metrics import matching
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import UNKNOWN, Evidence, Found, clustered_share, difference
 from structlearn.reporting.findings import Findings
@@ -33,7 +34,7 @@ from structlearn.testbeds.servoing.names import (
     TEXT,
     dynamics_name,
 )
-from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores, matching
+from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     AS_DATA,
     Comparison,
@@ -47,8 +48,7 @@ PEOPLE_STUDY = "servoing/people"  # the study that verdicts stand on
 TEST_CHAIN = 3  # steps of prediction on which forward models are compared; they learn from two (II.4.4)
 SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
 
-TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)
-"""The published controller with the locally linear model, which the text did not try on a robot."""
+TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)  # not tried on a robot in the text
 
 RATE, FORWARD = "servo_success_rate", "forward_nmse"
 SPACE_KEYS = {True: "struct", False: "nostruct"}  # latent spaces in the names of findings
@@ -60,22 +60,22 @@ HEADLINES_OF_ONE = {
     "cosine_distance": ("nj", "nj_without_loss"),
     RATE: ("", "published", "nostruct", "sphere", "flat_pad"),
 }
-"""Where people were not studied with these parameters: by these one compares experiments."""
+"""Headlines where the study was not run with these parameters, to compare experiments by."""
 
 Numbers = Callable[[str], np.ndarray | None]
-"""A person's row over people (P,), by its key; None where the study was not run, or kept no such number."""
+"""Values over people (P,) by the key of a person's row; None where the study has none."""
 
 
 @dataclass(frozen=True)
 class ModelScores:
-    """Scores of the trained models; arrays are over S seeds. See `tactile.latent_comparison`."""
+    """Tables of `tactile.latent_comparison.LatentComparison`, and arrays of them over S seeds."""
 
-    latent: pd.DataFrame  # `latent_errors`
-    forward: pd.DataFrame  # `forward_errors`
-    decoded: pd.DataFrame  # `decoded_errors`
-    directions: pd.DataFrame  # `direction_errors`
-    curve: pd.DataFrame  # key figures while training, see `tactile.latent_comparison.LatentComparison`
-    latent_map: pd.DataFrame  # `latent_map`
+    latent: pd.DataFrame
+    forward: pd.DataFrame
+    decoded: pd.DataFrame
+    directions: pd.DataFrame
+    curve: pd.DataFrame
+    latent_map: pd.DataFrame
 
     @property
     def steps(self) -> list[int]:
@@ -115,10 +115,9 @@ class ModelScores:
         comparison: str = "encoder",
         part: str | None = None,
     ) -> np.ndarray:
-        """Cosine distance (S,) of an inverse model, averaged over both parts of an action or of one.
+        """Cosine distance (S,) of an inverse model whose forward model was trained with its loss, or without.
 
-        `with_loss`: whether its forward model was trained with its loss; `comparison`: as a rule, the action
-        is to lead to the latent state that followed.
+        Averaged over both parts of an action, or of one; `comparison`: see `names.COMPARISON_NAMES`.
         """
         keys = {"inverse": inverse, "trained_with": inverse if with_loss else NO_INVERSE}
         keys |= {} if part is None else {"part": part}
@@ -145,19 +144,17 @@ class ModelScores:
 class ServoingResults:
     """Outputs of the stages of the testbed."""
 
-    dataset: TouchDataset  # samples of touch
+    dataset: TouchDataset
     truth: pd.DataFrame  # true contacts of the demonstrations
-    models: ModelScores  # what is known of the trained models
-    comparison: Comparison  # closed loops
-    # of fingers of another shape, with a column `skin`: `latent` and `directions` as of `ModelScores`, and
-    # `trials` as of `Comparison`
-    skin_tables: Mapping[str, pd.DataFrame]
+    models: ModelScores
+    comparison: Comparison
+    skin_tables: Mapping[str, pd.DataFrame]  # of other skins, `latent`, `directions`, `trials`, by `skin`
     chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
-    study: Study | None  # over people, run beside the pipeline; None where it was not
+    study: Study | None  # over people; None where it was not run
 
     @property
     def skin(self) -> Skin:
-        """That was touched with."""
+        """Skin of the demonstrations."""
         return SKINS[self.chosen["toucher"].skin]
 
     @cached_property
@@ -173,11 +170,11 @@ class ServoingResults:
 
     @property
     def people(self) -> People:
-        """All that is reported here, of several people, each with a sensor and models of their own."""
+        """Findings of several people, each with their own sensor and models."""
         return People(self.study, STUDIED)
 
     def trials_per_person(self, skin: str = "") -> int:
-        """Targets that each controller had over the models of one person, with this skin or another."""
+        """Targets of each controller over the models of one person, with this skin or another."""
         return self.chosen["other_skins" if skin else "train_latent"].seeds * self.chosen["servo"].trials
 
     @cached_property
@@ -204,10 +201,10 @@ class ServoingResults:
 
     @cached_property
     def contact_errors(self) -> pd.DataFrame:
-        """Estimated against true contact points, of pressed samples.
+        """Errors of estimated contact points of pressed samples.
 
-        Returns `error_mm`, the distance in space; `along_mm` and `across_mm`, its parts by surface
-        coordinates, and where the true contact is, `true_along_mm` and `true_across_mm`.
+        `error_mm`, the distance in space; `along_mm` and `across_mm`, its parts by surface coordinates; and
+        the true contact, `true_along_mm` and `true_across_mm`.
         """
         dataset, truth = self.dataset, self.truth
         numbers = {name: number for number, name in enumerate(truth["trial"].unique())}
@@ -226,12 +223,10 @@ class ServoingResults:
 
 
 def contact_bias(errors: pd.DataFrame) -> pd.DataFrame:
-    """Mean errors over squares of skin.
+    """Mean `contact_errors` over squares of skin by true contact.
 
-    `errors`: of `ServoingResults.contact_errors`. Returns middle of the true contacts' square,
-    `square_along_mm`, `square_across_mm`; means of `along_mm`, `across_mm` and `error_mm`; `samples`;
-    `squared_mm2`, their part in the sum of squared errors along and across that is the same for all of a
-    square.
+    The square's middle `square_along_mm`, `square_across_mm`; means of `along_mm`, `across_mm`, `error_mm`;
+    `samples`; `squared_mm2`, the share of the square's mean in the sum of squared errors.
     """
     squares = [
         (SQUARE_MM * (np.floor(errors[f"true_{name}_mm"] / SQUARE_MM) + 0.5)).rename(f"square_{name}_mm")
@@ -244,7 +239,7 @@ def contact_bias(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def findings(results: ServoingResults) -> Findings:
-    """All of the page."""
+    """All findings of the page; those over people are not tested where the study was not run."""
     find = Findings(f"models of person {results.chosen['toucher'].seed}")
     _of_person(find, results)
     if not results.people.count:
@@ -254,7 +249,7 @@ def findings(results: ServoingResults) -> Findings:
 
 
 def over_people(find: Findings, results: ServoingResults) -> None:
-    """Rows on which claims and sentences rest; not tested where the study was not run."""
+    """Rows that claims and sentences rest on."""
     _prediction(find, results.people.numbers)
     _closed_loop(find, results)
 
@@ -263,11 +258,11 @@ def rate(trials: ControllerScores, variant: Variant) -> Evidence:
     """Share of trials of one person in which a controller reaches its target; clustered by model."""
     counts = trials.counts(variant)
     found = clustered_share(counts["success"].to_numpy(), counts["trials"].to_numpy())
-    return replace(found, people=None)  # these are trained models, so no sentence may call them people
+    return replace(found, people=None)  # clusters are trained models, not people
 
 
 def rate_case(variant: Variant, skin: str = "") -> str:
-    """`ll_nostruct_published`; NJ, structure, the inverse model's loss and the resting form are not named."""
+    """Case of a controller, e.g. `ll_nostruct_published`; the defaults are those of `OURS`."""
     words = (
         skin,
         "" if variant.inverse == JACOBIAN else variant.inverse.lower(),
@@ -282,7 +277,7 @@ def rate_case(variant: Variant, skin: str = "") -> str:
 def forward_case(
     forward: str, trained_with: str, structure: bool, steps: int = TEST_CHAIN, column: str = ""
 ) -> str:
-    """`chain3_pressure_nl_nj_struct`; of a column of forward NMSE."""
+    """Case of a forward NMSE, e.g. `chain3_pressure_nl_nj_struct`."""
     way = "" if trained_with == NO_INVERSE else trained_with.lower()
     words = (f"chain{steps}", column, forward.lower(), way, SPACE_KEYS[structure])
     return "_".join(filter(None, words))
@@ -290,15 +285,12 @@ def forward_case(
 
 def rated() -> list[Variant]:
     """Controllers whose share of targets is a finding."""
-    every = product((TEXT, OURS), FORWARD_OF, STRUCTURES, (True, False))
-    found = [
-        replace(form, inverse=name, structure=space, with_loss=loss) for form, name, space, loss in every
-    ]
-    return found + [replace(form, change=AS_DATA) for form in (TEXT, OURS)]
+    every = product((TEXT.form, OURS.form), FORWARD_OF, STRUCTURES, (True, False))
+    return [Variant(*case) for case in every] + [replace(form, change=AS_DATA) for form in (TEXT, OURS)]
 
 
 def _of_person(find: Findings, results: ServoingResults) -> None:
-    """Means over models, on test contacts, of spaces with structure where nothing else is said.
+    """Means over models on test contacts, with structure unless stated otherwise.
 
     `forward_nmse_chain3_struct` is of NL with NJ. Cosine distances ask for the latent state that followed,
     `*_predicted` for the predicted one, of each inverse model with the forward model trained with it.
@@ -323,18 +315,16 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
         errors[forward_case(*kind, space, column="pressure")] = pressure
     find.mean(FORWARD, errors)
     cosines = {name.lower(): models.cosines(name) for name in FORWARD_OF}
-    cosines |= {
-        f"{name.lower()}_predicted": models.cosines(name, comparison="forward") for name in FORWARD_OF
-    }
+    predicted = {name: models.cosines(name, comparison="forward") for name in FORWARD_OF}
+    cosines |= {f"{name.lower()}_predicted": its for name, its in predicted.items()}
     find.mean("cosine_distance", cosines | {"nj_without_loss": models.cosines("NJ", with_loss=False)})
     rates = {rate_case(one): rate(loops, one) for one in rated()}
     for skin, its in results.skins.items():
         rates |= {rate_case(one, skin): rate(its, one) for one in variants_of_other_skins()}
     find.add(RATE, rates)
-    lost = {"": loops.counts(OURS), "published": loops.counts(TEXT)}
-    find.counted(
-        "servo_contacts_lost", {case: (its["lost"].sum(), its["trials"].sum()) for case, its in lost.items()}
-    )
+    counts = {"": loops.counts(OURS).sum(), "published": loops.counts(TEXT).sum()}
+    lost = {case: (its["lost"], its["trials"]) for case, its in counts.items()}
+    find.counted("servo_contacts_lost", lost)
 
 
 def _prediction(find: Findings, numbers: Numbers) -> None:
@@ -403,7 +393,7 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
         with_skins = {SKIN_NAMES[skin]: rates(variant, skin) for skin in results.skins}
         its = rates(variant)
         serves = variant == OURS or (its is not None and _clustered(trials, its).low > 0.5)
-        # where a controller fails, its failing elsewhere or without the loss says nothing of either
+        # if a controller fails, failing elsewhere or without the loss says nothing
         if variant != OURS:
             share(f"loss_needed{ending}", rates(replace(variant, with_loss=False)) if serves else None)
         if serves:
@@ -421,7 +411,7 @@ def _clustered(trials: int, rates: np.ndarray, comparisons: int = 1) -> Evidence
 
 
 def _smallest_rise(forward: Callable[..., Any], structure: bool) -> Evidence:
-    """Of forward NMSE from one step of prediction to the next, over all models: the one that says least."""
+    """Least certain rise of forward NMSE from one step of prediction to the next, over all models."""
     cases = [(kind, steps) for kind in DYNAMICS for steps in range(1, TEST_CHAIN)]
     pairs = [(forward(kind, structure, n + 1), forward(kind, structure, n)) for kind, n in cases]
     if any(one is None for pair in pairs for one in pair):

@@ -1,6 +1,7 @@
-"""The page of the servoing testbed: its tables, and what its template may name."""
+"""The page of the servoing testbed: its tables, and names for its template."""
 
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 MOTIONS = {"rotation": ROTATION, "translation": TRANSLATION, "any motion": OTHER}
 
 PARTS = ["plane", "third", "electrodes", "pressure"]
-"""What else is known of a prediction: parts of the latent state, and the touch that it is decoded to."""
+"""Errors of predictions by part of the latent state, and after decoding."""
 
 LOOP_COLUMNS = {
     "with_loss": ("its loss", ""),
@@ -112,61 +113,55 @@ def tables(results: ServoingResults) -> dict[str, Table]:
 def latent_table(models: ModelScores) -> pd.DataFrame:
     """Errors of latent spaces: `space`, `split`; mean, half interval and worst seed of each column."""
     rows = []
-    for structure in STRUCTURES:
-        for split in SPLITS:
-            row: dict[str, object] = {"space": STRUCTURE_NAMES[structure], "split": split}
-            for column in LATENT_NAMES:
-                values = models.latents(column, structure, split)
-                mean, half = mean_interval(values)
-                row |= {column: mean, f"{column}_half": half, f"{column}_worst": values.max()}
-            rows.append(row)
+    for structure, split in product(STRUCTURES, SPLITS):
+        row: dict[str, object] = {"space": STRUCTURE_NAMES[structure], "split": split}
+        for column in LATENT_NAMES:
+            values = models.latents(column, structure, split)
+            mean, half = mean_interval(values)
+            row |= {column: mean, f"{column}_half": half, f"{column}_worst": values.max()}
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
 def forward_table(models: ModelScores) -> pd.DataFrame:
-    """Forward NMSE per length of the chain (figure II.4).
+    """Forward NMSE by model, space and steps (figure II.4): mean and half 95 % interval over seeds.
 
-    Returns `model`, `space`, `steps`, `nmse` (mean over seeds), `half` (of its 95 % interval), `relative`
-    and `relative_half`: over the error of the prediction that nothing moves; and means of `PARTS`.
+    `relative` is over the error of the prediction that nothing moves; of `PARTS` there are means.
     """
     rows = []
-    for kind in (STILL, *DYNAMICS):
-        for structure in STRUCTURES:
-            for steps in models.steps:
-                case = (*kind, structure, steps)
-                nmse, relative = models.forwards(*case), models.relative_forwards(*case)
-                parts = [models.forwards(*case, part).mean() for part in PARTS]
-                keys = (dynamics_name(*kind), STRUCTURE_NAMES[structure], steps)
-                rows.append((*keys, *mean_interval(nmse), *mean_interval(relative), *parts))
+    for kind, structure, steps in product((STILL, *DYNAMICS), STRUCTURES, models.steps):
+        case = (*kind, structure, steps)
+        nmse, relative = models.forwards(*case), models.relative_forwards(*case)
+        parts = [models.forwards(*case, part).mean() for part in PARTS]
+        keys = (dynamics_name(*kind), STRUCTURE_NAMES[structure], steps)
+        rows.append((*keys, *mean_interval(nmse), *mean_interval(relative), *parts))
     columns = ["model", "space", "steps", "nmse", "half", "relative", "relative_half", *PARTS]
     return pd.DataFrame(rows, columns=columns)
 
 
 def direction_table(models: ModelScores) -> pd.DataFrame:
-    """Cosine distances (figure II.5).
+    """Cosine distances by `inverse` model, its `loss` in training and `space` (figure II.5).
 
-    Returns `inverse`, `loss` (whether trained with it), `space`, and per comparison the mean over seeds of
-    both parts, `<comparison>`, half its interval, `<comparison>_half`, and of each part alone,
-    `<comparison>_linear`, `<comparison>_angular`.
+    Per comparison the mean and half interval over seeds of both parts of an action, and means of each.
     """
     rows = []
-    ways = [(loss, structure) for loss in (True, False) for structure in STRUCTURES]
-    for name, way in ((name, way) for name in FORWARD_OF for way in ways):
-        row: dict[str, object] = {"inverse": name, "loss": way[0], "space": STRUCTURE_NAMES[way[1]]}
+    for name, loss, structure in product(FORWARD_OF, (True, False), STRUCTURES):
+        row: dict[str, object] = {"inverse": name, "loss": loss, "space": STRUCTURE_NAMES[structure]}
         for comparison in COMPARISON_NAMES:
-            mean, half = mean_interval(models.cosines(name, *way, comparison))
+            case = (name, loss, structure, comparison)
+            mean, half = mean_interval(models.cosines(*case))
             row |= {comparison: mean, f"{comparison}_half": half}
             for part, word in PART_NAMES.items():
-                row[f"{comparison}_{word}"] = models.cosines(name, *way, comparison, part).mean()
+                row[f"{comparison}_{word}"] = models.cosines(*case, part).mean()
         rows.append(row)
     return pd.DataFrame(rows)
 
 
 def skin_table(results: ServoingResults) -> pd.DataFrame:
-    """What was learned of other skins, with structure, on test contacts; means over seeds.
+    """Means over seeds of models of other skins, with structure, on test contacts.
 
-    Returns `skin`; the errors of `LATENT_NAMES`; cosine distances of actions to reach what followed, by
-    inverse models that were trained with their loss: `<inverse>_linear`, `<inverse>_angular`.
+    `skin`; `LATENT_NAMES`; cosine distances of actions to the latent state that followed, by inverse models
+    trained with their loss: `<inverse>_linear`, `<inverse>_angular`.
     """
     latent, directions = results.skin_tables["latent"], results.skin_tables["directions"]
     spaces = latent[latent["structure"] & (latent["split"] == "test")]
@@ -180,11 +175,7 @@ def skin_table(results: ServoingResults) -> pd.DataFrame:
 
 
 def loop_table(scores: ControllerScores) -> pd.DataFrame:
-    """A row for each controller.
-
-    Returns `KEYS`; the columns of `success_rates`, with the interval of the rate from `low` to `high`;
-    `rate_<motion>`; medians of all `position_error_mm` and `pressure_error`.
-    """
+    """A row per controller: `success_rates`, interval of the rate, rates by motion, and median errors."""
     trials = scores.trials
     motions = success_rates(trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
     motions = motions[trials["motion"].unique()].add_prefix("rate_")
@@ -240,7 +231,7 @@ def _data(results: ServoingResults) -> pd.DataFrame:
 
 
 def _test_chains(results: ServoingResults) -> list[tuple[str, int, int]]:
-    """What forward and inverse models are tested on: by motion, numbers of chains and of contacts."""
+    """Numbers of chains and contacts that forward and inverse models are tested on, by motion."""
     first, dataset = results.tested.rows[:, 0], results.dataset
     rows = []
     for name, number in MOTIONS.items():

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
+from structlearn.core.metrics import matching
 from structlearn.tactile.electrodes import path_length, skin_distance
 from structlearn.testbeds.servoing.protocol.servo_variants import ToleranceParameters, Variant
 from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
@@ -19,12 +20,11 @@ KEYS = [field.name for field in fields(Variant)]  # columns that name a controll
 def scored(
     run: Servoed, start: Held, target: Held, scene: Scene, tolerance: ToleranceParameters
 ) -> pd.DataFrame:
-    """Scores of B trials.
+    """Scores of B trials, a row each.
 
-    Returns one row per trial: `position_error_mm`, `pressure_error` and `load_error` (both relative) at the
-    end; `success`; `reach_s` from which on both tolerances are kept until the end, NaN where they are not;
-    `path_mm` that the contact travelled and `geodesic_mm` it had to; `lifted` whether the finger was ever in
-    the air; `off_skin` whether the contact was ever beyond the ends of the skin.
+    `position_error_mm`, `pressure_error` and `load_error` (both relative) at the end; `success`; `reach_s`
+    from which on both tolerances are kept, or NaN; `path_mm` of the contact and the shortest, `geodesic_mm`;
+    `lifted` and `off_skin`: whether the finger was ever in the air, the contact ever beyond the skin's ends.
     """
     skin = scene.finger.skin
     judged = round(tolerance.judged_s * scene.sample_hz)
@@ -51,7 +51,7 @@ def scored(
 def errors(run: Servoed, target: Held, judged: int) -> tuple[np.ndarray, np.ndarray]:
     """Distance from the target in m and relative error of the pressure, (N, B) each.
 
-    `run`: of B trials; `target`: of the same trials; its pressure is the mean over its last samples.
+    The pressure of the target is the mean over its last `judged` samples.
     """
     wanted = -target.signals[-judged:].mean(axis=(0, 2))
     pressure = -run.signals.mean(axis=2)
@@ -59,43 +59,29 @@ def errors(run: Servoed, target: Held, judged: int) -> tuple[np.ndarray, np.ndar
 
 
 def progress(run: Servoed, target: Held, scene: Scene, tolerance: ToleranceParameters) -> pd.DataFrame:
-    """How B trials come closer: `time_s`, `median_mm`, `upper_mm` (90 %), share `within` tolerance."""
+    """Approach of B trials: `time_s`, `median_mm`, `upper_mm` (90 %), share `within` tolerance."""
     position, pressure = errors(run, target, round(tolerance.judged_s * scene.sample_hz))
     within = (position <= 1e-3 * tolerance.position_mm) & (pressure <= tolerance.pressure)
     shown = slice(THINNED - 1, None, THINNED)
     middle, upper = 1e3 * np.quantile(position[shown], [0.5, 0.9], axis=1)
     time = (np.arange(len(position)) + 1)[shown] / scene.sample_hz
-    return pd.DataFrame(
-        {
-            "time_s": time.astype(np.float32),
-            "median_mm": middle.astype(np.float32),
-            "upper_mm": upper.astype(np.float32),
-            "within": within[shown].mean(axis=1).astype(np.float32),
-        }
-    )
+    columns = {"time_s": time, "median_mm": middle, "upper_mm": upper, "within": within[shown].mean(axis=1)}
+    return pd.DataFrame(columns).astype(np.float32)
 
 
 def success_rates(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Success by groups of trials.
+    """Success by groups of rows of `scored`, in their order.
 
-    `trials`: rows of `scored`, with the columns that tell groups. Returns a row per group, in the order of
-    the trials: `trials`, `successes`, `rate`, `reach_s` and `path_ratio` (path over shortest path) as medians
-    of successes, and the numbers `lifted` and `off_skin`.
+    `trials`, `successes`, `rate`, medians over successes of `reach_s` and `path_ratio` (path over shortest
+    path), and the numbers `lifted` and `off_skin`.
     """
-    reached = trials.assign(
-        path_ratio=(trials["path_mm"] / trials["geodesic_mm"]).where(trials["success"]),
-        reach_s=trials["reach_s"].where(trials["success"]),
-    )
-    groups = reached.groupby(list(by), sort=False)
-    return groups.agg(
-        trials=("success", "size"),
-        successes=("success", "sum"),
-        rate=("success", "mean"),
-        reach_s=("reach_s", "median"),
-        path_ratio=("path_ratio", "median"),
-        lifted=("lifted", "sum"),
-        off_skin=("off_skin", "sum"),
-    ).reset_index()
+    success = trials["success"]
+    ratio = (trials["path_mm"] / trials["geodesic_mm"]).where(success)
+    reached = trials.assign(path_ratio=ratio, reach_s=trials["reach_s"].where(success))
+    counts = {"trials": ("success", "size"), "successes": ("success", "sum"), "rate": ("success", "mean")}
+    medians = {name: (name, "median") for name in ("reach_s", "path_ratio")}
+    sums = {name: (name, "sum") for name in ("lifted", "off_skin")}
+    return reached.groupby(list(by), sort=False).agg(**counts, **medians, **sums).reset_index()
 
 
 def success_by_tolerance(
@@ -137,7 +123,7 @@ class ControllerScores:
         return groups[["trials", "success", "lost"]].sum()
 
     def only_pressed_wrong(self, variant: Variant, position_mm: float) -> int:
-        """How many of the missed targets the contact is within a distance of: only its pressure is off."""
+        """Number of missed targets within a distance of the contact: only its pressure is off."""
         rows = rows_of(self.trials, variant)
         return int((~rows["success"] & (rows["position_error_mm"] <= position_mm)).sum())
 
@@ -145,8 +131,3 @@ class ControllerScores:
 def rows_of(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
     """Rows of one controller of a table with the columns `KEYS`."""
     return matching(table, **vars(variant))
-
-
-def matching(table: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """Rows of a table that have these values in these columns."""
-    return table[np.logical_and.reduce([table[name] == value for name, value in values.items()])]

@@ -1,13 +1,13 @@
-"""Which controllers are compared in closed loop, from which contacts to which, and what is kept of it.
+"""Closed loops of all controllers on the same random trials, so that they are compared in pairs.
 
-Published controllers are those of the text as they stand; resting ones correct their model, see
-`tactile.servo_controller`. Both see the same electrodes and act equally often, oftener than the models step:
-the text says nothing of either at run time. All of them meet the same trials, so they are compared in pairs.
+Published controllers are those of the text; resting ones correct their model (`tactile.servo_controller`).
+Both see the same electrodes and act at the same rate, which is higher than the models' step rate; the text
+states neither for run time.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -43,7 +43,6 @@ from structlearn.testbeds.servoing.protocol.servo_variants import (
     Variant,
 )
 from structlearn.testbeds.servoing.world.servo_loop import (
-    Held,
     LoopParameters,
     Scene,
     Servoed,
@@ -52,16 +51,14 @@ from structlearn.testbeds.servoing.world.servo_loop import (
     servo,
 )
 
-MOTIONS = ("rotation", "translation", "mixed")
-"""What a trial needs: to go across the finger, along it, or both."""
+MOTIONS = ("rotation", "translation", "mixed")  # across the finger, along it, or both
 
 
-@dataclass(frozen=True)
-class Taught:
-    """Models learned from the demonstrations."""
+class Taught(NamedTuple):
+    """Latent spaces and dynamics of S seeds, and the units of their inputs."""
 
-    models: LatentModels  # latent spaces and dynamics of S seeds
-    units: TouchUnits  # that they see touch in
+    models: LatentModels
+    units: TouchUnits
 
 
 def compare(
@@ -71,19 +68,10 @@ def compare(
     parameters: ServoTrialParameters,
     chosen: Sequence[Variant],
 ) -> Comparison:
-    """Servo with several controllers, each on the same trials.
-
-    `person`: who demonstrated; trials are on the part of the skin that was demonstrated; `chosen`:
-    controllers, e.g. all `variants`.
-    """
+    """Servo with some controllers, all on the same trials where the person demonstrated."""
     run = partial(_run, taught=taught, person=person, finger=finger, parameters=parameters)
     results = parallel_map(run, chosen, "closed loops", local=True)
-    return Comparison(
-        *(
-            pd.concat([getattr(result, field.name) for result in results], ignore_index=True)
-            for field in fields(Comparison)
-        )
-    )
+    return Comparison(*(pd.concat(parts, ignore_index=True) for parts in zip(*results, strict=True)))
 
 
 def make_scene(
@@ -105,8 +93,7 @@ def draw(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Random trials on the part of the skin that was demonstrated.
 
-    Returns start and target, (B, 3) each: along and across the finger in m, load in N; and the number of the
-    motion (B,).
+    Returns start and target, (B, 3) each: along and across the finger in m, load in N; and motions (B,).
     """
     along, across = covered(person, SKINS[person.skin])
     count = models * parameters.trials
@@ -130,9 +117,9 @@ def make_controller(
         inverse=variant.inverse, trained_with_inverse=variant.with_loss, horizon=variant.horizon, **own
     )
     loop = parameters.loop_of_data if variant.change == AS_DATA else parameters.loop
-    # The models predict steps of this length, also where an action is replaced before its step is over.
+    # the models' step, even where an action is replaced before the step is over
     steps = sample_hz / TEST_STRIDE, max(1, round(TEST_STRIDE / loop.samples_per_action))
-    whole = (taught.models, taught.units, variant.structure, servo_parameters, *steps)
+    whole = (*taught, variant.structure, servo_parameters, *steps)
     if variant.form == PUBLISHED:
         return TactileServo(*whole), loop
     caution = Caution(
@@ -149,8 +136,8 @@ def _run(
     person: ToucherParameters,
     finger: FingerParameters,
     parameters: ServoTrialParameters,
-) -> Comparison:
-    """All trials of one controller; draws are the same for all."""
+) -> list[pd.DataFrame]:
+    """Tables of a `Comparison` of one controller; draws are the same for all."""
     rng = np.random.default_rng(parameters.seed)
     scene = make_scene(person, finger, parameters)
     models = len(taught.models.seeds)
@@ -161,14 +148,12 @@ def _run(
     run = servo(controller, models, start, target, scene, loop, parameters.duration_s, rng)
     seed = np.repeat(taught.models.seeds, parameters.trials)
     number = np.tile(np.arange(parameters.trials), models)
-    keys = {"seed": seed, "trial": number, "motion": np.array(MOTIONS)[motion]}
-    trials = pd.DataFrame(
-        keys
-        | dict(_contact("start", start))
-        | dict(_contact("target", target))
-        | {f"target_latent_{name}": run.target_latent[:, place] for place, name in enumerate("xyz")}
-    )
-    trials = trials.join(scored(run, start, target, scene, parameters.tolerance))
+    columns = {"seed": seed, "trial": number, "motion": np.array(MOTIONS)[motion]}
+    for name, held in (("start", start), ("target", target)):
+        columns |= {f"{name}_{axis}_m": held.contact.point[:, place] for place, axis in enumerate("xyz")}
+        columns[f"{name}_load_n"] = held.contact.load
+    columns |= {f"target_latent_{name}": run.target_latent[:, place] for place, name in enumerate("xyz")}
+    trials = pd.DataFrame(columns).join(scored(run, start, target, scene, parameters.tolerance))
     plain = variant == Variant(variant.form, variant.inverse)
     shown = np.flatnonzero(plain & (number < parameters.shown))
     tables = (
@@ -176,13 +161,10 @@ def _run(
         progress(run, target, scene, parameters.tolerance),
         _paths(run, scene, shown, seed[shown], number[shown]),
     )
-    return Comparison(*(_labelled(table, variant) for table in tables))
-
-
-def _contact(name: str, held: Held) -> Iterator[tuple[str, np.ndarray]]:
-    for place, axis in enumerate("xyz"):
-        yield f"{name}_{axis}_m", held.contact.point[:, place]
-    yield f"{name}_load_n", held.contact.load
+    for table in tables:
+        for place, (key, value) in enumerate(vars(variant).items()):
+            table.insert(place, key, value)
+    return list(tables)
 
 
 def _paths(
@@ -190,9 +172,8 @@ def _paths(
 ) -> pd.DataFrame:
     """Thinned paths of some trials, one after the other.
 
-    Returns `seed`, `trial`, `time_s`; pose of the finger in the base frame `finger_x_m` to `finger_z_m` and
-    `finger_qw` to `finger_qz`; true contact `x_m` to `z_m` in the finger, `load_n`; latent state `latent_x`
-    to `latent_z`; `electrode_01` and so on in counts less their offset.
+    `seed`, `trial`, `time_s`; pose of the finger in the base frame; true contact in the frame of the finger;
+    latent state; `electrode_01` and so on in counts less their offset.
     """
     rows = slice(0, None, THINNED)
     steps = len(run.load[rows])
@@ -216,12 +197,6 @@ def _paths(
     return pd.DataFrame(columns)
 
 
-def _labelled(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
-    for place, field in enumerate(fields(Variant)):
-        table.insert(place, field.name, getattr(variant, field.name))
-    return table
-
-
 def learn_other_skin(
     other: OtherSkinsParameters,
     person: ToucherParameters,
@@ -231,10 +206,10 @@ def learn_other_skin(
     latent: LatentParameters,
     name: SkinName,
 ) -> LatentComparison:
-    """Demonstrate and learn with a finger of another shape, by the same code; only the models are fewer.
+    """Demonstrate and learn with a finger of another shape by the same code, with fewer models.
 
-    The method is said not to assume the skin's geometry (II.5): distances on the skin come from the
-    neighbours of contact points, and these from electrodes.
+    The method claims not to assume the skin's geometry (II.5): distances on the skin come from neighbouring
+    contact points, and these from electrodes.
     """
     person = other.person_with(name, person)
     recordings = [recorded(run, person) for run in demonstrate(person, finger)]

@@ -1,4 +1,4 @@
-"""Which controllers are compared in closed loop, what is chosen for them, and what is kept of it."""
+"""Controllers that are compared in closed loop, their parameters, and the tables of the comparison."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,11 +21,9 @@ from structlearn.testbeds.servoing.world.servo_loop import LoopParameters
 PUBLISHED, RESTING = "published", "resting"  # forms of the controllers
 
 AS_DATA = "filter and rate of the data"
-"""What is changed of either form: the loop is that of the preparation of the data."""
-
 ALL_ALIKE, DERIVATIVE, UNCORRECTED = "all actions alike", "derivative at rest", "model never corrected"
 CHANGES = (AS_DATA, ALL_ALIKE, DERIVATIVE, UNCORRECTED)
-"""What is taken from the resting controller, one at a time."""
+"""Ablations of the resting controller; the first is one of the published controller too."""
 
 
 class ToleranceParameters(Parameters):
@@ -77,19 +75,18 @@ class Variant:
     """A controller that is compared."""
 
     form: str  # `PUBLISHED` or `RESTING`
-    inverse: InverseModel  # LL, NG or NJ
-    structure: bool = True  # whether its latent space has structure
+    inverse: InverseModel
+    structure: bool = True  # of its latent space
     with_loss: bool = True  # whether its forward model was trained with the loss of the inverse model
     horizon: int = 1  # steps ahead
-    change: str = ""  # what is different; empty for most
+    change: str = ""  # one of `CHANGES`, or none
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What is kept of all closed loops; the columns of `Variant` tell the controllers."""
+    """Tables of all closed loops, with the columns of `Variant`."""
 
-    # `seed`, `trial`, `motion`, contacts and latent states of start and target, and the columns of
-    # `servo_scores.scored`
+    # `seed`, `trial`, `motion`, contacts and latent states of start and target, and `servo_scores.scored`
     trials: pd.DataFrame
     progress: pd.DataFrame  # see `servo_scores.progress`
     paths: pd.DataFrame  # of the first trials of every seed and some controllers, see `servo_trials._paths`

@@ -28,14 +28,10 @@ from structlearn.viewer.rrd import (
     send_notes,
 )
 
-TITLE = "Touch: demonstrations"
-
-MAP_TITLE = "Touch: latent map"
-EVERY = 10  # every how many samples one is on a path
-POINT_MM, SAMPLE_OPACITY = 0.12, 0.5  # radius of a sample on a flat picture, and how much it covers
-
-PATH = "#ffffff"
-"""Colour of paths among coloured samples."""
+TITLE, MAP_TITLE = "Touch: demonstrations", "Touch: latent map"
+EVERY = 10  # samples per point of a path
+POINT_MM, SAMPLE_OPACITY = 0.12, 0.5  # radius and opacity of a sample on a flat picture
+PATH = "#ffffff"  # colour of paths among coloured samples
 
 PLOTS = {
     "along": "along the finger (mm): blue map, orange skin",
@@ -50,9 +46,9 @@ class ShownTouch:
     """A demonstration of T samples, of which N are of contacts."""
 
     demonstration: Demonstration  # on the clock of the samples
-    motion: scene.FingerMotion  # the same, with counts less their offset
-    rows: np.ndarray  # (N,) samples of the demonstration that are of contacts
-    contact: np.ndarray  # (N,) number of the contact, rising
+    motion: scene.FingerMotion  # of it, with counts less their offset
+    rows: np.ndarray  # (N,) samples of contacts
+    contact: np.ndarray  # (N,) number of the contact, ascending
     contact_point: np.ndarray  # (N, 3) m, estimated, frame of the finger
     pressure: np.ndarray  # (N,) counts
     latent: np.ndarray  # (N, 3) in the networks' units: two of the map, one of pressure
@@ -60,17 +56,12 @@ class ShownTouch:
 
     @property
     def name(self) -> str:
-        """Of the demonstration."""
+        """Name of the demonstration."""
         return self.demonstration.name
 
     @property
-    def time(self) -> np.ndarray:
-        """Times (N,) s of the samples of contacts."""
-        return self.motion.time[self.rows]
-
-    @property
     def contacts(self) -> list[scene.Contact]:
-        """The estimated contact over the whole time, and the true one."""
+        """Estimated and true contact over the whole time."""
         point, touching = np.zeros((len(self.motion.time), 3)), np.zeros(len(self.motion.time), dtype=bool)
         point[self.rows], touching[self.rows] = self.contact_point, True
         time, load = (self.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
@@ -89,11 +80,10 @@ def shown_touches(
     names: Sequence[str],
     air_s: float,
 ) -> list[ShownTouch]:
-    """The demonstrations of these names, with their samples.
+    """Demonstrations of some names with their samples; all are numbered as in the dataset.
 
-    `demonstrations`: all of them, as the dataset numbers them; `latent_map`: a row for each sample, see
-    `tactile.latent_comparison.latent_map`; `air_s`: at the start of each, in the air; counts there are the
-    offset. Raises InputError: there is no demonstration of such a name.
+    `latent_map`: see `tactile.latent_comparison.latent_map`; `air_s`: duration in the air at the start, where
+    counts are the offset. Raises InputError: there is no demonstration of such a name.
     """
     numbers = {one.name: number for number, one in enumerate(demonstrations)}
     if unknown := [name for name in names if name not in numbers]:
@@ -124,7 +114,7 @@ def shown_touches(
 def write_touch_demonstrations(
     path: str | Path, shown: Sequence[ShownTouch], skin: Skin, handle_radius: float
 ) -> None:
-    """Write demonstrations of touch as a recording, a tab each; the handle's radius in m."""
+    """Record demonstrations of touch, a tab each; the handle's radius in m."""
     origin = origin_label([one.demonstration for one in shown])
     scale = scene.full_scale([one.motion.signals for one in shown])
     with recording(path, TITLE) as stream:
@@ -138,10 +128,9 @@ def write_touch_demonstrations(
 
 
 def handle_place(one: ShownTouch, skin: Skin, handle_radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where the handle of a demonstration must have been, as its pose is not recorded.
+    """Centre (3,) m and horizontal unit axis (3,) of the handle, base frame, inferred from the contacts.
 
     The finger's x axis lies across the handle; the middle of the handle is behind the contacts.
-    `handle_radius`: m. Returns centre (3,) m and horizontal unit axis (3,), base frame.
     """
     behind = one.contact_point + handle_radius * skin.normal(one.contact_point)
     turned = quaternion.rotate(one.motion.orientation[one.rows], behind)
@@ -208,10 +197,9 @@ def write_latent_maps(
     contact_points: np.ndarray,
     count: int,
 ) -> None:
-    """Write the latent map and paths on it as a recording, a tab for each demonstration.
+    """Record the latent map, and paths on it, a tab for each demonstration.
 
-    `latent_map`: see `tactile.latent_comparison.latent_map`; `contact_points` (N, 3) m of the same samples;
-    `count`: of samples that are drawn.
+    `latent_map` and `contact_points` (N, 3) m are of the same samples, of which `count` are drawn.
     """
     origin = origin_label([one.demonstration for one in shown])
     places = {"map": flat_skin.latent(latent_map[["x", "y"]].to_numpy(float))}
@@ -239,7 +227,7 @@ def _send_paths(stream: rr.RecordingStream, one: ShownTouch, flat_skin: scene.Fl
     """A path for each contact, and the pressure in the latent state and of the counts."""
     for number in np.unique(one.contact):
         rows = np.flatnonzero(one.contact == number)[::EVERY]
-        time = one.time[rows]
+        time = one.motion.time[one.rows[rows]]
         places = {
             "map": flat_skin.latent(one.latent[rows]),
             "skin": flat_skin.places(one.contact_point[rows]),

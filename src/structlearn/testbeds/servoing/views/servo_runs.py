@@ -11,11 +11,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.core import quaternion
+from structlearn.core.metrics import matching
 from structlearn.palette import GREY
 from structlearn.simulation.touch import Handle
 from structlearn.tactile.electrodes import Skin
 from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, LATENT, OURS, TEXT, TRUE
-from structlearn.testbeds.servoing.protocol.servo_scores import rows_of
+from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 from structlearn.testbeds.servoing.views import servoing_scene as scene
 from structlearn.viewer.rrd import colour_words, entity, layout, recording, rgba, send_curve, send_notes
 
@@ -33,19 +34,17 @@ PLOTS = {
 
 @dataclass(frozen=True)
 class ServoRun:
-    """A closed loop of N points in time."""
+    """A closed loop of N points in time: rows of `Comparison.paths`, and its row of `Comparison.trials`."""
 
-    path: pd.DataFrame  # rows of `protocol.servo_variants.Comparison.paths`
-    trial: pd.Series  # its row of `protocol.servo_variants.Comparison.trials`
+    path: pd.DataFrame
+    trial: pd.Series
 
     @property
     def motion(self) -> scene.FingerMotion:
-        """Of the finger."""
+        """Motion and signals of the finger."""
         signals = self.path.filter(like="electrode_").to_numpy(float)
-        time = self.path["time_s"].to_numpy(float)
-        return scene.FingerMotion(
-            time, self.columns("finger_{}_m"), self.columns("finger_q{}", "wxyz"), signals
-        )
+        pose = self.columns("finger_{}_m"), self.columns("finger_q{}", "wxyz")
+        return scene.FingerMotion(self.path["time_s"].to_numpy(float), *pose, signals)
 
     @property
     def load(self) -> np.ndarray:
@@ -62,29 +61,23 @@ class ServoRun:
 
 
 def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[dict[str, ServoRun]]:
-    """The first trials of the first model, by the names of `SHOWN`.
+    """The first trials of the first model, by the names of `SHOWN`; tables of a `Comparison`."""
 
-    `trials`: see `protocol.servo_variants.Comparison`.
-    """
-
-    def rows(table: pd.DataFrame, name: str, number: int) -> pd.DataFrame:
-        first = table[(table["trial"] == number) & (table["seed"] == table["seed"].iloc[0])]
-        return rows_of(first, SHOWN[name])
+    def run(number: int, variant: Variant) -> ServoRun:
+        path, trial = (
+            matching(table, trial=number, seed=table["seed"].iloc[0], **vars(variant))
+            for table in (paths, trials)
+        )
+        return ServoRun(path, trial.iloc[0])
 
     numbers = sorted(paths["trial"].unique())[:count]
-    return [
-        {name: ServoRun(rows(paths, name, number), rows(trials, name, number).iloc[0]) for name in SHOWN}
-        for number in numbers
-    ]
+    return [{name: run(number, variant) for name, variant in SHOWN.items()} for number in numbers]
 
 
 def write_servo_runs(
     path: str | Path, shown: Sequence[Mapping[str, ServoRun]], flat_skin: scene.FlatSkin, handle: Handle
 ) -> None:
-    """Write closed loops as a recording: a tab per trial, in it a column per controller.
-
-    `shown`: see `shown_runs`; `flat_skin`: of the finger, with the latent map laid onto it.
-    """
+    """Record closed loops (`shown_runs`): a tab per trial, in it a column per controller."""
     skin = flat_skin.skin
     scale = scene.full_scale([run.motion.signals for runs in shown for run in runs.values()])
     names = [
@@ -108,7 +101,7 @@ def write_servo_runs(
 
 
 def _send_ways(stream: rr.RecordingStream, path: str, run: ServoRun, flat_skin: scene.FlatSkin) -> None:
-    """Ways of the latent state on its map and of the true contact on the skin, with rings at their ends."""
+    """Paths of the latent state on its map and of the true contact on the skin, and rings at targets."""
     time, touching = run.motion.time, run.load > 0
     scene.send_map_path(stream, f"{path}/latent", time, flat_skin.latent(run.columns("latent_{}")), LATENT)
     if touching.any():

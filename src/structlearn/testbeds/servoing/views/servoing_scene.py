@@ -1,7 +1,7 @@
-"""The servoing testbed in recordings: the finger, the handle, electrodes in colour, flat maps.
+"""Recordings of the servoing testbed: finger, handle, coloured electrodes, flat maps.
 
-A finger is drawn as the lines of its surface coordinates, so that electrodes under the skin are seen; it may
-be any skin of `tactile.electrodes`. Flat pictures are in mm: x along the finger, y across it, upwards.
+A finger, of any skin of `tactile.electrodes`, is drawn by lines of its surface coordinates, so electrodes
+under the skin are visible. Flat pictures are in mm: x along the finger, y across it, upwards.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,9 +35,7 @@ ELECTRODE_M, CONTACT_M = 0.0007, 0.0009  # radii of electrodes and points of con
 ELECTRODE_MM, CONTACT_MM = 0.75, 0.45  # the same in flat pictures
 IN_FRONT = 50.0  # order of drawing of paths on flat pictures; points have 30
 
-POSE_RATE_HZ, COLOUR_RATE_HZ = 50.0, 25.0
-"""Poses of the finger, and colours of its electrodes, per second; colours are most of a file."""
-
+POSE_RATE_HZ, COLOUR_RATE_HZ = 50.0, 25.0  # of the finger and its electrodes; colours are most of a file
 FULL_SCALE_QUANTILE = 0.97  # share of the signals within the colour scale: most electrodes feel little
 AXES_M, EYE_M = 0.006, 0.055  # length of the finger's axes; from the camera to the handle
 
@@ -64,8 +62,8 @@ class FingerMotion:
 class Contact:
     """A point of contact over T samples."""
 
-    name: str  # of it, e.g. `true`
-    colour: str  # of it
+    name: str  # e.g. `true`
+    colour: str
     time: np.ndarray  # (T,) s
     point: np.ndarray  # (T, 3) m, frame of the finger
     touching: np.ndarray  # (T,) whether there is a contact; the point vanishes otherwise
@@ -73,18 +71,15 @@ class Contact:
 
 @dataclass(frozen=True)
 class FlatSkin:
-    """A skin in flat pictures, and how the latent map is laid onto it."""
+    """A skin in flat pictures, with the latent map laid onto it."""
 
-    skin: Skin  # of the finger
+    skin: Skin
     laying: MapLaying  # of the map, in mm
     unit_mm: float  # per unit of the map
 
     @classmethod
     def fitted(cls, skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> Self:
-        """By contact points (N, 3) m and map coordinates (N, 2) of the same samples.
-
-        `map_unit`: m on the skin per unit of the map.
-        """
+        """By contact points (N, 3) m and map coordinates (N, 2), in units of `map_unit` m, of N samples."""
         laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
         return cls(skin, laying, 1e3 * map_unit)
 
@@ -98,7 +93,7 @@ class FlatSkin:
 
 
 def full_scale(signals: Sequence[np.ndarray]) -> float:
-    """Change of the counts that gets the full colour, of signals (T, E) each."""
+    """Change of counts with the full colour, of signals (T, E) each."""
     return float(np.quantile(np.abs(np.concatenate(signals)), FULL_SCALE_QUANTILE))
 
 
@@ -116,10 +111,9 @@ def send_touch(
     contacts: Sequence[Contact],
     scale: float,
 ) -> None:
-    """Log a moving finger and its flat picture, both with electrodes in colour and points of contact.
+    """Log a moving `finger` and its flat `skin` below a path, with coloured electrodes and contacts.
 
-    `path`: above `finger` and `skin`, which have `electrodes` and the contacts by their names below; `scale`:
-    counts with the full colour: orange where pressed, light blue where the fluid bulges.
+    `scale`: counts with the full colour, orange where pressed, light blue where the fluid bulges.
     """
     finger, flat_skin = f"{path}/finger", f"{path}/skin"
     dt = float(np.median(np.diff(motion.time)))
@@ -174,7 +168,7 @@ def skin_lines(skin: Skin) -> list[np.ndarray]:
 def send_map_path(
     stream: rr.RecordingStream, path: str, time: np.ndarray, places: np.ndarray, colour: str
 ) -> None:
-    """Log a point that moves on a flat picture, (T, 2), and the path behind it, in front of all else."""
+    """Log a point (T, 2) that moves on a flat picture, and the path behind it, in the foreground."""
     times = [time_column(time)]
     look: dict[str, Any] = {"colors": rgba([colour]), "draw_order": IN_FRONT}
     stream.log(f"{path}/now", rr.Points2D.from_fields(radii=CONTACT_MM, **look), static=True)
@@ -203,21 +197,18 @@ def send_handle(
 def close_view(
     name: str, contents: Sequence[str], centre: np.ndarray, finger_x: np.ndarray
 ) -> rrb.Spatial3DView:
-    """3-D view from beside and below, where the skin meets the handle.
+    """3-D view of the skin on the handle at `centre` (3,) m, from beside and below.
 
-    `centre` (3,) m, of the handle; `finger_x` (3,) the finger's x axis in the base frame, about horizontal.
+    `finger_x` (3,): the finger's x axis in the base frame, about horizontal.
     """
     ahead = finger_x * [1.0, 1.0, 0.0]
     ahead = ahead / np.linalg.norm(ahead)
     aside = np.array([ahead[1], -ahead[0], 0.0])
     target = centre - 0.004 * ahead + np.array([0.0, 0.0, 0.006])
     backward = 0.35 * ahead + 0.9 * aside - [0.0, 0.0, 0.25]
-    eye = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=target + EYE_M * backward / np.linalg.norm(backward),
-        look_target=target,
-        eye_up=[0.0, 0.0, 1.0],
-    )
+    position, up = target + EYE_M * backward / np.linalg.norm(backward), [0.0, 0.0, 1.0]
+    kind = rrb.Eye3DKind.Orbital
+    eye = rrb.EyeControls3D(kind=kind, position=position, look_target=target, eye_up=up)
     contents = list(contents)
     return rrb.Spatial3DView(name=name, origin="/", contents=contents, eye_controls=eye, line_grid=False)
 
@@ -234,7 +225,7 @@ def map_view(name: str, contents: Sequence[str], skin: Skin) -> rrb.Spatial2DVie
 def tab(
     name: str, columns: Sequence[rrb.Vertical], plots: Mapping[str, str], legends: bool = False
 ) -> rrb.Horizontal:
-    """A tab: columns of views, plots over time by entity below its name, and what is shown."""
+    """A tab: columns of views, plots of entities below its name, and notes."""
     drawn = [plot(heading, [f"{entity(name, group)}/**"], legends) for group, heading in plots.items()]
     beside = rrb.Vertical(*drawn, notes_view(name))
     return rrb.Horizontal(rrb.Horizontal(*columns), beside, column_shares=[1, 1], name=name)

@@ -1,9 +1,8 @@
 """Tactile servoing in closed loop, for many fingers at once (II.4.6).
 
-A finger rests on the handle with some place of its skin and some load. A controller sees its electrodes and
-says how the finger is to move, until the handle is felt as it was felt at another place and load. The robot
-moves at its rate with the velocity asked for, with a little delay; the electrodes are read more slowly and
-pass a low-pass that knows no future; actions come slower still.
+A finger rests on the handle at some place of its skin with some load. A controller sees its electrodes and
+commands velocities until the electrodes read as at another place and load. The robot follows with a small
+delay at its own rate; electrodes are read more slowly, through a causal low-pass; actions come slower still.
 """
 
 from dataclasses import dataclass
@@ -48,10 +47,10 @@ class LoopParameters(Parameters):
 
 @dataclass(frozen=True)
 class Scene:
-    """What does not change between trials."""
+    """Finger, handle and robot of all trials."""
 
-    finger: Finger  # that touches
-    handle: Handle  # that it touches
+    finger: Finger
+    handle: Handle
     robot_hz: float  # ticks of the robot per second; electrodes are read every `SAMPLED_EVERY` ticks
     follow_s: float  # time constant with which the robot takes up a velocity
     rest_s: float  # before a target is read, and before a trial starts
@@ -91,13 +90,9 @@ class Servoed:
 
 
 class LowPass:
-    """Butterworth low-pass of signals (T, B, E) that come piece by piece; before the first they were zero.
-
-    The cut-off is below half of `rate_hz`; `shape`: (B, E).
-    """
+    """Butterworth low-pass of signals (T, B, E) that come piece by piece, zero before the first."""
 
     def __init__(self, cutoff_hz: float, rate_hz: float, shape: tuple[int, int]) -> None:
-        """See the class."""
         from scipy.signal import butter
 
         self._sections = butter(FILTER_ORDER, 2 * cutoff_hz / rate_hz, output="sos")
@@ -112,7 +107,7 @@ class LowPass:
 
 
 def handle_of(person: ToucherParameters) -> Handle:
-    """Where the handle is in closed loops."""
+    """The handle in closed loops."""
     half_length, radius = 1e-3 * person.handle_half_mm, 1e-3 * person.handle_radius_mm
     return Handle(np.array(CENTRE), np.array([0.0, 1.0, 0.0]), half_length, radius)
 
@@ -120,8 +115,7 @@ def handle_of(person: ToucherParameters) -> Handle:
 def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Generator) -> Held:
     """Press fingers on the handle and let them rest.
 
-    `places` (B, 3) surface coordinates along and across the finger in m, and load in N; `tilt` (B, 2) rad,
-    pitch and yaw by which the fingers are held askew.
+    `places` (B, 3): along and across the finger in m, load in N; `tilt` (B, 2): pitch and yaw in rad.
     """
     finger, rate = scene.finger, scene.sample_hz
     along, across, load = places.T
@@ -145,10 +139,9 @@ def servo(
     duration_s: float,
     rng: np.random.Generator,
 ) -> Servoed:
-    """Servo fingers from where they rest to what others feel.
+    """Servo B fingers from their start to the touch of their targets.
 
-    `controller`: of S models; `models`: S; the first B / S trials are for the first model, and so on;
-    `start`: of B trials.
+    The controller has S models; the first B / S trials are for the first one, and so on.
     """
     step = loop.samples_per_action
     by_model = (models, -1)
