@@ -63,7 +63,7 @@ def find_crossings(
                 found.append(_largest(demonstration, parameters))
             except InputError as error:
                 found.append(error)
-    if parameters.ends == "onset":
+    if parameters.at_onsets:
         found = [
             crossings
             if isinstance(crossings, InputError)

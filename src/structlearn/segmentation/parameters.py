@@ -96,9 +96,6 @@ class SegmentParameters(Parameters):
     crossing_weight: float = Field(ge=0)
     crossing_tolerance_s: float = Field(gt=0)
     skip_failures: bool
-    # where a movement starts and ends: at its zero-velocity crossing, as published, or at its extrapolated
-    # onset (`onsets`), the choice for tasks on recorded data
-    ends: Literal["crossing", "onset"] = "crossing"
 
     @model_validator(mode="after")
     def _between_has_neighbours(self) -> "SegmentParameters":
@@ -109,6 +106,11 @@ class SegmentParameters(Parameters):
         if between[0] or between[-1] or any(a and b for a, b in pairwise(between)):
             raise ValueError("a primitive `between` needs a neighbour with an axis on either side")
         return self
+
+    @property
+    def at_onsets(self) -> bool:
+        """Whether movements end at their extrapolated onsets (`onsets`); as published, at their crossings."""
+        return False
 
     @property
     def assigns_runs(self) -> bool:

@@ -89,6 +89,17 @@ class RobotParameters(Parameters):
     least_distance_m: float = Field(gt=0)
 
 
+class TaskSegmentParameters(SegmentParameters):
+    """Parameters of a task's segmentation."""
+
+    ends: Literal["onset", "crossing"]
+
+    @property
+    def at_onsets(self) -> bool:
+        """Whether movements end at their extrapolated onsets."""
+        return self.ends == "onset"
+
+
 class MovementEntry(SourceParameters):
     """Movements of one task. Fields: `stages/tasks/params.yaml`, `defaults.movement`."""
 
@@ -98,7 +109,7 @@ class MovementEntry(SourceParameters):
     clock: ClockParameters | None
     given: Name | None
     repeats: Annotated[int, Field(ge=1)] | Literal["auto"]
-    segment: SegmentParameters | None
+    segment: TaskSegmentParameters | None
     keep_doubtful: bool
     rests: RestParameters | None
     fit: FitParameters
