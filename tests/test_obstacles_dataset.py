@@ -1,6 +1,10 @@
+"""The people's reaches as samples: one person is recorded, the others are simulated where they are needed."""
+
 import numpy as np
+import pandas as pd
 import pytest
 from committed import committed
+from obstacles_unrolls import baseline as fitted
 
 from structlearn.avoidance.avoidance_dataset import (
     AvoidanceDataParameters,
@@ -15,8 +19,13 @@ from structlearn.avoidance.avoidance_dataset import (
 )
 from structlearn.core.artefacts import read_table, write_table
 from structlearn.core.errors import InputError
-from structlearn.readers.demonstration import Demonstration
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, reaches
+from structlearn.core.params import Population
+from structlearn.primitives.primitive_files import write_primitives
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.readers.demonstration import Demonstration, write_runs
+from structlearn.testbeds.obstacles.files import BASELINE, read_baselines, write_baselines
+from structlearn.testbeds.obstacles.protocol.people import taught
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, captured, reaches
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 SCENE = committed(SceneParameters, "obstacle_scene")
@@ -113,3 +122,38 @@ def test_bad_demonstrations_and_clouds_are_refused(baseline, sets):
         samples(demonstration, np.empty((0, 3)), baseline, PARAMETERS)
     with pytest.raises(InputError, match="there are no demonstrations"):
         avoidance_dataset([], baseline, PARAMETERS)
+
+
+def test_runs_teach_what_the_person_does(tmp_path):
+    scene, person = (
+        SCENE.model_copy(update={"settings": 1}),
+        PERSON.model_copy(update={"count": 2, "seed": 3}),
+    )
+    for place in (None, *scenarios(scene)):
+        name = BASELINE if place is None else place.name
+        write_runs(captured(place, scene, person), tmp_path / f"{name}.parquet")
+    read = taught(3, tmp_path, scene, person, PARAMETERS)
+    nobody = person.model_copy(update={"seed": 99})  # whose runs these are not
+    simulated, other = (taught(seed, tmp_path, scene, nobody, PARAMETERS) for seed in (3, 4))
+    np.testing.assert_allclose(read[0].goal, simulated[0].goal, atol=1e-9)
+    for ours, theirs in zip(read[1:], simulated[1:], strict=True):
+        assert (ours["person"] == 3).all()
+        pd.testing.assert_frame_equal(ours, theirs, rtol=1e-5, atol=1e-6)
+    assert np.abs(other[0].goal - read[0].goal).max() > 1e-4
+
+
+def test_everybody_s_baseline_comes_back(tmp_path):
+    path = tmp_path / "baselines.safetensors"
+    write_baselines({3: fitted(), 12: fitted((True, False, False))}, path)
+    back = read_baselines(path)
+    assert list(back) == [3, 12]
+    np.testing.assert_array_equal(back[12].goal, fitted().goal)
+    write_primitives([PosePrimitive("cut", fitted())], path)
+    with pytest.raises(InputError, match="holds other primitives than baselines"):
+        read_baselines(path)
+
+
+def test_enough_people_are_judged_on_whom_nothing_was_chosen():
+    population = committed(Population, "obstacle_people")
+    assert len(population.test) >= 8
+    assert set(range(1, 6)) <= set(population.tuning)  # looked at before

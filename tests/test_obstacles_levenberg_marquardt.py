@@ -4,7 +4,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from structlearn.avoidance import levenberg_marquardt
 from structlearn.avoidance import levenberg_marquardt as lm
 from structlearn.avoidance.avoidance_network import forward
 
@@ -13,14 +12,14 @@ SIZES = (3, 6, 4, 2)
 
 
 def chosen(**changes):
-    return committed(levenberg_marquardt.LevenbergMarquardtParameters, KEY, **changes)
+    return committed(lm.LevenbergMarquardtParameters, KEY, **changes)
 
 
 def problem(count=80, noise=0.05, seed=0):
     rng = np.random.default_rng(seed)
     inputs = rng.uniform(-1.0, 1.0, (count, 3))
     clean = np.stack([np.sin(2.0 * inputs[:, 0]) * inputs[:, 1], np.abs(inputs[:, 2])], axis=1)
-    return levenberg_marquardt.Samples(inputs, clean + noise * rng.normal(size=clean.shape))
+    return lm.Samples(inputs, clean + noise * rng.normal(size=clean.shape))
 
 
 def test_minima_are_as_good_as_scipys(monkeypatch):
@@ -52,7 +51,7 @@ def test_minima_are_as_good_as_scipys(monkeypatch):
 def test_linear_problem_is_solved_in_closed_form(monkeypatch):
     monkeypatch.setattr(lm, "FIRST_DAMPING", 1e-9)
     rng = np.random.default_rng(0)
-    samples = levenberg_marquardt.Samples(rng.normal(size=(50, 3)), rng.normal(size=(50, 2)))
+    samples = lm.Samples(rng.normal(size=(50, 3)), rng.normal(size=(50, 2)))
     inputs = np.hstack([samples.inputs, np.ones((50, 1))])
     best, *_ = np.linalg.lstsq(inputs, samples.target, rcond=None)
     start = lm.initial_layers((3, 2), rng)
@@ -110,15 +109,13 @@ def jacobian(layers, inputs, step=1e-6):
 @given(
     st.integers(0, 1000),
     st.lists(st.integers(1, 6), min_size=2, max_size=5),
-    st.integers(1, 2 * levenberg_marquardt.CHUNK_SAMPLES),
+    st.integers(1, 2 * lm.CHUNK_SAMPLES),
 )
 def test_normal_equations_are_those_of_the_jacobian(seed, sizes, count):
     rng = np.random.default_rng(seed)
-    layers = levenberg_marquardt.initial_layers(sizes, rng)
-    samples = levenberg_marquardt.Samples(
-        rng.normal(size=(count, sizes[0])), rng.normal(size=(count, sizes[-1]))
-    )
-    products, gradient = levenberg_marquardt.normal_equations(layers, samples)
+    layers = lm.initial_layers(sizes, rng)
+    samples = lm.Samples(rng.normal(size=(count, sizes[0])), rng.normal(size=(count, sizes[-1])))
+    products, gradient = lm.normal_equations(layers, samples)
     j = jacobian(layers, samples.inputs)
     error = (forward(layers, samples.inputs) - samples.target).ravel()
     tolerance = 1e-4 * max(1.0, np.abs(j.T @ j).max())  # a kink may lie within the difference's step

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import reporting_verdicts
 from committed import committed
-from obstacles_world import PEOPLE, PLACES, POPULATION, PRIMITIVE, TESTED, evaluation, people
+from obstacles_world import PEOPLE, PLACES, POPULATION, PRIMITIVE, TESTED, demonstrations, evaluation
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.shapes import SHAPES
@@ -63,7 +63,7 @@ def parameters():
 
 @pytest.fixture(scope="module")
 def results():
-    shown, baselines = dict.fromkeys(SHAPES, people()), dict.fromkeys(PEOPLE, PRIMITIVE)
+    shown, baselines = dict.fromkeys(SHAPES, demonstrations()), dict.fromkeys(PEOPLE, PRIMITIVE)
     scores, paths, of_people = evaluation()
     words = scores.select_dtypes("str").columns  # as categories they are copied in no time
     tables = scores.astype(dict.fromkeys(words, "category")), paths, of_people, error_table()

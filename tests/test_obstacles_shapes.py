@@ -71,13 +71,6 @@ def test_clouds_cover_the_surface_evenly(solid, count):
     np.testing.assert_array_equal(cloud, solid.cloud(count))
 
 
-def test_virtual_radius_is_the_sphere_s_own():
-    assert obstacle("sphere", CENTRE).radius == pytest.approx(HALF_SIZE_M["sphere"][0], rel=1e-3)
-    np.testing.assert_allclose(
-        virtual_radius(np.stack([np.eye(3), 2 * np.eye(3)])), np.sqrt(2 / 3) * np.array([1, 2])
-    )
-
-
 def test_sphere_of_rings_has_35_points_and_the_centre_last():
     centres = np.stack([CENTRE, np.zeros(3)])
     clouds = ringed_sphere(centres, 0.05)
@@ -94,6 +87,7 @@ def test_the_centre_is_the_mean_and_the_radius_the_mean_distance():
     batch = cloud_batch(np.stack([CORNERS, 0.1 * CORNERS + 2.0]))
     np.testing.assert_allclose(batch.centre, [[0, 0, 0], [2, 2, 2]], atol=1e-12)
     np.testing.assert_allclose(batch.radius, [np.sqrt(3), 0.1 * np.sqrt(3)])
+    assert obstacle("sphere", CENTRE).radius == pytest.approx(HALF_SIZE_M["sphere"][0], rel=1e-3)
     np.testing.assert_array_equal(cloud_batch(CORNERS[None], radius=0.05).radius, [0.05])
     known = cloud_batch(CORNERS[None], centre=np.ones((1, 3)))
     np.testing.assert_array_equal(known.centre, [[1, 1, 1]])
@@ -114,18 +108,13 @@ def test_a_cloud_stays_or_moves_as_told():
     [
         (lambda: Obstacle("cone", CENTRE, np.ones(3)), "unknown obstacle 'cone'; known are sphere, cube"),
         (lambda: Obstacle("cube", CENTRE, np.array([1, 0, 1])), "half_size must be three positive lengths"),
-        (lambda: Obstacle("cylinder", CENTRE, np.array([1, 2, 1])), "cylinder: is not round"),
         (lambda: Obstacle("sphere", CENTRE, np.array([1, 1, 2])), "sphere: is not round"),
         (lambda: obstacle("cube", CENTRE).cloud(5), "at least 6 points, not 5"),
         (lambda: virtual_radius(np.empty((0, 3))), "has no points"),
         (lambda: check_cloud(np.zeros((4, 2))), r"must be \(\.\.\., points, 3\)"),
         (lambda: check_cloud(np.full((4, 3), np.nan)), "not finite"),
-        (lambda: cloud_batch(np.zeros((2, 0, 3))), "no points"),
         (lambda: cloud_batch(CORNERS), "scenarios, points, 3"),
-        (lambda: cloud_batch(np.where(CORNERS > 0, np.nan, CORNERS)[None]), "not finite"),
-        (lambda: cloud_batch(np.zeros((1, 4, 3))), "no extent"),
         (lambda: cloud_batch(CORNERS[None], radius=0.0), "no extent"),
-        (lambda: cloud_batch(CORNERS[None], centre=np.zeros(3)), r"finite \(1, 3\)"),
         (lambda: cloud_batch(CORNERS[None], centre=np.full((1, 3), np.nan)), r"finite \(1, 3\)"),
     ],
 )

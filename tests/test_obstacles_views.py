@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from obstacles_world import PLACES, POPULATION, PRIMITIVE, evaluation, people
+from obstacles_world import PLACES, POPULATION, PRIMITIVE, demonstrations, evaluation
 from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.avoidance.shapes import SHAPES
@@ -45,7 +45,7 @@ def shown(reaches):
         {"scenario": [0, 0, 3, 3, 6, 6], "demonstration": [0, 1] * 3, "time_s": 6 * [0.5]}
     ).assign(target_x=0.0, target_y=np.arange(6.0), target_z=1.0)
     names = [place.name for place in PLACES[::3]]
-    return shown_scenarios(PLACES, names, lambda _: people(), samples, reaches, 30)
+    return shown_scenarios(PLACES, names, lambda _: demonstrations(), samples, reaches, 30)
 
 
 def test_reaches_are_those_of_the_tables(reaches):

@@ -147,7 +147,6 @@ def test_a_sum_beyond_the_largest_number_is_no_finite_cost():
     ("change", "message"),
     [
         (lambda d, p, c: (d, p[1:], c), r"same K, not \(11, 3\) and \(12, 6\)"),
-        (lambda d, p, c: (d, p, c[:, 0]), r"not \(12, 3\) and \(12,\)"),
         (lambda d, p, c: (d, p, c[:, :0]), r"not \(12, 3\) and \(12, 0\)"),
         (lambda d, p, c: (d, p[:, :2], c), "have 2 parameters, the distribution has 3"),
         (lambda d, p, c: (d, np.nan * p, c), "not finite"),
@@ -245,13 +244,15 @@ def test_normalised_costs_span_0_to_1_and_do_not_depend_on_shift_and_scale(rng, 
     np.testing.assert_allclose(normalised(scale * (costs + shift)), relative, atol=1e-9)
 
 
-def test_equal_costs_are_0_also_when_only_rounding_tells_them_apart():
-    costs = np.array([[0.0, 0.3, 1.0], [0.0, 0.1 + 0.2, 2.0]])
-    np.testing.assert_array_equal(normalised(costs), [[0, 0, 0], [0, 0, 1]])
-
-
-def test_costs_near_the_largest_number_do_not_overflow():
-    np.testing.assert_allclose(normalised(np.array([[-1.7e308], [0.0], [1.7e308]])), [[0], [0.5], [1]])
+@pytest.mark.parametrize(
+    ("costs", "expected"),
+    [
+        ([[0.3], [0.1 + 0.2]], [[0], [0]]),  # only rounding tells them apart
+        ([[-1.7e308], [0.0], [1.7e308]], [[0], [0.5], [1]]),  # their difference overflows
+    ],
+)
+def test_equal_and_huge_costs_are_normalised(costs, expected):
+    np.testing.assert_allclose(normalised(np.array(costs)), expected)
 
 
 @given(rng=rngs, samples=st.integers(2, 60), kl_bound=st.floats(1e-3, 3.0))
@@ -293,17 +294,12 @@ def random_weights(rng, samples, dimensions):
     return np.tile(rng.dirichlet(np.full(samples, 0.3))[:, None], dimensions)
 
 
-def estimate(deviations, weights):
-    """Sigma_ml of the module's first equation, sum by sum."""
-    pairs = zip(weights[:, 0], deviations, strict=True)
-    return sum(weight * np.outer(deviation, deviation) for weight, deviation in pairs)
-
-
 @given(rng=rngs, damping=st.floats(1.0, 4.0))
 def test_rescaled_is_the_old_one_by_a_damped_mean_ratio(rng, damping):
     old, deviations, weights = random_covariance(rng, 5), rng.normal(size=(6, 5)), random_weights(rng, 6, 5)
     parameters = adaptation("rescaled", damping=damping, eigenvalue_floor=NO_FLOOR)
-    ratio = np.trace(np.linalg.inv(old) @ estimate(deviations, weights)) / 5
+    estimate = deviations.T @ (weights[:, :1] * deviations)
+    ratio = np.trace(np.linalg.inv(old) @ estimate) / 5
     new = adapted_covariance(old, deviations, weights, parameters)
     np.testing.assert_allclose(new, ratio ** (1 / damping) * old, rtol=1e-8)
 
@@ -360,7 +356,7 @@ def test_a_linear_change_of_the_parameters_changes_nothing(mode, rng):
 def test_covariances_stay_symmetric_and_positive_definite(mode, rng, samples, dimensions, spread):
     """Over many updates, also with fewer samples than dimensions and weights on single samples."""
     covariance = spread * random_covariance(rng, dimensions)
-    for _ in range(40):
+    for _ in range(15):
         deviations = rng.normal(size=(samples, dimensions)) @ covariance_factor(covariance).T
         weights = random_weights(rng, samples, dimensions)
         covariance = adapted_covariance(covariance, deviations, weights, adaptation(mode))

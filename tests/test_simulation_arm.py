@@ -87,17 +87,6 @@ def test_friction_slows_what_moves(robot):
         np.testing.assert_allclose((velocity - fast) / DT, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_friction_holds_a_joint_that_is_pushed_less(robot):
-    joints = len(robot.tree.names)
-    q, still = np.full(joints, 0.3), np.zeros(joints)
-    weight = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)(q, still, still)
-    one = compiled(robot, 2.0)
-    one.place(q, still)
-    for _ in range(100):
-        moved, _ = one.step(weight + 1.5)
-    np.testing.assert_allclose(moved, q, atol=1e-12)  # else the wrist would have turned many times
-
-
 def test_both_engines_find_what_is_held_and_what_slides(robot):
     rng, joints = np.random.default_rng(3), len(robot.tree.names)
     coulomb = rng.uniform(0.1, 1.0, joints)

@@ -69,11 +69,13 @@ def test_links_of_the_stand_in_are_real_bodies(robot):
     np.testing.assert_allclose(moments, scale[:, None] * np.linalg.eigvalsh(robot.inertias.inertia))
 
 
+SHARES = ("viscous_share", "coulomb_share", "ripple_share", "noise_share")
+SPREADS = ("mass_spread", "centre_spread_m", "latency_ticks")
+IDEAL = committed(StandInParameters, "stand_in", **dict.fromkeys(SHARES + SPREADS, 0))
+
+
 def test_without_spread_friction_ripple_and_latency_the_stand_in_is_ideal(robot, log):
-    shares = dict.fromkeys(("viscous_share", "coulomb_share", "ripple_share", "noise_share"), 0)
-    spreads = dict.fromkeys(("mass_spread", "centre_spread_m", "latency_ticks"), 0)
-    nothing = committed(StandInParameters, "stand_in", **shares, **spreads)
-    np.testing.assert_allclose(stand_in_log(robot, nothing, SEED, MOTION).torques, log.torques, atol=1e-8)
+    np.testing.assert_allclose(stand_in_log(robot, IDEAL, SEED, MOTION).torques, log.torques, atol=1e-8)
 
 
 def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(robot):
@@ -96,17 +98,8 @@ def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(rob
 
 def test_the_payload_appears_when_it_is_picked_up(robot):
     """On a robot that is as its URDF has it, so that every torque is known."""
-    shares = (
-        "viscous_share",
-        "coulomb_share",
-        "ripple_share",
-        "noise_share",
-        "mass_spread",
-        "centre_spread_m",
-    )
-    ideal = committed(StandInParameters, "stand_in", **dict.fromkeys((*shares, "latency_ticks"), 0))
     parameters = committed(PayloadParameters, "record_motion.payload")
-    log = stand_in_log(robot, ideal, SEED, MOTION, parameters)
+    log = stand_in_log(robot, IDEAL, SEED, MOTION, parameters)
     loaded = carrying(robot, Payload(parameters.mass_kg, parameters.point_m, parameters.radius_m))
     without, loaded_too = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
     half = 500
