@@ -43,12 +43,6 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import OURS, stored_study
 from structlearn.testbeds.scraping.page import findings as own
 from structlearn.testbeds.scraping.page import page as module
-from structlearn.testbeds.scraping.page.findings import (
-    ScrapingPeople,
-    findings,
-    refinement_of_one,
-    share_left,
-)
 from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
 from structlearn.testbeds.scraping.page.results import PEOPLE, ScrapingResults
 from structlearn.testbeds.scraping.page.tables import tables
@@ -56,8 +50,6 @@ from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFOR
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 
 CLAIMS = "refinement_claims.yaml"
-
-
 LISTED = runpy.run_path(str(ROOT / "stages/scraping/report.py"))["PARAMETERS"]
 
 
@@ -84,7 +76,7 @@ class Made:
     results: ScrapingResults
 
     def __post_init__(self):
-        self.find = findings(self.results)
+        self.find = own.findings(self.results)
         self.numbers = self.find.numbers()
         shown = tables(self.results, module.published())
         self.pages = module.pages(self.results, self.find, shown, module.published(), LISTED)
@@ -110,7 +102,7 @@ def feedback_evidence(results, count=5, **changes):
     """What a study of people like that of the results finds."""
     study = people(rows(own.feedback_of_one, results).numbers(), count, **changes)
     settings = results.board.settings_deg
-    return rows(own.feedback_of_people, ScrapingPeople(study, OURS, PRIMITIVES), ADAPTED, settings)
+    return rows(own.feedback_of_people, own.ScrapingPeople(study, OURS, PRIMITIVES), ADAPTED, settings)
 
 
 def refinement_evidence(results, text=None):
@@ -118,7 +110,7 @@ def refinement_evidence(results, text=None):
     study = forms({OURS: refinement_numbers(results), own.TEXT: refinement_numbers(text or results)})
     find = Findings()
     for form in (own.TEXT, OURS):
-        own.refinement_of_people(find, ScrapingPeople(study, form, PRIMITIVES), results)
+        own.refinement_of_people(find, own.ScrapingPeople(study, form, PRIMITIVES), results)
     return find
 
 
@@ -228,19 +220,6 @@ def test_no_two_rows_rest_on_the_same_number(made, root):
         assert len(set(shown)) == len(shown)
 
 
-def test_a_claim_about_one_primitive_is_not_one_about_both(feedback):
-    numbers = rows(own.feedback_of_one, feedback).numbers()
-    same = {
-        "ffnn_phase_prim2_generalization_nmse_best_step": numbers["ffnn_prim2_generalization_nmse_best_step"]
-    }
-    study = people(numbers, **same)
-    evidence = rows(own.feedback_of_people, ScrapingPeople(study, OURS, PRIMITIVES), ADAPTED, [])
-    found = reporting_verdicts.cases(
-        module.__package__, defaultdict(lambda: UNKNOWN, evidence), "feedback_claims.yaml"
-    )["phase_helps"]
-    assert found == {"turn": UNDECIDED, "scrape": YES}
-
-
 def test_one_person_decides_nothing(made, feedback):
     page = made(feedback).pages["feedback"]
     assert {one.verdict for one in page.judged} == {NOT_TESTED}
@@ -278,11 +257,11 @@ def test_people_are_judged_where_they_were_studied(made, feedback, segmentation)
 def test_the_share_left_is_the_geometric_mean_of_the_least_clear_tilt():
     rng = np.random.default_rng(0)
     clear, less = np.exp(rng.normal(np.log(0.3), 0.1, 400)), np.exp(rng.normal(np.log(0.8), 0.1, 400))
-    found = share_left([clear, less])
+    found = own.share_left([clear, less])
     assert found.low < 0.8 < found.high
     assert found.n == 400
     np.testing.assert_allclose(found.value, np.exp(np.log(less).mean()))
-    wider = share_left([clear, less], comparisons=12)
+    wider = own.share_left([clear, less], comparisons=12)
     assert wider.low < found.low < found.high < wider.high
 
 
@@ -336,9 +315,7 @@ def test_a_search_whose_mean_policy_failed_at_the_end_is_not_hidden():
     table.loc[last, "cost_rad"] = np.nan
     found = refinement_results(search=table)
     assert np.isnan(found.searched.loc[("turn", PI2), "mean"])
-    find = Findings()
-    refinement_of_one(find, found, ["down", "turn", "scrape"])
-    values = find.numbers()
+    values = rows(own.refinement_of_one, found, ["down", "turn", "scrape"]).numbers()
     assert "search_cost_pi2_prim2" not in values
     assert "search_cost_pi2_prim3" in values
 

@@ -15,12 +15,9 @@ from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.names import CUT_METHODS, ROLLOUTS, RUNS
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.views.executions_recording import (
-    read_feedback_runs,
-    read_refined_runs,
     write_refinement,
     write_robot,
 )
@@ -237,8 +234,3 @@ def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonst
     left = replace(segmentation, cuts=kept, left_out=pd.DataFrame())
     write_alignment(path, demonstrations, left, parameters)
     assert contents(path)[0]["/down/guess/curve"] == 1
-
-
-def test_without_executions_nothing_is_shown(tmp_path):
-    files = ScrapingFiles(tmp_path)
-    assert read_feedback_runs(files) == read_refined_runs(files) == {}

@@ -16,9 +16,9 @@ from structlearn.reporting.studies import OURS as STUDIED
 from structlearn.reporting.studies import Study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.latent_parameters import TRAINED_WITH, GeodesicParameters, LatentParameters
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_dataset import SPLITS, TouchDataParameters
-from structlearn.testbeds.servoing.names import DYNAMICS, OURS, TEXT
+from structlearn.testbeds.servoing.names import DYNAMICS, OURS, STILL, TEXT
 from structlearn.testbeds.servoing.page import page
 from structlearn.testbeds.servoing.page.findings import (
     TEXT_LL,
@@ -58,67 +58,65 @@ def spread(value):
     return value * (1.0 + WOBBLE)
 
 
-def latent_table(reconstruction=0.05, distances=0.005):
-    rows = [
-        (structure, seed, split, error, 2 * error, near, 0.5 * near)
-        for structure in (True, False)
+def over_seeds(rows):
+    """A table of rows by column, each once per seed; numbers with a decimal point are spread over seeds."""
+    return pd.DataFrame(
+        {name: value * factor if isinstance(value, float) else value for name, value in row.items()}
+        | {"seed": seed}
+        for row in rows
+        for seed, factor in enumerate(spread(1.0))
+    )
+
+
+def latent_table():
+    return over_seeds(
+        {"structure": structure, "split": split, "reconstruction": 0.05, "worst_electrode": 0.1}
+        | {"distances": near, "pressure": 0.5 * near}
+        for structure, near in ((True, 0.005), (False, 1.0))
         for split in SPLITS
-        for seed, (error, near) in enumerate(
-            zip(spread(reconstruction), spread(distances if structure else 1.0), strict=True)
-        )
-    ]
-    columns = ["structure", "seed", "split", "reconstruction", "worst_electrode", "distances", "pressure"]
-    return pd.DataFrame(rows, columns=columns)
+    )
 
 
-def forward_table(with_structure=0.2, without=0.1, still=0.6, still_without=0.15, power=1):
-    """NMSE at three steps; with a power of the steps elsewhere."""
-    rows = []
-    kinds = [(kind, way) for kind, ways in TRAINED_WITH.items() for way in ways]
-    for structure, error, nothing in ((True, with_structure, still), (False, without, still_without)):
-        for kind, way, value in [(*pair, error) for pair in kinds] + [("unchanged", "none", nothing)]:
-            rows += [
-                (structure, seed, kind, way, steps, found * (steps / 3) ** power)
-                for steps in (1, 2, 3)
-                for seed, found in enumerate(spread(value))
-            ]
-    table = pd.DataFrame(rows, columns=["structure", "seed", "forward", "trained_with", "steps", "nmse"])
-    return table.assign(plane=0.5 * table["nmse"], third=2.0 * table["nmse"])
+def forward_table(with_structure=0.2, without=0.1):
+    """NMSE at three steps, in proportion elsewhere."""
+    return over_seeds(
+        {"structure": structure, "forward": kind, "trained_with": way, "steps": steps, "nmse": nmse}
+        | {"plane": 0.5 * nmse, "third": 2.0 * nmse}
+        for structure, error, nothing in ((True, with_structure, 0.6), (False, without, 0.15))
+        for kind, way in (*DYNAMICS, STILL)
+        for steps in (1, 2, 3)
+        for nmse in [(nothing if (kind, way) == STILL else error) * steps / 3]
+    )
 
 
-def decoded_table(with_structure=0.5, without=0.9):
-    table = forward_table(with_structure, without).drop(columns=["plane", "third"])
+def decoded_table():
+    table = forward_table(0.5, 0.9).drop(columns=["plane", "third"])
     return table.rename(columns={"nmse": "pressure"}).assign(electrodes=0.3)
 
 
-def direction_table(best="NJ", without_loss=0.7, forward=0.5):
-    rows = [
-        (structure, seed, inverse, way, comparison, part, factor * share * found)
+def direction_table():
+    return over_seeds(
+        {"structure": structure, "inverse": inverse, "trained_with": way, "comparison": comparison}
+        | {"part": part, "distance": factor * share * value}
         for structure in (True, False)
         for inverse in ("LL", "NG", "NJ")
-        for way, value in ((inverse, 0.1 if inverse == best else 0.3), ("none", without_loss))
-        for comparison, factor in (("forward", forward), ("encoder", 1.0), ("agreement", 0.2))
+        for way, value in ((inverse, 0.1 if inverse == "NJ" else 0.3), ("none", 0.7))
+        for comparison, factor in (("forward", 0.5), ("encoder", 1.0), ("agreement", 0.2))
         for part, share in (("translation", 1.5), ("rotation", 0.5))
-        for seed, found in enumerate(spread(value))
-    ]
-    columns = ["structure", "seed", "inverse", "trained_with", "comparison", "part", "distance"]
-    return pd.DataFrame(rows, columns=columns)
+    )
 
 
 def curve_table():
     """Map distances fall below the published bound with the second point, reconstruction with the first."""
     quantities = {"reconstruction": (0.2, 0.1, 0.05), "distances": (0.03, 0.01, 0.005)}
     quantities["pressure"] = (0.1, 0.1, 0.1)
-    forward = [f"forward {kind}-{way}" for kind, ways in TRAINED_WITH.items() for way in ways]
-    quantities |= dict.fromkeys(forward, (0.4, 0.3, 0.2))
-    quantities |= dict.fromkeys([f"direction {one}-{one}" for one in ("LL", "NG", "NJ")], (0.5, 0.3, 0.1))
-    rows = [
-        (True, seed, name, found, step)
+    quantities |= {f"forward {kind}-{way}": (0.4, 0.3, 0.2) for kind, way in DYNAMICS}
+    quantities |= {f"direction {one}-{one}": (0.5, 0.3, 0.1) for one in ("LL", "NG", "NJ")}
+    return over_seeds(
+        {"structure": True, "quantity": name, "value": value, "step": step}
         for name, values in quantities.items()
         for step, value in zip((100, 200, 300), values, strict=True)
-        for seed, found in enumerate(spread(value))
-    ]
-    return pd.DataFrame(rows, columns=["structure", "seed", "quantity", "value", "step"])
+    )
 
 
 def comparison(reached=None, lifted=0):

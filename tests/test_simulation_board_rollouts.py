@@ -202,25 +202,17 @@ def data(board, tmp_path):
     return tmp_path
 
 
-def read(data, board, settings=(5.0, 10.0)):
-    refined = committed(
+@pytest.mark.parametrize("settings", [(5.0, 10.0), (0.0,)])
+def test_the_board_is_read_with_the_demonstrations_of_the_settings_asked_for(data, board, settings):
+    """What is not learned from does not bound the feedback."""
+    parameters = committed(
         board_refinement.BoardRefinementParameters, "refine", settings_deg=settings, setting_deg=20.0
     )
-    return board_refinement.read_board(data, refined, board.supervision, board.testbed, CLOCK)
-
-
-def test_the_board_is_read_with_the_demonstrations_of_the_settings_asked_for(data, board):
-    found, datasets = read(data, board)
+    found, datasets = board_refinement.read_board(data, parameters, board.supervision, board.testbed, CLOCK)
     assert (found.name, found.setting_deg, found.preceding) == ("turn", 20.0, {})
     assert [one.name for one in found.skill.primitives] == list(NAMES)
     assert found.skill.expected.keys() == board.skill.expected.keys()
-    assert set(datasets["turn"].setting) == {5.0, 10.0}
+    assert set(datasets["turn"].setting) == set(settings)
+    assert found.skill.limits.largest_coupling == {"ry": largest_coupling([datasets["turn"].target])}
     unrolls = read_runs(data / "runs/scraping/unrolls.parquet")
     np.testing.assert_array_equal(found.nominal, nominal_orientation(unrolls))
-
-
-def test_what_is_not_learned_from_does_not_bound_the_feedback(data, board):
-    """The largest coupling of the new setting is not known there."""
-    for settings in ((0.0,), (0.0, 5.0, 10.0)):
-        found, datasets = read(data, board, settings)
-        assert found.skill.limits.largest_coupling == {"ry": largest_coupling([datasets["turn"].target])}

@@ -247,7 +247,7 @@ def test_nothing_happens_before_the_reaction_time(first):
 
 
 def test_a_submovement_has_a_minimum_jerk_profile_of_the_gain():
-    """The error goes away as soon as it is seen, so there is one submovement only; damping follows its rate."""
+    """The error goes away as soon as it is seen, so there is one submovement only; damping adds its rate."""
     error = np.radians(5.0)
     seen = np.where(np.arange(900) * DT <= PLAIN.reaction_s, error, 0.0)
     once = PLAIN.model_copy(update={"refractory_s": 3.0})
