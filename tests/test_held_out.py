@@ -35,8 +35,8 @@ from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_motions import arm, rubbing_motion, sine_motion
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
-from test_obstacles_learning import PARAMETERS as AVOIDANCE
-from test_obstacles_learning import SCENARIOS
+from test_obstacles_models import PARAMETERS as AVOIDANCE
+from test_obstacles_models import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
 from test_tasks_representations import phase_dependent
 

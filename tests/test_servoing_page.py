@@ -119,13 +119,8 @@ def curve_table():
     )
 
 
-def comparison(reached=None, lifted=0):
-    """Trials of two seeds with six targets each; per controller a number of them is reached.
-
-    Args:
-        reached: by controller, even; others reach none.
-        lifted: trials of each controller in which the finger comes off.
-    """
+def comparison(reached=None):
+    """Trials of two seeds with six targets each, of which some are `reached` (even, by controller)."""
     trials, progress, paths = [], [], []
     for variant in variants(CHOSEN["servo"].horizon):
         keys = vars(variant)
@@ -138,7 +133,7 @@ def comparison(reached=None, lifted=0):
                 row |= dict(zip((f"{name}_x_m", f"{name}_y_m", f"{name}_z_m"), place, strict=True))
             row |= {"position_error_mm": 0.5 if success else 2.5, "pressure_error": 0.05, "success": success}
             row |= {"reach_s": 2.0 if success else np.nan, "path_mm": 6.6, "geodesic_mm": 6.0}
-            trials.append(row | {"lifted": number < lifted, "off_skin": False})
+            trials.append(row | {"lifted": False, "off_skin": False})
         for time in (1.0, 2.0):
             near = {"median_mm": 2.0 / time, "upper_mm": 3.0 / time, "within": hits / 12}
             progress.append(keys | {"time_s": time} | near)
