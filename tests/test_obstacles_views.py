@@ -21,9 +21,7 @@ from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     shown_scenarios,
     write_trained_avoidance,
 )
-from structlearn.testbeds.obstacles.views.unseen_avoidance import (
-    write_unseen_avoidance,
-)
+from structlearn.testbeds.obstacles.views.unseen_avoidance import write_unseen_avoidance
 
 UNSEEN = avoidance_protocols.unseen(PRIMITIVE)
 

@@ -17,10 +17,7 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.names import CUT_METHODS, ROLLOUTS, RUNS
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
-from structlearn.testbeds.scraping.views.executions_recording import (
-    write_refinement,
-    write_robot,
-)
+from structlearn.testbeds.scraping.views.executions_recording import write_refinement, write_robot
 from structlearn.testbeds.scraping.views.nominal_recordings import write_alignment, write_demonstrations
 from structlearn.testbeds.scraping.views.scraping_scene import Execution
 from structlearn.testbeds.scraping.views.search_recording import CHEAP, cost_colours, searches
