@@ -171,12 +171,12 @@ SCENARIOS = [
     Scenario(number, obstacle(shape, np.zeros(3))) for shape in ("sphere", "cube") for number in (1, 2)
 ]
 CHANGES = {"hidden": (4,), "training": {"iterations": 4}}
-QUICK = committed(NetworkParameters, "obstacle_training.per_setting", **CHANGES)
+SMALL = committed(NetworkParameters, "obstacle_training.per_setting", **CHANGES)
 PARAMETERS = committed(
     AvoidanceTrainingParameters,
     "obstacle_training",
-    per_setting=QUICK,
-    across_settings=QUICK,
+    per_setting=SMALL,
+    across_settings=SMALL,
     ensemble=CHANGES | {"members": 2, "demonstrations": 6},
     phase_modulated=committed(
         TrainingParameters, "compare_models", steps=40, evaluate_every=20, chunk_samples=5

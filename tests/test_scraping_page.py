@@ -83,10 +83,9 @@ class Made:
 
 
 @pytest.fixture
-def made(settings, segmentation):
-    def make(feedback=None, refinement=None, segmentation=segmentation, study=None):
-        parts = segmentation, feedback or feedback_results(), refinement or refinement_results()
-        return Made(ScrapingResults(*parts, study, settings))
+def made(settings, segmentation, feedback):
+    def make(study=None):
+        return Made(ScrapingResults(segmentation, feedback, refinement_results(), study, settings))
 
     return make
 
@@ -107,7 +106,8 @@ def feedback_evidence(results, count=5, **changes):
 
 def refinement_evidence(results, text=None):
     """The same of refinements, in the text's form like `text`, else like the results."""
-    study = forms({OURS: refinement_numbers(results), own.TEXT: refinement_numbers(text or results)})
+    ours = refinement_numbers(results)
+    study = forms({OURS: ours, own.TEXT: refinement_numbers(text) if text else ours})
     find = Findings()
     for form in (own.TEXT, OURS):
         own.refinement_of_people(find, own.ScrapingPeople(study, form, PRIMITIVES), results)
@@ -214,14 +214,14 @@ def test_each_rule_of_stopping_has_its_own_rows(feedback):
 
 def test_no_two_rows_rest_on_the_same_number(made, root):
     study = stored_study(root / "reports/studies/scraping/people")
-    for page in made(study=study).pages.values():
+    for page in made(study).pages.values():
         shown = [here for one in page.judged for _, here, _, verdict in one.cases if verdict != NOT_TESTED]
         assert shown
         assert len(set(shown)) == len(shown)
 
 
-def test_one_person_decides_nothing(made, feedback):
-    page = made(feedback).pages["feedback"]
+def test_one_person_decides_nothing(made):
+    page = made().pages["feedback"]
     assert {one.verdict for one in page.judged} == {NOT_TESTED}
     assert "not studied with these parameters" in render(page, AnyFigure())
 
@@ -237,7 +237,7 @@ def test_pages_show_the_first_person_and_no_constant_is_judged_where_it_was_chos
 
 def test_people_are_judged_where_they_were_studied(made, feedback, segmentation):
     numbers = rows(own.feedback_of_one, feedback).numbers() | sweep_evidence(segmentation).numbers()
-    report = made(feedback, study=people(numbers))
+    report = made(people(numbers))
     assert NOT_TESTED not in {one.verdict for one in report.pages["feedback"].judged}
     assert set(claims_table(report.pages["feedback"].judged)["study"]) == {PEOPLE}
     index = claims_table(report.pages["index"].judged)
@@ -276,8 +276,8 @@ def test_the_dissertation_s_claims_are_decided_by_its_own_form():
         assert claim.by == "ours" or claim.evidence.endswith("_text")
 
 
-def test_findings_are_the_means_given(made, feedback, segmentation):
-    values = made(feedback, refinement_results()).numbers
+def test_findings_are_the_means_given(made):
+    values = made().numbers
     for key, representation in (("pmnn", "pmnn_100"), ("ffnn_phase", "ffnn_phase"), ("ffnn", "ffnn")):
         for number in (2, 3):
             name = f"{key}_prim{number}_generalization_nmse"

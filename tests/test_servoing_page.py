@@ -12,6 +12,7 @@ from tactile_toy import toy_dataset
 from structlearn.core.params import Population
 from structlearn.reporting.claims import Evidence, claims_table
 from structlearn.reporting.document import render
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import OURS as STUDIED
 from structlearn.reporting.studies import Study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
@@ -27,6 +28,7 @@ from structlearn.testbeds.servoing.page.findings import (
     contact_bias,
     findings,
     forward_case,
+    over_people,
     rate_case,
     rated,
 )
@@ -174,6 +176,18 @@ def results():
     return ServoingResults(dataset, truth, models, comparison(reached), skin_tables(), CHOSEN, None)
 
 
+@pytest.fixture(scope="module")
+def shown(results):
+    return page.tables(results)
+
+
+@pytest.fixture
+def document(shown, monkeypatch):
+    """Makes the page; its tables are those of the same models, whoever was studied."""
+    monkeypatch.setattr(page, "tables", lambda _: shown)
+    return page.document
+
+
 def with_people(results, table):
     """Numbers of four people, spread about those of `table` where it has one for all."""
     whole = pd.DataFrame({"variant": STUDIED, "cell": range(4)})
@@ -213,12 +227,9 @@ CONTROLLERS = [f"people_servo_success_rate{ending}" for ending in ("", "_publish
 
 
 def verdicts(results):
-    return reporting_verdicts.verdicts("structlearn.testbeds.servoing.page", findings(results))
-
-
-def rendered(results):
-    """The page without its figures being drawn."""
-    return render(page.document(results, findings(results)), reporting_verdicts.AnyFigure())
+    find = Findings()
+    over_people(find, results)
+    return reporting_verdicts.verdicts("structlearn.testbeds.servoing.page", find)
 
 
 def test_claims_on_predictions_hold_where_numbers_say_so(results):
@@ -244,20 +255,24 @@ def test_controllers_that_fail_say_nothing_of_what_they_would_need(results):
     good = (*CONTROLLERS, "people_servo_contacts_lost", *gated, "geometry_aimed")
     assert {better[name] for name in good} == {"yes"}
     assert better["structure_serves"] == better["structure_serves_resting"] == better["loss_serves"] == "yes"
-    assert "rest on the study servoing/people, made by unknown code, not run again." in rendered(
-        with_people(results, everything())
-    )
-    here = rendered(results)
-    assert "rest on the study" not in here
+
+
+@pytest.mark.parametrize("studied", [False, True])
+def test_the_page_says_what_its_verdicts_rest_on_and_on_which_contacts_models_were_tested(
+    results, document, studied
+):
+    results = with_people(results, everything()) if studied else results
+    text = render(document(results, findings(results)), reporting_verdicts.AnyFigure())
+    assert ("rest on the study servoing/people, made by unknown code, not run again." in text) == studied
     count = 3 * (400 - 3 * 31)  # of 30 contacts, those with 7 as last digit
-    assert f"(0 in 0 contacts of rotation, {count} in 3 contacts of translation)" in here
+    assert f"(0 in 0 contacts of rotation, {count} in 3 contacts of translation)" in text
 
 
-def test_rows_say_that_they_are_quoted_and_none_repeats_the_numbers_of_another(results):
+def test_rows_say_that_they_are_quoted_and_none_repeats_the_numbers_of_another(results, document):
     rng = np.random.default_rng(0)
     found = with_people(results, {key: rng.uniform(0.6, 0.9, 4) for key in everything()})
     rows = findings(found)
-    judged = page.document(found, rows).judged
+    judged = document(found, rows).judged
     assert set(claims_table(judged)["study"]) == {"servoing/people"}
     its = [rows[one.claim.evidence] for one in judged]
     values = [case.value for one in its for case in ([one] if isinstance(one, Evidence) else one.values())]

@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,7 @@ def contents(path):
     assert len(reader.recordings()) == 1
     assert len(reader.blueprints()) == 1
     rows, entities, timelines = {}, set(), set()
-    for chunk in reader.stream().to_chunks():
+    for chunk in chunks(path):
         entities.add(chunk.entity_path)
         if not chunk.is_static:
             timelines |= set(chunk.timeline_names)
@@ -57,14 +58,21 @@ def contents(path):
     return rows, entities, timelines
 
 
+def chunks(path):
+    """Chunks of a file, which is read once for all that is asked of it."""
+    return _read(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _read(path, written_ns):
+    return RrdReader(path).stream().to_chunks()
+
+
 def values(path, entity, component):
     """Values of a component of an entity in the order of time, static ones first."""
-    found = []
-    for chunk in RrdReader(path).stream().to_chunks():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path == entity and component in batch.schema.names:
-            found += batch.column(component).to_pylist()
-    return [value for value in found if value is not None]
+    batches = [chunk.to_record_batch() for chunk in chunks(path) if chunk.entity_path == entity]
+    columns = [batch.column(component).to_pylist() for batch in batches if component in batch.schema.names]
+    return [value for column in columns for value in column if value is not None]
 
 
 def note(path, place="/notes"):
