@@ -178,14 +178,6 @@ def test_an_obstacle_on_start_or_goal_is_refused(shape):
             check_clear(obstacle(shape, point + np.array([0.01, 0, 0])), SCENE.start, SCENE.goal)
 
 
-@pytest.mark.parametrize("height", [0.7, -0.7])
-def test_a_reach_along_gravity_anchors_the_side(height):
-    axes = reach_frame(np.zeros(3), np.array([0, 0, height]))
-    np.testing.assert_allclose(axes[:, :2].T, [[0, 0, np.sign(height)], [0, 1, 0]])
-    np.testing.assert_allclose(np.linalg.det(axes), 1.0)
-    assert len(scenarios(scene(start_m=(0, 0, 0), goal_m=(0, 0, height), settings=5))) == 15
-
-
 def test_nothing_is_judged_in_the_scene_that_constants_were_chosen_on():
     with pytest.raises(ValidationError, match="scene 6 is the one that constants were chosen on"):
         scene(seed=6, tuning_seed=6)

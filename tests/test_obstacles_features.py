@@ -47,15 +47,6 @@ def test_features_are_their_definition(rng):
     assert len(NAMES) == len(set(NAMES)) == values.shape[-1]
 
 
-def test_many_states_share_a_cloud():
-    position, velocity, cloud, centre = random_states(np.random.default_rng(1), batch=6)
-    shared = features(position, velocity, 1.0, cloud[0], centre[0])
-    repeated = features(position, velocity, 1.0, np.stack([cloud[0]] * 6), np.stack([centre[0]] * 6))
-    np.testing.assert_array_equal(shared, repeated)
-    table = features(position.reshape(2, 3, 3), velocity.reshape(2, 3, 3), 1.0, cloud[0], centre[0])
-    np.testing.assert_array_equal(table.reshape(6, 17), shared)
-
-
 def test_the_cosine_is_minus_one_where_it_is_undefined_and_one_straight_ahead():
     cloud = np.array([[1.0, 0, 0], [2, 0, 0], [3, 0, 0]])
     ahead = np.array([1.0, 0, 0])

@@ -21,18 +21,7 @@ from structlearn.testbeds.scraping.views.executions_recording import write_refin
 from structlearn.testbeds.scraping.views.nominal_recordings import write_alignment, write_demonstrations
 from structlearn.testbeds.scraping.views.scraping_scene import Execution
 from structlearn.testbeds.scraping.views.search_recording import CHEAP, cost_colours, searches
-from structlearn.testbeds.scraping.world import scraping_robot
-from structlearn.testbeds.scraping.world.layout import (
-    CONTACT_M,
-    EDGE_M,
-    FLAT_ORIENTATION,
-    ROLL_AXIS,
-    board_orientation,
-    grasp_place,
-    hand_roll_deg,
-    tool_orientation,
-    tool_roll_deg,
-)
+from structlearn.testbeds.scraping.world import layout, scraping_robot
 from structlearn.viewer.rrd import entity, rgba
 
 PRIMITIVES = ("down", "turn", "scrape")
@@ -43,15 +32,15 @@ LENGTH = 40  # samples of a rollout, at 100 Hz
 
 
 def about_roll(degrees):
-    return quaternion.from_rotation_vector(np.radians(degrees)[..., None] * ROLL_AXIS)
+    return quaternion.from_rotation_vector(np.radians(degrees)[..., None] * layout.ROLL_AXIS)
 
 
 def board_run(name="01", hand_deg=10.0, tool_on_board_deg=0.0):
     """The hand turns to `hand_deg` about the roll axis and slides along the board; the tool lies as asked."""
     time = np.arange(1 + int(1.3 * RATE_HZ)) / RATE_HZ
     share = time / time[-1]
-    position = CONTACT_M + 0.06 * share[:, None] * ROLL_AXIS
-    orientation = quaternion.product(about_roll(hand_deg * share), FLAT_ORIENTATION)
+    position = layout.CONTACT_M + 0.06 * share[:, None] * layout.ROLL_AXIS
+    orientation = quaternion.product(about_roll(hand_deg * share), layout.FLAT_ORIENTATION)
     rotations = Rotation.from_quat(quaternion.to_xyzw(orientation)).as_matrix()
     joints = [scraping_robot.joint_angles(position[at], rotations[at]) for at in (0, -1)]
     return Demonstration(
@@ -109,14 +98,14 @@ def rollouts(primitives=("turn", "scrape"), iterations=2, samples=3, failed=()):
 
 def test_a_tool_flat_on_the_board_is_parallel_to_it_and_meets_the_hand_that_turned_as_far():
     one = shown(hand_deg=10.0, tool_on_board_deg=0.0)
-    normal = quaternion.rotate(board_orientation(10.0), np.array([0.0, 0.0, 1.0]))
-    down = quaternion.rotate(tool_orientation(one.run, 10.0), np.array([0.0, 0.0, 1.0]))
+    normal = quaternion.rotate(layout.board_orientation(10.0), np.array([0.0, 0.0, 1.0]))
+    down = quaternion.rotate(layout.tool_orientation(one.run, 10.0), np.array([0.0, 0.0, 1.0]))
     assert normal == pytest.approx([np.sin(np.radians(10.0)), 0.0, np.cos(np.radians(10.0))])
     assert down == pytest.approx(np.tile(-normal, (len(down), 1)))
-    assert hand_roll_deg(one.run)[[0, -1]] == pytest.approx([0.0, 10.0], abs=1e-9)
-    assert tool_roll_deg(one.run) == pytest.approx(0.0, abs=1e-9)
+    assert layout.hand_roll_deg(one.run)[[0, -1]] == pytest.approx([0.0, 10.0], abs=1e-9)
+    assert layout.tool_roll_deg(one.run) == pytest.approx(0.0, abs=1e-9)
     # with the hand turned as far as the board the edge is where the hand says
-    edge = grasp_place(one.run) + EDGE_M * down
+    edge = layout.grasp_place(one.run) + layout.EDGE_M * down
     assert edge[-1] == pytest.approx(one.run.position[-1])
 
 

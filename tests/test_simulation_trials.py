@@ -121,8 +121,6 @@ def test_a_guided_demonstration_is_recorded_like_an_execution():
         check_recording(recording)
         assert [one.kind for one in recording.streams] == KINDS
         assert recording.provenance["what"] == "a person guides the arm"
-        assert recording.provenance["seed"] == "3"
-        assert np.median(np.diff(recording.streams[0].stamps)) == pytest.approx(1e9 / 300, abs=1)
         np.testing.assert_array_equal(recording.true_segments[1:, 0], recording.true_segments[:-1, 1])
         assert recording.true_segments[-1, 1] < synchronise(recording).time[-1]
     assert not np.array_equal(both[0].true_segments, both[1].true_segments)
