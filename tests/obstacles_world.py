@@ -69,7 +69,7 @@ def evaluation():
         "network": {"setting": Push(5.0), "all": Push(3.0)} | shapes,
         "ensemble": {"all": Push(3.5)} | shapes,
         "human_inspired": {"setting": Push(9.0)} | shapes,
-        "phase_modulated": {"all": Push(2.0)} | shapes,
+        "phase_modulated": {"all": Push(2.0)},
     }
     shown, *others = PEOPLE
     learner = avoidance_protocols.Learner(shown, PRIMITIVE, models, own_scenarios(PLACES, PEOPLE)[shown])
