@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from committed import topic_map
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from structlearn.core import quaternion
-from structlearn.readers import Recording, Stream
+from structlearn.readers import Recording, Stream, read_recording
 
 STORE = get_typestore(Stores.LATEST)
 """Definitions of ROS 2 as the library `rosbags` has them."""
@@ -40,6 +41,24 @@ def write_bag(path, messages, empty=(), **options):
         writer.finish()
 
 
+def read_messages(path, messages, *policy, **topics):
+    """The recording of a bag with these messages and roles of topics; `/tool` is the pose unless said."""
+    write_bag(path, messages)
+    return read_recording(path, topic_map(**{"pose": "/tool"} | topics), *policy)
+
+
+def foreign_bag(path, schema, messages, encoding="cdr", **options):
+    """A bag as other programs write one: its schema (name, language, text), and (stamp, bytes) on /tool."""
+    with open(path, "wb") as stream:
+        writer = McapWriter(stream, **options)
+        writer.start()
+        channel = writer.register_channel("/tool", encoding, writer.register_schema(*schema))
+        for stamp, content in messages:
+            writer.add_message(channel, stamp, content, stamp)
+        writer.finish()
+    return path
+
+
 def header(stamp):
     return {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "base_link"}
 
@@ -59,10 +78,12 @@ def ros_pose(row):
     return {"position": vector(row[:3]), "orientation": ros_quaternion(row[3:])}
 
 
-def pose_messages(stamps, rows, topic="/tool"):
+def pose_messages(stamps, rows, topic="/tool", logged=None):
+    """Poses, logged when they are stamped or at times of their own."""
+    kind = "geometry_msgs/msg/PoseStamped"
     return [
-        (topic, "geometry_msgs/msg/PoseStamped", {"header": header(s), "pose": ros_pose(row)}, s)
-        for s, row in zip(stamps, rows, strict=True)
+        (topic, kind, {"header": header(stamp), "pose": ros_pose(row)}, log_time)
+        for stamp, row, log_time in zip(stamps, rows, stamps if logged is None else logged, strict=True)
     ]
 
 
@@ -91,6 +112,12 @@ def transform_messages(stamps, parent, child, rows, topic="/tf"):
 def transform_stamped(stamp, parent, child, row):
     transform = {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])}
     return {"header": header(stamp) | {"frame_id": parent}, "child_frame_id": child, "transform": transform}
+
+
+def assert_same_poses(values, expected, atol=1e-12):
+    """Of rows x, y, z, qw .., whatever the signs of the quaternions."""
+    np.testing.assert_allclose(values[:, :3], expected[:, :3], atol=atol)
+    assert quaternion.angle_between(values[:, 3:], expected[:, 3:]).max() < 1e-7
 
 
 def pose_rows(count, seed=0):
