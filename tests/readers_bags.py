@@ -169,41 +169,22 @@ def recorded_data(name):
     return folder
 
 
-class Older:
-    """Bags as the library `rosbags` writes them, with its own definitions."""
-
-    def __init__(self, stamps, poses, angles, ros1):
-        self.ros1, self.rows = ros1, zip(stamps, poses.tolist(), angles, strict=True)
-        self.store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
-
-    def type(self, name):
-        return self.store.types[name]
-
-    def header(self, stamp):
-        time = self.type("builtin_interfaces/msg/Time")(*divmod(stamp, 10**9))
-        counter = (7,) if self.ros1 else ()
-        return self.type("std_msgs/msg/Header")(*counter, time, "base_link")
-
-    def messages(self):
-        """(topic, type, message, log time), with a message that nobody asks for."""
-        point, turn, pose = (
-            self.type(f"geometry_msgs/msg/{name}") for name in ("Point", "Quaternion", "Pose")
-        )
-        nothing = np.zeros(0)
-        for stamp, (x, y, z, qw, *q), angles in self.rows:
-            placed = pose(point(x, y, z), turn(*q, qw))
-            yield "/tool", self.type("geometry_msgs/msg/PoseStamped")(self.header(stamp), placed), stamp
-            state = self.type("sensor_msgs/msg/JointState")
-            joints = state(self.header(stamp), ["a", "b"], angles, nothing, nothing)
-            yield "/joint_states", joints, stamp
-            yield "/chatter", self.type("std_msgs/msg/String")("hello"), stamp
-
-    def write(self, writer):
-        connections = {}
-        with writer:
-            for topic, message, stamp in self.messages():
-                name = message.__msgtype__
-                if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, name, typestore=self.store)
-                serialise = self.store.serialize_ros1 if self.ros1 else self.store.serialize_cdr
-                writer.write(connections[topic], stamp, serialise(message, name))
+def write_older(writer, stamps, poses, angles, ros1):
+    """A bag of ROS 1, or of ROS 2 before MCAP, by the library `rosbags`; nobody asks for its `/chatter`."""
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
+    time, head = (store.types[name] for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header"))
+    point, turn, pose, posed = (
+        store.types[f"geometry_msgs/msg/{name}"] for name in ("Point", "Quaternion", "Pose", "PoseStamped")
+    )
+    state, words = store.types["sensor_msgs/msg/JointState"], store.types["std_msgs/msg/String"]
+    nothing, counter = np.zeros(0), (7,) if ros1 else ()
+    kinds = {"/tool": posed, "/joint_states": state, "/chatter": words}
+    with writer:
+        topics = {t: writer.add_connection(t, k.__msgtype__, typestore=store) for t, k in kinds.items()}
+        for stamp, (x, y, z, qw, *q), row in zip(stamps, poses.tolist(), angles, strict=True):
+            header = head(*counter, time(*divmod(stamp, 10**9)), "base_link")
+            tool = posed(header, pose(point(x, y, z), turn(*q, qw)))
+            joints = state(header, ["a", "b"], row, nothing, nothing)
+            for topic, message in zip(kinds, (tool, joints, words("hello")), strict=True):
+                writer.write(topics[topic], stamp, serialise(message, message.__msgtype__))

@@ -7,7 +7,7 @@ import pytest
 import zstandard
 from committed import topic_map
 from mcap.writer import CompressionType
-from readers_bags import Older, foreign_bag, joint_messages, pose_messages, pose_rows, write_bag
+from readers_bags import foreign_bag, joint_messages, pose_messages, pose_rows, write_bag, write_older
 
 from structlearn.core.errors import InputError
 from structlearn.readers import read_recording, read_recordings
@@ -106,13 +106,12 @@ def test_without_the_extra_it_is_said_how_to_get_it(tmp_path, monkeypatch, name)
 
 @pytest.mark.parametrize("mode", ["plain", "message", "file", "old"])
 def test_a_bag_in_the_older_storage_of_ros_2(tmp_path, mode):
-    older = Older(STAMPS, POSES, ANGLES, ros1=False)
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, Writer
 
     writer = Writer(tmp_path / "take", version=9)
     if mode in ("message", "file"):
         writer.set_compression(CompressionMode[mode.upper()], CompressionFormat.ZSTD)
-    older.write(writer)
+    write_older(writer, STAMPS, POSES, ANGLES, ros1=False)
     (path,) = (tmp_path / "take").glob("take*.db3*")
     if mode == "old":  # before Iron there were no definitions in the file
         import apsw
@@ -126,10 +125,9 @@ def test_a_bag_in_the_older_storage_of_ros_2(tmp_path, mode):
 
 
 def test_a_bag_of_ros_1(tmp_path):
-    older = Older(STAMPS, POSES, ANGLES, ros1=True)
     from rosbags.rosbag1 import Writer
 
-    older.write(Writer(tmp_path / "take.bag"))
+    write_older(Writer(tmp_path / "take.bag"), STAMPS, POSES, ANGLES, ros1=True)
     (recording,) = read_recordings(tmp_path, TOPICS)
     assert_same(recording)
     assert recording.provenance == {"origin": "recorded", "source": "take.bag"}

@@ -225,13 +225,6 @@ def test_sources_share_the_stamps_of_the_slowest_but_for_holes(sources):
         assert (tick in shared) == all(bridged)
 
 
-def test_bursts_are_no_holes():
-    """Log times often come in bursts of ten, a millisecond apart, though the samples do not."""
-    bursts = (np.arange(20)[:, None] * 10**8 + np.arange(10) * 10**6).ravel()
-    even = np.arange(400) * 5 * 10**6
-    assert len(shared_stamps([even, bursts])) == len(bursts)
-
-
 STAMPS = np.array([1581238055_716234152 + row * 10**7 for row in range(6)])
 
 

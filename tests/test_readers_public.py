@@ -208,7 +208,7 @@ def test_columns_of_slides(tmp_path):
     write_slides(tmp_path)
     first, second = slide.read_slides(tmp_path)
     assert (first.name, second.name) == ("mat9_2", "mat9_10")
-    joints = dict.fromkeys(("joint_positions", "joint_torques", "joint_velocities"), list(range(1, 8)))
+    joints = {f"joint_{name}": list(range(1, 8)) for name in ("positions", "torques", "velocities")}
     wrench, tactile = list(range(1, 7)), list(range(26, 45))
     expected = {"pose": [1, 2, 3, 0.8, 0, 0.6, 0], "wrench": wrench, **joints, "tactile": tactile}
     assert rows_of(first) == expected

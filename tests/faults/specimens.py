@@ -15,7 +15,7 @@ from committed import own_tasks, parameter_tree, topic_map
 from faults import forged_skills
 from faults.mutants import mutant
 from mcap.writer import CompressionType
-from readers_bags import Older, make_recording, pose_messages, pose_rows, write_bag
+from readers_bags import make_recording, pose_messages, pose_rows, write_bag, write_older
 from readers_sets import write_boxes, write_dataset, write_kuka, write_skin, write_ur10e
 from scraping_motions import constant_network, scraping_skill
 
@@ -75,11 +75,11 @@ def _older(path: Path) -> None:
     from rosbags import rosbag1, rosbag2
 
     stamps = (10**9 + 10_000_000 * np.arange(20)).tolist()
-    bag = Older(stamps, pose_rows(20), np.zeros((20, 2)), ros1=path.suffix == ".bag")
-    if bag.ros1:
-        bag.write(rosbag1.Writer(path))
+    content = stamps, pose_rows(20), np.zeros((20, 2))
+    if path.suffix == ".bag":
+        write_older(rosbag1.Writer(path), *content, ros1=True)
     else:
-        bag.write(rosbag2.Writer(path.parent / "made", version=9))
+        write_older(rosbag2.Writer(path.parent / "made", version=9), *content, ros1=False)
         (path.parent / "made/made.db3").rename(path)
         shutil.rmtree(path.parent / "made")
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pandas as pd
+import pyarrow.parquet
 import pytest
 import zstandard
 from committed import topic_map
@@ -31,7 +31,6 @@ from structlearn.readers.ur10e import read_motion
 from structlearn.rigid_body.tree import read_urdf
 
 STAMPS = (10**9 + 10_000_000 * np.arange(4)).tolist()
-BOMB = b"\x80" + (2 * 10**8).to_bytes(8, "little") + bytes(2 * 10**8)  # a record that nobody knows
 
 
 def _columns(path: Path) -> None:
@@ -47,17 +46,17 @@ def _joints(path: Path) -> None:
 
 
 def _chunks(path: Path) -> None:
-    """15 chunks of 200 MB, each as large as it says."""
-    builder = RecordBuilder()
-    packed = zstandard.compress(BOMB)
-    for _ in range(15):
-        Chunk("zstd", packed, 0, 0, 0, len(BOMB)).write(builder)
+    """6 chunks of 200 MB, each as large as it says, of a record that nobody knows."""
+    builder, size = RecordBuilder(), 2 * 10**8
+    packed = zstandard.compress(b"\x80" + size.to_bytes(8, "little") + bytes(size))
+    for _ in range(6):
+        Chunk("zstd", packed, 0, 0, 0, size + 9).write(builder)
     Footer(0, 0, 0).write(builder)
     path.write_bytes(MCAP0_MAGIC + builder.end() + MCAP0_MAGIC)
 
 
 def _packed(path: Path) -> None:
-    path.write_bytes(zstandard.compress(bytes(15 * 10**8)))
+    path.write_bytes(zstandard.compress(bytes(11 * 10**8)))
 
 
 def _sparse(path: Path) -> None:
@@ -66,10 +65,9 @@ def _sparse(path: Path) -> None:
 
 
 def _rows(path: Path) -> None:
-    """A small file with 200 million numbers."""
-    count = 5 * 10**7
-    table = pd.DataFrame(dict.fromkeys(["time_s", "x", "y", "z"], np.zeros(count)))
-    table.to_parquet(path, index=False)
+    """A small file with 200 million values."""
+    columns = dict.fromkeys(["time_s", "x", "y", "z"], pyarrow.nulls(5 * 10**7))
+    pyarrow.parquet.write_table(pyarrow.table(columns), path)
 
 
 def _long(path: Path) -> None:
