@@ -127,16 +127,15 @@ def _dataset(path: Path) -> Path:
     return next(folder for folder in path.parents if folder.name == "lerobot")
 
 
-def _demonstrated(path: Path) -> list:
+def _episodes(path: Path) -> list:
     return read_movement(_dataset(path), SimpleNamespace(topics=topic_map(pose="pose")), {})
 
 
 def _tasks(path: Path) -> None:
-    own_tasks(path.parents[2], reach={"source": "x", "topics": {"pose": "/p"}, **MOVE})
-
-
-TOOL = topic_map(pose="/tool")
-MOVE = {"segment": {"primitives": [{"name": "move", "axis": "z", "threshold_m_s": 0.02}]}}
+    move = {"name": "move", "axis": "z", "threshold_m_s": 0.02}
+    own_tasks(
+        path.parents[2], reach={"source": "x", "topics": {"pose": "/p"}, "segment": {"primitives": [move]}}
+    )
 
 
 def _taken(path: Path) -> Any:
@@ -146,30 +145,28 @@ def _taken(path: Path) -> Any:
 SIGNED = {
     "demonstration.mcap": (lambda path: write_recording(make_recording(path.stem, count=30), path), _taken),
     "scene.mcap": (_scene, _taken),
+    "lz4.mcap": (
+        lambda path: _bag(path, compression=CompressionType.LZ4, chunk_size=2000, enable_data_crcs=True),
+        _taken,
+    ),
     "log.mcap": (lambda path: write_joint_log(_log(JointLog, path.stem), path), read_joint_log),
     "drives.parquet": (
         lambda path: write_log_table([_log(DriveLog, path.stem)], path),
         lambda path: read_log_table(path, DriveLog),
     ),
-    "lz4.mcap": (
-        lambda path: _bag(path, compression=CompressionType.LZ4, chunk_size=2000, enable_data_crcs=True),
-        _taken,
-    ),
     "networks.safetensors": (
-        lambda path: write_networks([("tilt", constant_network())], path),
-        read_networks,
+        lambda path: write_networks([("tilt", constant_network())], path), read_networks
     ),
     "primitives.safetensors": (
-        lambda path: write_primitives(scraping_skill().primitives, path),
-        read_primitives,
+        lambda path: write_primitives(scraping_skill().primitives, path), read_primitives
     ),
     "skill.safetensors": (forged_skills.write, forged_skills.run),
     "table.parquet": (_table, read_table),
-}
+}  # fmt: skip
 UNSIGNED = {
     "unchecked.mcap": (lambda path: _bag(path, use_chunking=False, enable_crcs=False), _taken),
-    **dict.fromkeys(("take.db3", "take.bag"), (_older, lambda path: read_recording(path, TOOL))),
-    **dict.fromkeys(("poses.csv", "poses.parquet"), (_poses, read_demonstrations)),
+    "take.db3, take.bag": (_older, lambda path: read_recording(path, topic_map(pose="/tool"))),
+    "poses.csv, poses.parquet": (_poses, read_demonstrations),
     "metadata.yaml": (_described_bag, lambda path: read_demonstrations(path.parent)),
     "metrics.json": (
         lambda path: write_metrics({"error": 0.1, "runs": 3, "model": "cov", "known": True}, path),
@@ -177,47 +174,40 @@ UNSIGNED = {
     ),
     "log.txt": (_text, lambda path: read_stamped_table(path, 4)),
     "ur-run.csv": (
-        lambda path: write_ur10e(path.parent, ["ur-run"]),
-        lambda path: read_motion(path.parent),
+        lambda path: write_ur10e(path.parent, ["ur-run"]), lambda path: read_motion(path.parent)
     ),
     f"{FOLDERS[PRESSES]}/run/states.csv": (
         lambda path: write_skin(path.parents[2], name="run"),
         lambda path: read_run(path.parent, path.parents[2], PRESSES),
     ),
-    **{
-        f"sub_01/T007/{name}_T007.csv": (
-            lambda path: write_boxes(path.parents[2]),
-            lambda path: read_obstacles(path.parents[2], None),
-        )
-        for name in ("HandTracker_movement", "grid_objects_layout")
-    },
+    "sub_01/T007/HandTracker_movement_T007.csv, sub_01/T007/grid_objects_layout_T007.csv": (
+        lambda path: write_boxes(path.parents[2]), lambda path: read_obstacles(path.parents[2], None)
+    ),
     "dvc.lock": (_lock, lambda path: list(changed(path, path.parent))),
     "params.yaml": (
         lambda path: path.write_text(yaml.safe_dump({"segment": parameter_tree({})["segment"]})),
         lambda path: read_parameters(path, "segment", SegmentParameters),
     ),
-    **dict.fromkeys(
-        ("stages/tasks/own.yaml", "stages/tasks/params.yaml"),
-        (_tasks, lambda path: read_task("reach", path.parent)),
-    ),
-    **dict.fromkeys(
-        ("touches.csv", "touches.parquet"), (_touches, lambda path: read_touch_table(path, None))
-    ),
+    "stages/tasks/own.yaml, stages/tasks/params.yaml": (_tasks, lambda path: read_task("reach", path.parent)),
+    "touches.csv, touches.parquet": (_touches, lambda path: read_touch_table(path, None)),
     "measurements_1.npz": (
-        lambda path: write_kuka(path.parent),
-        lambda path: kuka_lwr4.read_motion(path.parent),
+        lambda path: write_kuka(path.parent), lambda path: kuka_lwr4.read_motion(path.parent)
     ),
-    **dict.fromkeys(
-        ("lerobot/meta/info.json", "lerobot/data/chunk-000/file-000.parquet"),
-        (lambda path: write_dataset(_dataset(path)), _demonstrated),
+    "lerobot/meta/info.json, lerobot/data/chunk-000/file-000.parquet": (
+        lambda path: write_dataset(_dataset(path)), _episodes
     ),
     "robot.urdf": (
         lambda path: shutil.copy(Path(pybullet_data.getDataPath(), "kuka_iiwa/model.urdf"), path),
         lambda path: read_urdf(path).inertias,
     ),
+}  # fmt: skip
+"""How files are written and read, by their names; without checksums some damage is other data."""
+SPECIMENS = {
+    name: Specimen(name, *both, signed=files is SIGNED)
+    for files in (SIGNED, UNSIGNED)
+    for names, both in files.items()
+    for name in names.split(", ")
 }
-SPECIMENS = {name: Specimen(name, *both, signed=True) for name, both in SIGNED.items()}
-SPECIMENS |= {name: Specimen(name, *both, signed=False) for name, both in UNSIGNED.items()}
 SPECIMENS["forged.safetensors"] = Specimen(
     "forged.safetensors", forged_skills.write, forged_skills.run, False, forged_skills.forged
 )
