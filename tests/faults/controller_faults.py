@@ -11,7 +11,7 @@ Writes `reports/reliability/upsets.csv`; names each run that breaks the rule.
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,7 +85,7 @@ def main() -> None:
         sys.exit("\n".join(["error: the rule is broken:", *broken]))
 
 
-def several(seeds: range) -> tuple[Counter, list[str]]:
+def several(seeds: Iterable[int]) -> tuple[Counter, list[str]]:
     """How many ticks there were by kind of reading and flag, and what is wrong with which run."""
     counts, broken = Counter(), []
     for seed in seeds:
