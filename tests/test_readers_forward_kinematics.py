@@ -34,9 +34,9 @@ def arm(tmp_path):
     return tmp_path / "arm.urdf"
 
 
-def read_arm(path, messages, urdf, tip, **topics):
-    """The pose of a link by the joint states of a bag."""
-    pose = {"urdf": str(urdf), "tip": tip, "topic": "/joint_states"}
+def read_arm(path, messages, urdf, tip, joints=None, **topics):
+    """The pose of a link by the joint states of a bag, of which some joints may be renamed."""
+    pose = {"urdf": str(urdf), "tip": tip, "topic": "/joint_states", "joints": joints or {}}
     return read_messages(path / "bag.mcap", messages, pose=pose, **topics)
 
 
@@ -101,13 +101,11 @@ def test_joints_in_messages_of_their_own_meet_on_the_slower_clock(arm, tmp_path)
 def test_joints_may_have_other_names_in_the_urdf(arm, tmp_path):
     time = np.arange(30) * 0.3
     positions = np.stack([np.sin(time), 1.1 * time], axis=1)
-    write_bag(tmp_path / "bag.mcap", joint_messages(STAMPS, ["axis_1", "elbow"], positions))
-    pose = {"urdf": str(arm), "tip": "tool", "topic": "/joint_states"}
-    renamed = topic_map(pose=pose | {"joints": {"axis_1": "shoulder"}})
-    (found,) = read_recording(tmp_path / "bag.mcap", renamed).streams
+    messages = joint_messages(STAMPS, ["axis_1", "elbow"], positions)
+    (found,) = read_arm(tmp_path, messages, arm, "tool", {"axis_1": "shoulder"}).streams
     assert_same_poses(found.values, two_link_pose(*positions.T))
     with pytest.raises(InputError, match="has no joints axis_2, which the entry renames"):
-        read_recording(tmp_path / "bag.mcap", topic_map(pose=pose | {"joints": {"axis_2": "shoulder"}}))
+        read_arm(tmp_path, messages, arm, "tool", {"axis_2": "shoulder"})
 
 
 @pytest.mark.parametrize(
