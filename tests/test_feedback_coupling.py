@@ -3,16 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 from primitives_movements import few, quick, reach, rngs, wobbly_turn
 
 from structlearn.core import quaternion
-from structlearn.core.frames import local_frame
 from structlearn.feedback.corrected_paths import coupling_response
-from structlearn.feedback.coupling import orientation_target, position_target, reach_target
-from structlearn.primitives import canonical, transformation
+from structlearn.feedback.coupling import orientation_target, position_target
+from structlearn.primitives import transformation
 from structlearn.primitives.orientation import fit_quaternion
-from structlearn.primitives.position import fit_position
 from structlearn.primitives.vector import fit_vector
 
 COARSE, FINE = 0.004, 0.001  # s
@@ -91,24 +88,6 @@ def test_the_sign_of_a_quaternion_does_not_matter(rng):
     )
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_target_of_a_reach_is_along_the_axes_of_the_base_frame(seed):
-    """Eq. IV.23 with every term in the base frame, for a reach that is askew to it."""
-    rng = np.random.default_rng(seed)
-    nominal = fit_position([reach(rng, [0.1, -0.2, 0.3], [0.5, 0.2, 0.1])])
-    path = reach(rng, [0.15, -0.1, 0.25], [0.5, 0.2, 0.15], duration=1.2, detour=0.05)
-    start, tau = path.position[0], canonical.time_constant(path.duration)
-    axes = local_frame(start, nominal.goal, nominal.frame)
-    local_goal = (nominal.goal - start) @ axes
-    forcing = [axes @ one for one in nominal.local.forcing(path.time, np.zeros(3), local_goal, path.duration)]
-    first = transformation.initial_goal(start, path.velocity[0], path.acceleration[0], tau)
-    goals = transformation.goal_path(nominal.goal, first, path.time, tau)
-    spring = transformation.BETA * (goals - path.position) - tau * path.velocity
-    expected = tau**2 * path.acceleration - transformation.ALPHA * spring - forcing
-    np.testing.assert_allclose(reach_target(path, nominal), expected, atol=1e-9)
-    assert not np.allclose(axes, axes.T, atol=0.1)
-
-
 @given(rngs)
 @quick
 def test_coupling_adds_its_response_to_any_nominal_movement(rng):
@@ -123,16 +102,3 @@ def test_coupling_adds_its_response_to_any_nominal_movement(rng):
     )
     expected = coupling_response(60, dt / tau) @ coupling
     np.testing.assert_allclose(corrected - nominal, expected, rtol=1e-9, atol=1e-9)
-
-
-@given(st.floats(1e-4, 0.1))
-@few
-def test_a_coupling_acts_later_only_and_alike_at_all_times(step):
-    response = coupling_response(30, step)[:, 1:]  # the first value moves the initial goal too
-    assert not np.triu(response).any()
-    np.testing.assert_array_equal(response[1:, 1:], response[:-1, :-1])
-    # critically damped: the response to a constant coupling is closed-form
-    elapsed = transformation.ALPHA / 2 * step * np.arange(29)
-    steady = 1.0 / (transformation.ALPHA * transformation.BETA)
-    expected = steady * (1 - (1 + elapsed) * np.exp(-elapsed))
-    np.testing.assert_allclose(response[1:].sum(axis=1), expected, atol=1e-12)

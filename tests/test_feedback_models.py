@@ -12,7 +12,6 @@ from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_
 from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
 from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.testbeds.scraping.page.results import dominant_features
 
 FEW = FeedbackParameters(
     network="pmnn",
@@ -110,10 +109,3 @@ def test_orderings_are_told_in_pairs_over_the_folds():
     same = feedback_models.paired_orderings(made_up({"pmnn_100": level, "pmnn_0": level}))
     assert same["verdict"].eq("undecided").all()
     assert same["p_value"].eq(1.0).all()
-
-
-def test_the_dominant_features_are_those_with_the_largest_weights():
-    weights = np.array([[0.1, -5.0, 2.0, 0.0], [3.0, 0.2, -0.1, -4.0]])
-    found = dominant_features(weights, 2)
-    np.testing.assert_array_equal(found, [[False, True, True, False], [True, False, False, True]])
-    assert dominant_features(weights, 10).all()

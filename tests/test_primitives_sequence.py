@@ -58,18 +58,6 @@ def test_no_signal_jumps_at_a_switch(turns, moved, rng):
                 np.testing.assert_allclose(signal[switch], predecessor, atol=1e-6 * scale)
 
 
-@given(rngs)
-@few
-def test_all_parts_share_one_clock(rng):
-    durations = rng.uniform(0.5, 2.0, size=3)
-    path = sequence.unroll(learned(rng, TURNS["mixed"]), DT, durations=durations)
-    samples = np.round(durations / DT).astype(int)
-    np.testing.assert_array_equal(path.switches, np.cumsum([0, *samples]))
-    assert len(path.position.time) == len(path.position.position) == path.switches[-1] + 1
-    np.testing.assert_allclose(np.diff(path.position.time), DT, rtol=1e-9)
-    np.testing.assert_array_equal(path.orientation.time, path.position.time)
-
-
 @pytest.mark.parametrize(
     ("turn_deg", "form"),
     [(150, QuaternionPrimitive), (170, TwistSwingPrimitive), (-400, TwistSwingPrimitive)],

@@ -1,7 +1,5 @@
 """Excitation of an arm for its identification: D-optimal, within all limits, the same by seed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -100,10 +98,3 @@ def test_errors_in_simulated_logs_are_those_that_the_information_predicts(its, b
     found = excitation.parameter_errors(its, motion, noise, draws, 0)
     low, high = np.sqrt(chi2.ppf([1e-4, 1.0 - 1e-4], draws) / draws)
     assert np.all((found / expected > low) & (found / expected < high))
-
-
-def test_friction_is_identified_beside_the_links(its, best):
-    with_friction = replace(its, friction=("viscous", "coulomb", "offset"))
-    known = excitation.information(with_friction, *excitation.series(with_friction, best, TIMES))
-    assert known.shape == (len(its.theta) + 6,) * 2
-    assert np.isfinite(excitation.log_determinant(known))

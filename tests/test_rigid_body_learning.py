@@ -8,23 +8,14 @@ from rigid_body_motions import arm, rubbing_motion, sine_motion
 
 from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import AdamParameters, seeded
-from structlearn.rigid_body.dynamics_training import (
-    KINDS,
-    LearningParameters,
-    Lesson,
-    error_table,
-    learn_in_epochs,
-    learn_online,
-    learner,
-    loss_weights,
-)
+from structlearn.rigid_body import dynamics_training as training
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.network_models import SCALING, NetworkLearner
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 
 PARAMETERS = committed(
-    LearningParameters,
+    training.LearningParameters,
     "train_dynamics.learning",
     hidden=(8, 8),
     networks=committed(AdamParameters, "train_dynamics.learning.networks", rate=3e-3, batch=16),
@@ -41,7 +32,7 @@ def motion():
 
 
 def start(kind, motion, seeds=(0, 1), friction=(), loss="raw"):
-    return learner(kind, Lesson(arm().tree, motion, friction), loss, seeds, PARAMETERS)
+    return training.learner(kind, training.Lesson(arm().tree, motion, friction), loss, seeds, PARAMETERS)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
@@ -51,7 +42,7 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
     group = start(structure, motion, friction=FRICTION, loss="normalised")
     free = torch.from_numpy(group.free.copy()).requires_grad_()
     rubbing = torch.from_numpy(group.rubbing.copy()).requires_grad_()
-    weights = torch.from_numpy(loss_weights("normalised", motion))
+    weights = torch.from_numpy(training.loss_weights("normalised", motion))
     parameters = PARAMETERS.structures
     adam = torch.optim.Adam([free, rubbing], parameters.rate, (0.9, parameters.second_moment_decay))
     order = torch.randperm(len(motion), generator=torch.Generator().manual_seed(1))[:-5]
@@ -73,11 +64,11 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
     np.testing.assert_allclose(group.rubbing, rubbing.detach(), rtol=1e-6, atol=1e-8)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", training.KINDS)
 def test_a_seed_learns_the_same_alone_and_in_a_stack_and_again(kind, motion):
     def learned(seeds):
         models = start(kind, motion, seeds)
-        return learn_online(models, stride=5), models.state()
+        return training.learn_online(models, stride=5), models.state()
 
     (both, state), (_, again), (second, _) = learned((0, 1)), learned((0, 1)), learned((1,))
     for name, values in state.items():
@@ -89,7 +80,7 @@ def test_a_seed_learns_the_same_alone_and_in_a_stack_and_again(kind, motion):
 
 def test_a_model_is_kept_as_it_was_when_it_became_good_enough(motion):
     group = start("spd", motion, seeds=range(3), loss="normalised")
-    learned = learn_in_epochs(group, threshold=0.1, epochs=20)
+    learned = training.learn_in_epochs(group, threshold=0.1, epochs=20)
     first = int(learned.epochs.argmin())
     assert learned.epochs.min() < learned.epochs.max()  # the others went on learning
     free = torch.from_numpy(learned.state["inertia"])
@@ -125,11 +116,11 @@ def test_a_model_stops_when_no_joint_that_lacks_would_get_there():
     epochs = np.arange(13.0)[:, None]
     fast, slow, met = 0.5**epochs, 0.9**epochs, np.where(epochs < 3, 1.0, 0.01)
     errors = np.stack([np.hstack(pair) for pair in ((fast, met), (slow, met), (slow, fast))], axis=1)
-    learned = learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12, futility=4)
+    learned = training.learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12, futility=4)
     # 0.9^12 > 0.1: the second stops when its first joint alone lacks; the third waits for its other joint
     np.testing.assert_array_equal(learned.state["epoch"], [4, 4, 4])
     np.testing.assert_array_equal(learned.epochs, [4, 0, 0])
-    patient = learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12)
+    patient = training.learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12)
     np.testing.assert_array_equal(patient.state["epoch"], [4, 12, 12])
     np.testing.assert_array_equal(patient.nmse[5:, 0], np.tile(errors[4, 0], (8, 1)))
 
@@ -138,8 +129,8 @@ def test_a_network_is_kept_for_its_errors_on_all_samples(motion):
     parameters = {"threshold": 0.9, "epochs": 30}
     group = start("mlp_scaled", motion, loss="normalised")
     np.testing.assert_allclose(group.nmse(stride=3), group.nmse(), rtol=0.05)
-    some = learn_in_epochs(group, **parameters, stride=7)
-    every = learn_in_epochs(start("mlp_scaled", motion, loss="normalised"), **parameters)
+    some = training.learn_in_epochs(group, **parameters, stride=7)
+    every = training.learn_in_epochs(start("mlp_scaled", motion, loss="normalised"), **parameters)
     assert (some.epochs > 0).all()
     assert (np.abs(some.epochs - every.epochs) <= 1).all()
     for model, epoch in enumerate(some.epochs):
@@ -185,10 +176,10 @@ def in_double(group):
 
 def test_networks_of_several_motions_learn_as_each_alone():
     motions = [sine_motion(arm(), 300), rubbing_motion(arm()).part(slice(0, 300))]
-    weights = np.stack([loss_weights("normalised", its) for its in motions])
+    weights = np.stack([training.loss_weights("normalised", its) for its in motions])
 
     def learned(chosen):
-        return learn_in_epochs(
+        return training.learn_in_epochs(
             NetworkLearner(
                 "delan",
                 [motions[place] for place in chosen],
@@ -212,11 +203,5 @@ def test_networks_of_several_motions_learn_as_each_alone():
 
 
 def test_the_raw_loss_weighs_all_joints_alike_and_the_other_by_their_variance(motion):
-    np.testing.assert_array_equal(loss_weights("raw", motion), 1.0)
-    np.testing.assert_allclose(loss_weights("normalised", motion) * motion.torque.var(axis=0), 1.0)
-
-
-def test_errors_become_rows():
-    table = error_table(np.arange(12.0).reshape(2, 3, 2), "epoch")
-    row = table[(table["seed"] == 1) & (table["epoch"] == 1) & (table["joint"] == 2)]
-    assert row["nmse"].item() == 9.0
+    np.testing.assert_array_equal(training.loss_weights("raw", motion), 1.0)
+    np.testing.assert_allclose(training.loss_weights("normalised", motion) * motion.torque.var(axis=0), 1.0)
