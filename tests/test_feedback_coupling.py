@@ -1,15 +1,24 @@
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
+from committed import committed
+from feedback_toy import toy_dataset
 from hypothesis import given
-from primitives_movements import few, quick, reach, rngs, wobbly_turn
+from primitives_movements import few, quick, ramp, reach, rngs, wobbly_turn
 
 from structlearn.core import quaternion
-from structlearn.feedback.corrected_paths import coupling_response
+from structlearn.core.errors import InputError
+from structlearn.feedback.corrected_paths import corrected_paths, coupling_response, split, unrolled_error
 from structlearn.feedback.coupling import orientation_target, position_target
-from structlearn.primitives import transformation
+from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
+from structlearn.feedback.coupling_model import UnrolledTrainingParameters
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, train_unrolled
+from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
+from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.vector import fit_vector
 
 COARSE, FINE = 0.004, 0.001  # s
@@ -102,3 +111,134 @@ def test_coupling_adds_its_response_to_any_nominal_movement(rng):
     )
     expected = coupling_response(60, dt / tau) @ coupling
     np.testing.assert_allclose(corrected - nominal, expected, rtol=1e-9, atol=1e-9)
+
+
+ROLL = np.array([1.0, 0.0, 0.0])
+
+
+def corrected_demonstration(primitive, largest, dt):
+    """A nominal movement turned further by a minimum-jerk roll, and that roll (T,)."""
+    nominal = primitive.unroll(dt)
+    roll, rate, change = (
+        largest * values[:, None] / nominal.duration**order * ROLL
+        for order, values in enumerate(ramp(nominal.time / nominal.duration))
+    )
+    turn = quaternion.from_rotation_vector(roll)
+    velocity = quaternion.rotate(turn, nominal.angular_velocity)
+    acceleration = quaternion.rotate(turn, nominal.angular_acceleration) + np.cross(rate, velocity)
+    path = OrientationTrajectory(
+        nominal.time, quaternion.product(turn, nominal.orientation), rate + velocity, change + acceleration
+    )
+    return path, roll[:, 0]
+
+
+def dataset_of(time, target, setting=10.0, demonstration=0, deviation=None):
+    p, u = canonical.phase(time, canonical.time_constant(time[-1]))
+    return CouplingDataset(
+        deviation=np.zeros((len(time), 2)) if deviation is None else deviation,
+        phase=p,
+        phase_velocity=u,
+        target=target,
+        setting=np.full(len(time), setting),
+        demonstration=np.full(len(time), demonstration),
+        time=time,
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_demonstrated_roll_follows_from_the_coupling_targets_alone(seed):
+    rng = np.random.default_rng(seed)
+    base = quaternion.from_rotation_vector(rng.normal(size=3))
+    movement = wobbly_turn(rng, np.radians(4), np.radians(1.3), 2.6, 1 / 300, base, axis=(0, 0.6, 0.8))
+    primitive = fit_quaternion([movement])
+    path, roll = corrected_demonstration(primitive, np.radians(10), 1 / 300)
+    target = orientation_target(path, primitive) @ ROLL
+    paths = corrected_paths(dataset_of(path.time, target), 250)
+    expected = np.interp(np.linspace(0, path.time[-1], 250), path.time, roll)
+    assert np.degrees(np.abs(paths.correction[0] - expected).max()) < 0.01
+    # held over 250 steps, as the feedback is, it comes half a step later: 10 degrees * 1.9 / 500
+    assert np.degrees(np.abs(paths.response @ paths.target[0] - expected).max()) < 0.06
+
+
+def test_demonstrations_are_told_apart_sorted_and_resampled():
+    parts = []
+    for setting, number, count in ((5.0, 1, 90), (2.5, 0, 60), (5.0, 0, 75)):
+        time = np.arange(count) / 100
+        columns = np.column_stack([np.full(count, 10 * setting + number), time / time[-1]])
+        parts.append(dataset_of(time, columns[:, 1] ** 2, setting, number, columns))
+    rows = concatenated(parts)
+    shuffled = rows.where(np.random.default_rng(0).permutation(len(rows.time)))
+    paths = corrected_paths(shuffled, 31)
+    assert list(zip(paths.setting, paths.demonstration, strict=True)) == [(2.5, 0), (5.0, 0), (5.0, 1)]
+    np.testing.assert_allclose(paths.deviation[:, :, 0], np.outer([25.0, 50.0, 51.0], np.ones(31)))
+    s = np.linspace(0, 1, 31)
+    np.testing.assert_allclose(paths.deviation[:, :, 1], np.tile(s, (3, 1)), atol=1e-12)
+    np.testing.assert_allclose(paths.target, np.tile(s**2, (3, 1)), atol=1e-4)
+
+
+def test_half_a_movement_is_refused():
+    time = np.arange(100) / 100
+    whole = dataset_of(time, np.zeros(100))
+    with pytest.raises(InputError, match=r"setting 10, demonstration 0: not on a uniform clock"):
+        corrected_paths(whole.where(np.arange(60)), 50)
+
+
+def random_paths(numbers=6, settings=(2.5, 5.0, 10.0), samples=60):
+    return corrected_paths(toy_dataset(numbers, settings, (samples, samples)), samples)
+
+
+def untrained(paths, hidden=(4,), seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    stack = StackedPhaseModulatedNetworks(1, paths.deviation.shape[2], hidden, 25, 0.0, generator)
+    mean, scale = paths.deviation.mean(axis=(0, 1)), paths.deviation.std(axis=(0, 1))
+    return stack.to_network(0, mean, scale, float(paths.target.std()))
+
+
+def rms_deg(network, paths):
+    return float(np.degrees(np.sqrt(np.mean(unrolled_error(network, paths) ** 2))))
+
+
+def test_the_unrolled_error_is_that_of_the_primitive_in_the_loop():
+    paths = random_paths(numbers=1, settings=(5.0,))
+    network, zero = untrained(paths), np.zeros(1)
+    dt, tau = 0.6 / 59, canonical.time_constant(0.6)
+    coupling = network.coupling(paths.deviation[0], *paths.phase)[:, None]
+    path = transformation.unroll(
+        zero, zero, np.zeros((60, 1)), dt, tau, coupling=lambda k, x, xd: coupling[k]
+    )
+    expected = np.sqrt(np.mean((path.position[:, 0] - paths.correction[0]) ** 2))
+    np.testing.assert_allclose(unrolled_error(network, paths), [expected], rtol=1e-9)
+    assert expected > 0
+
+
+QUICK = committed(
+    UnrolledTrainingParameters, "train_feedback.unrolled", steps=300, learning_rate=3e-3, dropout=0.0
+)
+
+
+def test_a_network_knocked_off_is_put_right_from_the_path_alone():
+    paths = random_paths(numbers=12)
+    teacher = untrained(paths, seed=1)
+    said = teacher.coupling(paths.deviation, *paths.phase)
+    exact = dataclasses.replace(paths, target=np.ones_like(said), correction=said @ paths.response.T)
+    training, validation = split(exact, 0.2, seed=0)
+    noise = 1.0 + 0.5 * np.random.default_rng(0).normal(size=25)
+    start = dataclasses.replace(teacher, output_weights=noise * teacher.output_weights)
+    only_path = QUICK.model_copy(update={"coupling_loss_weight": 0.0})
+    learnt = train_unrolled(training, validation, start, only_path)
+    assert rms_deg(learnt, validation) < 0.2 * rms_deg(start, validation)
+
+
+def test_a_training_that_leads_astray_keeps_the_initial_network():
+    training, validation = split(random_paths(), 0.3, seed=0)
+    start = train_unrolled(training, validation, untrained(training), QUICK)
+    wild = QUICK.model_copy(update={"steps": 3, "learning_rate": 10.0})
+    assert train_unrolled(training, validation, start, wild) is start
+
+
+def test_without_any_correction_there_is_nothing_to_learn():
+    paths = random_paths()
+    nothing = np.zeros_like(paths.target)
+    idle = dataclasses.replace(paths, target=nothing, correction=nothing)
+    with pytest.raises(InputError, match="nothing was corrected"):
+        train_unrolled(idle, idle, untrained(paths), QUICK)

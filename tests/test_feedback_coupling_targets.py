@@ -111,13 +111,13 @@ def supervised(primitive, expected):
         setting: pd.DataFrame([cut for _, cut in rows], index=[run.name for run, _ in rows])
         for setting, rows in made.items()
     }
-    datasets, checks = coupling_targets.coupling_dataset(runs, cuts, primitive, expected, PARAMETERS)
+    datasets, _ = coupling_targets.coupling_dataset(runs, cuts, primitive, expected, PARAMETERS)
     assert list(datasets) == ["ry"]
-    return runs, cuts, (datasets["ry"], checks)
+    return runs, cuts, datasets["ry"]
 
 
 def test_the_dataset_is_thinned_to_the_rate_of_the_sensors(supervised):
-    dataset, _ = supervised[2]
+    dataset = supervised[2]
     for setting, number, duration in ((5.0, 0, 2.0), (5.0, 1, 2.4), (10.0, 0, 2.2)):
         rows = dataset.where((dataset.setting == setting) & (dataset.demonstration == number))
         np.testing.assert_allclose(rows.time, 0.01 * np.arange(round(100 * duration) + 1), atol=1e-9)
@@ -132,7 +132,7 @@ def test_the_dataset_is_thinned_to_the_rate_of_the_sensors(supervised):
 
 def test_on_the_level_board_nothing_is_to_be_corrected(supervised, primitive, expected):
     """Whatever the fingers feel there; an execution that could not be cut is left out."""
-    runs, cuts, (corrected, _) = supervised
+    runs, cuts, corrected = supervised
     level = coupling_targets.level_dataset(runs[5.0], cuts[5.0], expected, PARAMETERS)
     same = corrected.where(corrected.setting == 5.0)
     for name in ("deviation", "phase", "phase_velocity", "demonstration", "time"):
@@ -194,16 +194,15 @@ def test_known_coupling_terms_on_any_axes_come_back(primitive, expected, chosen,
         wanted = exact[::3, AXES.index(axis)]
         assert np.mean((dataset.target - wanted) ** 2) < 3e-3 * np.var(wanted)
         assert set(dataset.setting) == {"left"}
-    turned, shifted = (any(axis.startswith("r") is turning for axis in axes) for turning in (True, False))
-    assert ("reproduction_deg" in checks) == turned
-    assert ("reproduction_m" in checks) == shifted
     assert list(checks["setting"]) == ["left"]
-    if turned:
-        assert checks["reproduction_deg"][0] < 0.1
-        assert checks["others"][0] < 0.05
-    if shifted:
-        assert checks["reproduction_m"][0] < 1e-4
-        assert checks["others_position"][0] < 0.05
+    for turning, error, others, limit in (
+        (True, "reproduction_deg", "others", 0.1),
+        (False, "reproduction_m", "others_position", 1e-4),
+    ):
+        assert (error in checks) == any(axis.startswith("r") is turning for axis in axes)
+        if error in checks:
+            assert checks[error][0] < limit
+            assert checks[others][0] < 0.05
 
 
 @pytest.mark.parametrize(
@@ -272,7 +271,6 @@ def test_cuts_a_little_outside_the_recording_end_at_its_ends(primitive, expected
     ("change", "turn", "complaint"),
     [
         ({"tactile": None}, fit_quaternion, "07: has no tactile stream"),
-        ({"orientation": None}, fit_quaternion, "07: 'turn' needs orientations"),
         ({"tactile": np.zeros((1321, 3))}, fit_quaternion, "07: has 3 channels of tactile, the expected"),
         ({}, fit_twist_swing, "07: 'turn' needs orientations, and a turn of less than half"),
     ],

@@ -10,20 +10,9 @@ from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
 from structlearn.feedback import coupling_dataset
 from structlearn.feedback.coupling_dataset import leave_one_out, to_table, without_generalization
-from structlearn.primitives import canonical, kernels
 from structlearn.readers import synchronise
 from structlearn.readers.demonstration import write_runs
 from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_settings
-
-
-def test_modulation_is_that_of_the_forcing_term():
-    data = toy_dataset(demonstrations=2, settings=(0.0,), samples=(30, 30))
-    features = data.modulation()
-    assert features.shape == (60, kernels.KERNEL_COUNT)
-    np.testing.assert_allclose(features[:30], kernels.unit_features(30), atol=1e-12)
-    np.testing.assert_allclose(features.sum(axis=1), data.phase_velocity, atol=1e-12)
-    _, u = canonical.phase(np.linspace(0.0, 1.0, 30), 2.0)
-    np.testing.assert_allclose(data.modulation(5).sum(axis=1)[:30], u, atol=1e-12)
 
 
 def test_axes_of_one_primitive_share_a_table(tmp_path):

@@ -179,19 +179,10 @@ def test_networks_of_several_motions_learn_as_each_alone():
     weights = np.stack([training.loss_weights("normalised", its) for its in motions])
 
     def learned(chosen):
-        return training.learn_in_epochs(
-            NetworkLearner(
-                "delan",
-                [motions[place] for place in chosen],
-                ("viscous",),
-                weights[chosen],
-                PARAMETERS.networks,
-                (8, 8),
-                [seeded(place) for place in chosen],
-            ),
-            threshold=0.0,
-            epochs=2,
-        )
+        own, seeds = [motions[place] for place in chosen], [seeded(place) for place in chosen]
+        networks = PARAMETERS.networks, (8, 8), seeds
+        group = NetworkLearner("delan", own, ("viscous",), weights[chosen], *networks)
+        return training.learn_in_epochs(group, threshold=0.0, epochs=2)
 
     both = learned([0, 1])
     for place in (0, 1):
