@@ -121,13 +121,10 @@ def test_datasets_come_back_without_their_checks_by_whole_settings(written):
                 np.testing.assert_array_equal(getattr(dataset, array), values)
 
 
-def test_settings_that_were_not_recorded_are_named(written):
-    with pytest.raises(InputError, match=r"scrape\.parquet: has no corrections in the settings 2\.5, 7\.5$"):
-        read_datasets(written[0], (2.5, 5.0, 7.5))
-
-
-def test_a_table_of_another_kind_is_named(written):
+def test_settings_that_were_not_recorded_and_tables_of_another_kind_are_named(written):
     folder, datasets = written
+    with pytest.raises(InputError, match=r"scrape\.parquet: has no corrections in the settings 2\.5, 7\.5$"):
+        read_datasets(folder, (2.5, 5.0, 7.5))
     write_table(to_table(datasets["turn"]).drop(columns="target"), folder / "turn.parquet")
     with pytest.raises(InputError, match=r"turn\.parquet: holds no supervised data \(missing 'target'\)"):
         read_datasets(folder)

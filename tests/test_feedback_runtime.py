@@ -74,9 +74,6 @@ def touching(rng, noise=30.0):
     return lambda k: samples[k // 3] if k % 3 == 0 else None
 
 
-# --- the movement -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("rate", "moved"), [(100.0, False), (300.0, True), (1000.0, True)])
 @given(rng=rngs)
 @few
@@ -122,31 +119,22 @@ def test_with_feedback_the_ticks_are_the_unrolled_primitive_with_its_coupling(se
     def reading(q):  # the sensor feels the orientation: the loop is closed
         return BASE + quaternion.rotation_vector(q) @ gain
 
-    controller, handed, outputs, flags = started(Controller(skill, RATE)), {}, [], []
-    while controller.primitive < 2 and not controller.finished:
-        k = len(outputs)
-        handed[k] = reading(controller.orientation) if k % sensor_every == 0 else None
-        flags.append(Status(controller.tick(handed[k])))
+    controller, newest, outputs, flags = started(Controller(skill, RATE)), [], [], []
+    while controller.primitive < 2:
+        counts = None if len(outputs) % sensor_every else reading(controller.orientation)
+        newest.append(newest[-1] if counts is None else counts)
+        flags.append(Status(controller.tick(counts)))
         outputs.append([np.copy(getattr(controller, name)) for name in ORIENTATION])
-    outputs, handed[-1] = [np.array(values) for values in zip(*outputs, strict=True)], None
+    outputs = [np.array(values) for values in zip(*outputs, strict=True)]
     assert not any(flags[(OFFSET_SAMPLES - 1) * sensor_every :])
 
-    dt, good = 1 / RATE, [k for k in handed if handed[k] is not None]
-    zero = np.mean([handed[k] for k in good[:OFFSET_SAMPLES]], axis=0)
+    dt, zero = 1 / RATE, np.mean(newest[: OFFSET_SAMPLES * sensor_every : sensor_every], axis=0)
     switch = round(down.duration * RATE)
     expected = skill.expected["tilt"].unroll(dt, duration=tilt.duration).position
     p, u = canonical.phase(dt * np.arange(len(expected)), canonical.time_constant(tilt.duration))
-    felt = []
 
     def coupling(k, q, w):
-        newest = max(at for at in good if at <= switch + k)
-        if newest > switch:  # read from this unroll's own orientations, one tick late
-            felt_then = felt[newest - switch - 1] if newest - switch >= 1 else q
-            counts = reading(felt_then)
-        else:
-            counts = handed[newest]
-        felt.append(q)
-        return direction(axis) * network.coupling(counts - zero - expected[k], p[k], u[k])
+        return direction(axis) * network.coupling(newest[switch + k] - zero - expected[k], p[k], u[k])
 
     begin = down.orientation.unroll(dt, velocity=0.0, acceleration=0.0)
     state = {"velocity": begin.angular_velocity[-1], "acceleration": begin.angular_acceleration[-1]}
@@ -237,8 +225,6 @@ def test_positions_without_orientations_can_be_followed():
     )
 
 
-# --- faults of the sensor ---------------------------------------------------------------------------------
-
 BOUNDS = Limits(largest_coupling={AXIS: 40.0}, fade_s=0.1, stale_after_s=0.05)
 
 
@@ -324,9 +310,6 @@ def test_a_sample_of_another_size_or_kind_is_an_error_and_nothing_moves(counts):
 BOX = Workspace(np.array([-0.1, -0.1, 0.0]), np.array([0.4, 0.4, 0.5]))
 
 
-# --- moving goals -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("at_primitive", [0, 1, 2, "held"])
 @given(rng=rngs)
 @few
@@ -407,8 +390,6 @@ def test_nothing_starts_or_ends_outside_the_workspace(point, message):
             ask()
 
 
-# --- bad input at the start -------------------------------------------------------------------------------
-
 UNIT = quaternion.IDENTITY
 
 
@@ -439,9 +420,6 @@ def test_nothing_moves_before_the_start():
     for ask in (lambda: controller.tick(None), lambda: controller.move_goal(0, np.zeros(3))):
         with pytest.raises(RuntimeError, match=r"start\(\) comes before"):
             ask()
-
-
-# --- real time --------------------------------------------------------------------------------------------
 
 
 def test_ticks_write_into_the_same_arrays_and_keep_no_memory():

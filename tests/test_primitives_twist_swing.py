@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from primitives_movements import (
     quick,
     random_orientations,
-    random_twist_swing,
     random_vectors,
     rngs,
     wobbly_turn,
@@ -127,15 +126,3 @@ def test_several_recordings_with_sign_flips_are_one_primitive(turns, rng):
         assert error[-1] < 0.5
         turned = largest_turn([path])
         assert turned == pytest.approx(largest_turn([demonstration]), abs=0.2)  # not a turn fewer or more
-
-
-@given(rngs)
-@quick
-def test_the_reported_rates_are_those_of_the_path(rng):
-    path = random_twist_swing(rng).unroll(0.0005)
-    found = quaternion.angular_velocity(path.orientation, 0.0005)
-    scale = np.abs(path.angular_velocity).max()
-    np.testing.assert_allclose(found[1:-1], path.angular_velocity[1:-1], atol=1e-3 * scale)
-    change = np.gradient(path.angular_velocity, 0.0005, axis=0)[1:-1]
-    scale = np.abs(path.angular_acceleration).max()
-    np.testing.assert_allclose(change, path.angular_acceleration[1:-1], atol=1e-2 * scale)

@@ -24,8 +24,12 @@ def panda():
 
 
 def planar(tmp_path, *lengths, **options):
-    path = tmp_path / "planar.urdf"
-    path.write_text(planar_arm(*lengths, **options))
+    return arm_of(tmp_path, planar_arm(*lengths, **options))
+
+
+def arm_of(tmp_path, text):
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
     return read_arm(path, "tip")
 
 
@@ -58,11 +62,15 @@ def test_a_planar_elbow_has_the_angles_of_the_law_of_cosines(tmp_path):
     np.testing.assert_allclose(values.prod(axis=1), area, rtol=1e-6)
 
 
-def test_a_redundant_arm_follows_smoothly_and_comes_back_to_where_it_was(panda):
-    position, orientation = there_and_back(
-        panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3])
-    )
-    path = follow(panda, position, orientation, DT, BENT)
+@pytest.fixture(scope="module")
+def bent_path(panda):
+    """Poses of a reach there and back, and the joints that follow it."""
+    poses = there_and_back(panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3]))
+    return poses, follow(panda, *poses, DT, BENT)
+
+
+def test_a_redundant_arm_follows_smoothly_and_comes_back_to_where_it_was(bent_path):
+    _, path = bent_path
     assert path.missed_m.max() < 1e-8
     assert path.missed_rad.max() < 1e-8
     steps = np.diff(path.joints, axis=0)
@@ -80,11 +88,8 @@ def test_poses_one_by_one_are_a_path(panda):
     np.testing.assert_array_equal(joints, follow(panda, position, orientation, DT, BENT).joints)
 
 
-def test_where_orientation_is_free_joints_stay_nearer_to_rest(panda):
-    position, orientation = there_and_back(
-        panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3])
-    )
-    bound = follow(panda, position, orientation, DT, BENT)
+def test_where_orientation_is_free_joints_stay_nearer_to_rest(panda, bent_path):
+    (position, _), bound = bent_path
     free = follow(panda, position, None, DT, BENT)
     assert free.missed_m.max() < 1e-8
     assert np.abs(free.joints - BENT).max() < np.abs(bound.joints - BENT).max()
@@ -135,12 +140,6 @@ def test_what_cannot_be_is_said(tmp_path):
 
 
 STRAIGHT = np.zeros(3)
-
-
-def arm_of(tmp_path, text):
-    path = tmp_path / "arm.urdf"
-    path.write_text(text)
-    return read_arm(path, "tip")
 
 
 def trough(path, width, height):

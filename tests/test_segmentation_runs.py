@@ -17,7 +17,6 @@ from structlearn.segmentation.motion_runs import (
     Search,
     candidates,
     motion,
-    pace,
     runs_of_motion,
 )
 from structlearn.segmentation.parameters import SegmentParameters
@@ -68,13 +67,6 @@ def test_a_hand_that_rests_at_the_ends_of_a_recording_does_not_move_there():
         noisy = Demonstration("01", time, 1e-3 * rng.standard_normal((len(time), 3)))
         speed = motion(noisy, "xyz", parameters).smooth_speed
         assert max(speed[0], speed[-1]) <= speed[20:-20].max()
-
-
-def test_rests_do_not_change_the_pace():
-    speed = np.concatenate([np.zeros(50), np.sin(np.linspace(0, np.pi, 100)), np.zeros(5)])
-    longer = np.concatenate([np.zeros(500), speed, np.zeros(500)])
-    assert pace([along_a_line(speed)]) == pytest.approx(np.pi / 4, rel=1e-3)  # of sin^2 over sin
-    assert pace([along_a_line(longer)]) == pytest.approx(pace([along_a_line(speed)]))
 
 
 def by_hand(demonstrations: list[list[Candidates]]) -> float:
