@@ -6,8 +6,7 @@ import pytest
 import torch
 from committed import committed
 from feedback_toy import toy_dataset
-from hypothesis import given
-from primitives_movements import few, quick, ramp, reach, rngs, wobbly_turn
+from primitives_movements import for_few_rngs, for_rngs, ramp, reach, wobbly_turn
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
@@ -72,8 +71,7 @@ def test_a_primitive_with_its_target_as_coupling_is_the_demonstration(error, goa
     assert fine < 0.35 * coarse
 
 
-@few
-@given(rngs)
+@for_few_rngs
 def test_what_needs_no_correction_has_no_target(rng):
     nominal, _ = vector_pair(rng)
     start, goal = rng.normal(size=(2, 3))
@@ -87,8 +85,7 @@ def test_what_needs_no_correction_has_no_target(rng):
     assert np.abs(orientation_target(path, nominal)).max() < 1e-9 * np.abs(terms).max()
 
 
-@few
-@given(rngs)
+@for_few_rngs
 def test_the_sign_of_a_quaternion_does_not_matter(rng):
     nominal, path = orientation_pair(rng)
     flipped = replace(path, orientation=-path.orientation)
@@ -97,8 +94,7 @@ def test_the_sign_of_a_quaternion_does_not_matter(rng):
     )
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_coupling_adds_its_response_to_any_nominal_movement(rng):
     dt, tau = rng.uniform(0.001, 0.05), rng.uniform(0.5, 8.0)
     state = {name: rng.normal(size=(3, 2)) for name in ("start", "goal", "velocity", "acceleration")}

@@ -4,8 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from feedback_skills import NAMES, POINTS, random_network, random_skill
-from hypothesis import given
-from primitives_movements import few, random_orientations, random_vectors, rngs
+from primitives_movements import for_few_rngs, random_orientations, random_vectors
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
@@ -75,8 +74,7 @@ def touching(rng, noise=30.0):
 
 
 @pytest.mark.parametrize(("rate", "moved"), [(100.0, False), (300.0, True), (1000.0, True)])
-@given(rng=rngs)
-@few
+@for_few_rngs
 def test_without_feedback_the_ticks_are_the_unrolled_sequence(rate, moved, rng):
     skill = with_feedback(rng)
     start, situation = sequence.default_start(skill.primitives), {}
@@ -108,8 +106,7 @@ def test_without_feedback_the_ticks_are_the_unrolled_sequence(rate, moved, rng):
 
 
 @pytest.mark.parametrize(("sensor_every", "axis"), [(1, "rx"), (3, "ry"), (1, "rz")])
-@given(rng=rngs)
-@few
+@for_few_rngs
 def test_with_feedback_the_ticks_are_the_unrolled_primitive_with_its_coupling(sensor_every, axis, rng):
     network = random_network(rng, size=20.0)
     skill = random_skill(rng, on_axis({"tilt": network}, axis), limits=UNBOUNDED)
@@ -159,8 +156,7 @@ def still_primitive(duration):
 
 
 @pytest.mark.parametrize("axis", AXES)
-@given(rng=rngs)
-@few
+@for_few_rngs
 def test_a_coupling_term_on_one_axis_acts_as_a_sum_of_steps_does(axis, rng):
     """Closed form of the critically damped system, which the other axes do not feel.
 
@@ -311,8 +307,7 @@ BOX = Workspace(np.array([-0.1, -0.1, 0.0]), np.array([0.4, 0.4, 0.5]))
 
 
 @pytest.mark.parametrize("at_primitive", [0, 1, 2, "held"])
-@given(rng=rngs)
-@few
+@for_few_rngs
 def test_a_moved_goal_is_reached_without_a_jump(at_primitive, rng):
     skill = random_skill(rng)
     switches = np.cumsum([0, *(round(p.duration * RATE) for p in skill.primitives)])
@@ -338,8 +333,7 @@ def test_a_moved_goal_is_reached_without_a_jump(at_primitive, rng):
     assert quaternion.angle_between(controller.orientation, orientation) < 1e-6
 
 
-@given(rngs)
-@few
+@for_few_rngs
 def test_a_later_goal_that_is_moved_is_as_good_as_given_from_the_start(rng):
     skill = random_skill(rng)
     goals = sequence.default_goals(skill.primitives)

@@ -19,11 +19,12 @@ from structlearn.primitives.twist_swing import fit_twist_swing
 from structlearn.verify import SKILL
 
 RNG = np.random.default_rng(1)
+IDLE = open_loop(np.ones(25))
 
 
 def skill_with_feedback(seed=0):
     rng = np.random.default_rng(seed)
-    return random_skill(rng, on_axis({"tilt": random_network(rng), "scrape": open_loop(np.ones(25))}, "rx"))
+    return random_skill(rng, on_axis({"tilt": random_network(rng), "scrape": IDLE}, "rx"))
 
 
 def twisted(skill):
@@ -54,11 +55,8 @@ FAULTS = [
     (lambda skill: ReactiveSkill([]), "at least one primitive"),
     (twisted, "orientation of 'down' is a TwistSwingPrimitive"),
     (unturned, "'scrape' has no orientation"),
-    (lambda skill: with_network(skill, open_loop(np.ones(25)), "up"), "a network for 'up'"),
-    (
-        lambda skill: with_network(skill, open_loop(np.ones(25)), axis="roll"),
-        "no axis among x, y, z, rx",
-    ),
+    (lambda skill: with_network(skill, IDLE, "up"), "a network for 'up'"),
+    (lambda skill: with_network(skill, IDLE, axis="roll"), "no axis among x, y, z, rx"),
     (lambda skill: replace(skill, limits=Limits(largest_coupling={"ry": 3.0})), "no largest coupling .* rx"),
     (lambda skill: replace(skill, sensors=(("tactile", 5),)), "{'tactile': 5} do not make up 6 channels"),
     (five_channels, "'scrape' has expected traces of 5 channels, others 6"),
@@ -79,16 +77,16 @@ def test_parts_that_do_not_fit_together_are_named(change, message):
 def test_the_axes_of_a_skill_are_those_of_its_networks():
     skill = skill_with_feedback()
     assert skill.axes == ("rx",)
-    several = with_network(with_network(skill, open_loop(np.ones(25)), "down", "z"), open_loop(np.ones(25)))
+    several = with_network(with_network(skill, IDLE, "down", "z"), IDLE)
     assert several.axes == ("z", "rx")
     assert ReactiveSkill(skill.primitives).axes == ()
 
 
 def test_a_position_can_be_corrected_without_orientations():
     skill = random_skill(np.random.default_rng(2), turned=False)
-    replace(skill, networks={"down": {"z": open_loop(np.ones(25))}})
+    replace(skill, networks={"down": {"z": IDLE}})
     with pytest.raises(InputError, match="'down' has no orientation"):
-        replace(skill, networks={"tilt": {"rz": open_loop(np.ones(25))}})
+        replace(skill, networks={"tilt": {"rz": IDLE}})
 
 
 @given(arrays(float, (7, 3), elements={"min_value": -2.0, "max_value": 2.0}))

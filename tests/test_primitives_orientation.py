@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import (
     fading_coupling,
-    few,
+    for_few_rngs,
+    for_rngs,
     quick,
     random_orientations,
     random_quaternion_primitive,
@@ -37,8 +38,7 @@ BOTH = pytest.mark.parametrize("random_primitive", [random_quaternion_primitive,
 
 @pytest.mark.parametrize("random_primitive", FORMS.values(), ids=FORMS)
 @pytest.mark.parametrize("coupled", [False, True])
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_the_goal_is_reached_whatever_the_weights(random_primitive, coupled, rng):
     primitive = random_primitive(rng, bound=500.0)
     start, goal, duration = random_orientations(rng), random_orientations(rng), rng.uniform(0.3, 4.0)
@@ -52,8 +52,7 @@ def test_the_goal_is_reached_whatever_the_weights(random_primitive, coupled, rng
 
 
 @BOTH
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_the_path_starts_in_the_state_asked_for(random_primitive, rng):
     primitive = random_primitive(rng)
     turn = quaternion.from_rotation_vector(random_vectors(rng, 0.5))
@@ -68,8 +67,7 @@ def test_the_path_starts_in_the_state_asked_for(random_primitive, rng):
 
 
 @BOTH
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_turning_the_base_frame_with_the_primitive_turns_the_path(random_primitive, rng):
     primitive, turn = random_primitive(rng), random_orientations(rng)
     changes = {name: quaternion.product(turn, getattr(primitive, name)) for name in ("start", "goal")}
@@ -85,8 +83,7 @@ def test_turning_the_base_frame_with_the_primitive_turns_the_path(random_primiti
     np.testing.assert_allclose(moved.angular_velocity, turned, atol=1e-6)
 
 
-@given(rngs)
-@few
+@for_few_rngs
 def test_the_path_solves_the_text_equations(rng):
     duration, dt = rng.uniform(1.0, 3.0), 1 / 300
     tau = time_constant(duration)
@@ -140,8 +137,7 @@ def test_a_turn_about_a_fixed_axis_is_exactly_the_vector_system(rng, dt):
     ("fit", "turns", "limit_deg"),
     [(fit_quaternion, 0.3, 0.2), *((fit_twist_swing, turns, 0.5) for turns in (0.3, -1.0, 1.7, -3.2))],
 )
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_a_smooth_demonstration_is_reproduced(fit, turns, limit_deg, rng):
     taught = wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))
     path = fit([taught]).unroll(DT)
@@ -153,8 +149,7 @@ def test_a_smooth_demonstration_is_reproduced(fit, turns, limit_deg, rng):
     np.testing.assert_allclose(path.angular_velocity[0], taught.angular_velocity[0], atol=1e-9)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_demonstrations_of_different_durations_and_signs_are_one_primitive(rng):
     seed, base, axis = rng.integers(2**32), random_orientations(rng), rng.normal(size=3)
     taught = [
@@ -169,8 +164,7 @@ def test_demonstrations_of_different_durations_and_signs_are_one_primitive(rng):
         assert error.max() < np.radians(0.2)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_a_batch_is_its_movements_one_by_one(rng):
     primitive = random_quaternion_primitive(rng, 3)
     gain = rng.normal(size=3)

@@ -3,7 +3,15 @@ import pytest
 from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
-from primitives_movements import few, random_orientations, random_vectors, reach, rngs, wobbly_turn
+from primitives_movements import (
+    few,
+    for_few_rngs,
+    random_orientations,
+    random_vectors,
+    reach,
+    rngs,
+    wobbly_turn,
+)
 
 from structlearn.core import quaternion
 from structlearn.primitives import sequence
@@ -41,8 +49,7 @@ def new_situation(rng, primitives):
 
 @pytest.mark.parametrize("turns", TURNS.values(), ids=TURNS)
 @pytest.mark.parametrize("moved", [False, True])
-@given(rng=rngs)
-@few
+@for_few_rngs
 def test_no_signal_jumps_at_a_switch(turns, moved, rng):
     primitives = learned(rng, turns)
     situation = new_situation(rng, primitives) if moved else {}

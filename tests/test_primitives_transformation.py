@@ -1,6 +1,11 @@
 import numpy as np
-from hypothesis import given
-from primitives_movements import few, quick, random_orientations, reach, rngs, wobbly_turn
+from primitives_movements import (
+    for_few_rngs,
+    for_rngs,
+    random_orientations,
+    reach,
+    wobbly_turn,
+)
 from scipy.integrate import solve_ivp
 
 from structlearn.primitives.trajectory import Trajectory, differentiated, differentiated_orientation
@@ -39,8 +44,7 @@ def test_the_constants_are_the_text_s_and_critically_damped():
     assert (ALPHA, BETA, ALPHA_G) == (25.0, 25.0 / 4, 25.0 / 2)
 
 
-@given(rngs)
-@few
+@for_few_rngs
 def test_forcing_that_is_linear_between_samples_is_integrated_exactly(rng):
     tau, dt = rng.uniform(1.0, 5.0), 0.1
     times, samples = dt * np.arange(9), rng.uniform(-100, 100, size=(9, 2))
@@ -59,8 +63,7 @@ def test_forcing_that_is_linear_between_samples_is_integrated_exactly(rng):
     np.testing.assert_allclose(finer.acceleration[::8], path.acceleration, atol=1e-9)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_the_path_starts_in_the_state_asked_for(rng):
     situation = random_situation(rng)
     forcing, c = rng.uniform(-100, 100, size=(5, 2)), rng.uniform(-100, 100, size=2)
@@ -71,8 +74,7 @@ def test_the_path_starts_in_the_state_asked_for(rng):
         np.testing.assert_allclose(path.acceleration[0], situation["acceleration"], atol=1e-11)  # eq. IV.12
 
 
-@given(rngs)
-@few
+@for_few_rngs
 def test_a_batch_is_its_movements_one_by_one(rng):
     forcing = rng.uniform(-100, 100, size=(3, 4, 20, 2))
     start, velocity, acceleration = rng.normal(size=(3, 3, 4, 2))
@@ -117,8 +119,7 @@ def test_coupling_sees_every_sample_of_the_path():
     np.testing.assert_allclose(np.stack(list(seen.values())), expected, atol=1e-12)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_the_target_of_an_unrolled_path_is_its_forcing(rng):
     duration, dt = 1.5, 0.01
     tau = 2 * duration
@@ -137,8 +138,7 @@ DT = 1 / 300
 INSIDE = slice(60, -60)  # the filter's reflection disturbs the ends
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_a_recorded_signal_gets_its_derivatives(rng):
     truth = reach(rng, np.zeros(3), np.ones(3), dt=DT)
     found = differentiated(truth.position, DT, cutoff_hz=40.0)
@@ -149,8 +149,7 @@ def test_a_recorded_signal_gets_its_derivatives(rng):
     np.testing.assert_allclose(found.acceleration[INSIDE], truth.acceleration[INSIDE], atol=1e-2)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_a_recorded_orientation_gets_its_derivatives_in_the_base_frame(rng):
     truth = wobbly_turn(rng, 4 * np.pi, dt=DT, base=random_orientations(rng), axis=rng.normal(size=3))
     flipped = truth.orientation * rng.choice([-1.0, 1.0], size=(len(truth.time), 1))

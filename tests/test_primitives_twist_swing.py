@@ -2,13 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from primitives_movements import (
-    quick,
-    random_orientations,
-    random_vectors,
-    rngs,
-    wobbly_turn,
-)
+from primitives_movements import for_rngs, quick, random_orientations, random_vectors, rngs, wobbly_turn
 
 from structlearn.core import quaternion
 from structlearn.primitives.trajectory import differentiated_orientation
@@ -42,8 +36,7 @@ def wrapped(angle):
     return np.arctan2(np.sin(angle), np.cos(angle))
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_the_chart_and_its_inverse_agree(rng):
     axes, coordinates = random_axes(rng), random_coordinates(rng, 40)
     found = to_chart(from_chart(coordinates, axes), axes)
@@ -65,8 +58,7 @@ def test_a_pure_twist_and_a_pure_swing_stay_alone():
     np.testing.assert_array_equal(to_chart(quaternion.IDENTITY, axes), np.zeros(3))
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_angular_rates_and_chart_rates_are_inverse(rng):
     axes, coordinates = random_axes(rng), random_coordinates(rng, 40)
     rates, accelerations = rng.normal(size=(2, 40, 3)) * 3
@@ -106,8 +98,7 @@ def test_the_dominant_axis_is_the_one_turned_about(rng, turn):
 
 
 @pytest.mark.parametrize("turns", [0.3, -1.0, 1.7, -3.2])
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_several_recordings_with_sign_flips_are_one_primitive(turns, rng):
     seed, base, axis = rng.integers(2**32), random_orientations(rng), rng.normal(size=3)
     recorded = []

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from primitives_movements import fading_coupling, normalised_error, quick, random_orientations, reach, rngs
+from primitives_movements import (
+    fading_coupling,
+    for_rngs,
+    normalised_error,
+    quick,
+    random_orientations,
+    reach,
+    rngs,
+)
 
 from structlearn.core import quaternion
 from structlearn.core.frames import local_frame
@@ -56,8 +64,7 @@ def test_another_duration_gives_the_same_shape(rng, factor):
 
 
 @pytest.mark.parametrize("method", ["joint", "local"])
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_a_smooth_demonstration_is_reproduced(method, rng):
     demonstration = reach(rng, rng.normal(size=3), rng.normal(size=3), duration=rng.uniform(0.5, 3.0), dt=DT)
     path = fit_vector([demonstration], method=method).unroll(DT)
@@ -69,8 +76,7 @@ def test_a_smooth_demonstration_is_reproduced(method, rng):
     np.testing.assert_allclose(path.acceleration[0], demonstration.acceleration[0], atol=1e-9)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_the_same_movement_at_different_speeds_is_one_primitive(rng):
     seed, start, goal = rng.integers(2**32), rng.normal(size=2), rng.normal(size=2)
     demonstrations = [
@@ -95,8 +101,7 @@ def test_the_mean_of_the_demonstrations_is_what_is_not_given():
     np.testing.assert_allclose(primitive.goal, np.mean([d.position[-1] for d in demonstrations], axis=0))
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_scaled_axes_keep_their_shape_for_any_distance(rng):
     start, goal = np.zeros(2), np.array([1.0, 0.5])
     demonstration = reach(rng, start, goal, detour=0.05)
@@ -141,8 +146,7 @@ def demonstration(rng, goal, **options):
 
 
 @REACHES
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_a_reach_is_reproduced_in_its_frame(goal, kind, rng):
     taught = demonstration(rng, goal)
     primitive = fit_position([taught])
@@ -161,8 +165,7 @@ def random_reach(rng, goal=LEVEL):
 
 
 @REACHES
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_turning_start_goal_and_frame_together_turns_the_path(goal, kind, rng):
     primitive = random_reach(rng, goal)
     turn, shift = random_orientations(rng), rng.normal(size=3)
@@ -175,8 +178,7 @@ def test_turning_start_goal_and_frame_together_turns_the_path(goal, kind, rng):
     np.testing.assert_allclose(moved.position, quaternion.rotate(turn, path.position) + shift, atol=1e-9)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_demonstrations_in_other_directions_are_one_primitive(rng):
     taught = demonstration(rng, LEVEL)
     taught_again = []
