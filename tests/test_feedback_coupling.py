@@ -208,7 +208,7 @@ def test_the_unrolled_error_is_that_of_the_primitive_in_the_loop():
 
 
 QUICK = committed(
-    UnrolledTrainingParameters, "train_feedback.unrolled", steps=300, learning_rate=3e-3, dropout=0.0
+    UnrolledTrainingParameters, "train_feedback.unrolled", steps=200, learning_rate=3e-3, dropout=0.0
 )
 
 

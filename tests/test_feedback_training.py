@@ -10,7 +10,7 @@ from feedback_toy import toy_dataset
 from structlearn.core import artefacts
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
-from structlearn.feedback import coupling_model, supervised_training
+from structlearn.feedback import coupling_model
 from structlearn.feedback import supervised_training as supervised
 from structlearn.feedback.coupling_dataset import FRACTIONS, leave_one_out
 from structlearn.feedback.coupling_model import TrainingParameters, train_final
@@ -94,10 +94,8 @@ def test_training_is_deterministic_and_leaves_the_number_of_threads():
 
 
 def test_every_model_ends_with_the_weights_that_validation_chose_and_keeps_the_others(monkeypatch):
-    seen = []
-    monkeypatch.setattr(
-        supervised_training, "evaluate", lambda *its: [seen.append(supervised.evaluate(*its)), seen[-1]][1]
-    )
+    seen, evaluate = [], supervised.evaluate
+    monkeypatch.setattr(supervised, "evaluate", lambda *its: [seen.append(evaluate(*its)), seen[-1]][1])
     parameters = QUICK.model_copy(update={"steps": 390, "learning_rate": 0.05, "dropout": 0.0})
     data, network = stacked(toy_dataset()), networks(4, dropout=0.0)
     best = supervised.train(network, data, parameters)
@@ -125,7 +123,7 @@ def test_the_error_of_a_part_is_the_normalised_mean_squared_error():
 
 def test_steps_that_diverged_are_never_chosen(monkeypatch):
     errors = iter(np.array([[[np.nan, 0.5]], [[0.5, 0.5]], [[0.5, 0.4]]]))  # at each evaluation, (M, 2)
-    monkeypatch.setattr(supervised_training, "evaluate", lambda *_: next(errors))
+    monkeypatch.setattr(supervised, "evaluate", lambda *_: next(errors))
     best = supervised.train(networks(1), stacked(toy_dataset(), chosen=slice(1)), QUICK)
     assert [best[part][1] for part in supervised.CHOOSING] == [[40], [60]]
 

@@ -124,8 +124,8 @@ def test_a_load_is_found_from_what_it_changes():
     assert load[0] == pytest.approx(2.5, rel=1e-6)
     np.testing.assert_allclose(load[1:4], 2.5 * np.array(carried.point_m), atol=1e-6)
     noisy = [loaded_pair(carried, 0.05) for _ in range(2)]
-    one, drawn = payload.identify_load(arm().tree, noisy[:1], FRICTION, 100, 200, seed=0)
-    both, tighter = payload.identify_load(arm().tree, noisy, FRICTION, 100, 200, seed=0)
+    one, drawn = payload.identify_load(arm().tree, noisy[:1], FRICTION, 100, 60, seed=0)
+    both, tighter = payload.identify_load(arm().tree, noisy, FRICTION, 100, 60, seed=0)
     for found, its in ((one, drawn), (both, tighter)):
         assert abs(found[0] - 2.5) < 3.0 * its[:, 0].std()
         assert its[:, 0].mean() == pytest.approx(found[0], abs=0.5 * its[:, 0].std())

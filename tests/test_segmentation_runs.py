@@ -31,7 +31,7 @@ SPEED = np.array([0, 0, 2, 3, 1, 0, 0, 0, 4, 4, 0, 5, 0, 0], dtype=float)
 
 def pick(primitives, **changes) -> SegmentParameters:
     """How the public task is cut, into other primitives."""
-    return SegmentParameters(**TASK.segment.model_dump() | {"primitives": primitives} | changes)
+    return TASK.segment.model_validate(TASK.segment.model_dump() | {"primitives": primitives} | changes)
 
 
 def along_a_line(speed: np.ndarray) -> Motion:
