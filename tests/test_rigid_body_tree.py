@@ -14,7 +14,7 @@ from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import Robot, joint_order, read_urdf
-from structlearn.rigid_body.urdf import moving_joints, tips, write_urdf
+from structlearn.rigid_body.urdf import counterparts, moving_joints, tips, write_urdf
 from structlearn.simulation.arm import urdf_path
 
 BODY = link("moved")
@@ -178,6 +178,16 @@ def test_names_of_what_is_no_urdf_are_not_looked_for(tmp_path, content, message)
     path.write_text(content)
     with pytest.raises(InputError, match=message):
         moving_joints(path)
+
+
+def test_joints_that_were_recorded_under_other_names_are_found_by_number_and_order():
+    panda = urdf_path("franka_panda/panda.urdf")
+    recorded = [f"fer_joint{number}" for number in (2, 1, 3, 4, 5, 6, 7)]  # messages name them in any order
+    found = counterparts(panda, recorded)
+    assert found == {f"fer_joint{number}": f"panda_joint{number}" for number in range(1, 8)}
+    assert tips(panda, found.values()) == ["panda_grasptarget"]
+    assert counterparts(panda, ["shoulder", "elbow", "wrist"]) == {}
+    assert counterparts(panda, [f"fer_joint{number}" for number in range(2, 9)]) == {}
 
 
 def source(name: str, folder: Path) -> Path:
