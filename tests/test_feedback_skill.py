@@ -74,14 +74,6 @@ def test_parts_that_do_not_fit_together_are_named(change, message):
         change(skill)
 
 
-def test_the_axes_of_a_skill_are_those_of_its_networks():
-    skill = skill_with_feedback()
-    assert skill.axes == ("rx",)
-    several = with_network(with_network(skill, IDLE, "down", "z"), IDLE)
-    assert several.axes == ("z", "rx")
-    assert ReactiveSkill(skill.primitives).axes == ()
-
-
 def test_a_position_can_be_corrected_without_orientations():
     skill = random_skill(np.random.default_rng(2), turned=False)
     replace(skill, networks={"down": {"z": IDLE}})

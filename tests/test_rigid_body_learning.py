@@ -19,17 +19,7 @@ from structlearn.rigid_body.network_models import SCALING, NetworkLearner
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 from structlearn.rigid_body.payload import PayloadLearningParameters, follow_payload, learn_payload
 from structlearn.simulation.arm import Payload
-from structlearn.testbeds.dynamics.protocol.trainings import (
-    OURS,
-    TEXT,
-    DynamicsTrainingParameters,
-    EpochLimits,
-    OnlineParameters,
-    learn_once_through,
-    scores,
-    train,
-    trainings,
-)
+from structlearn.testbeds.dynamics.protocol import trainings as protocol
 
 PARAMETERS = committed(
     training.LearningParameters,
@@ -216,11 +206,11 @@ def test_the_raw_loss_weighs_all_joints_alike_and_the_other_by_their_variance(mo
 
 
 TRAININGS = committed(
-    DynamicsTrainingParameters,
+    protocol.DynamicsTrainingParameters,
     "train_dynamics",
     models=("mlp", "mlp_scaled", "delan", "cov"),
     seeds=(3, 5),
-    epochs=EpochLimits(simulation=4, robot=1),
+    epochs=protocol.EpochLimits(simulation=4, robot=1),
     learning=committed(
         training.LearningParameters, "train_dynamics.learning", hidden=(6, 6), threshold=700.0
     ),
@@ -235,16 +225,18 @@ def trained():
     rubbing = rubbing_motion(arm())
     logs = sine_motion(arm(), 400), *(rubbing.part(slice(0, 300 + robot)) for robot in ROBOTS)
     motions = dict(zip(MOTIONS, logs, strict=True))
-    return train(trainings(ROBOTS, TRAININGS), motions, arm().tree, TRAININGS)
+    return protocol.train(protocol.trainings(ROBOTS, TRAININGS), motions, arm().tree, TRAININGS)
 
 
 def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated(trained):
     models, errors, outcomes = trained
     ours = ("mlp", "mlp_scaled", "delan", "cov")
     text = ("mlp", "delan", "cov")  # the scaled perceptron is no model of the text
-    forms = [*product((TEXT,), text), *product((OURS,), ours)]
+    forms = [*product((protocol.TEXT,), text), *product((protocol.OURS,), ours)]
     expected = {f"{motion}/{form}/{kind}" for motion, (form, kind) in product(MOTIONS, forms)}
-    expected |= {f"stand_in/{robot}/{form}/cov_coulomb" for robot in ROBOTS for form in (TEXT, OURS)}
+    expected |= {
+        f"stand_in/{robot}/{form}/cov_coulomb" for robot in ROBOTS for form in (protocol.TEXT, protocol.OURS)
+    }
     assert set(models) == expected
     for name, learned in models.items():
         terms = 0 if "mlp" in name or name.startswith("iiwa") else 2 if "coulomb" in name else 1
@@ -261,11 +253,13 @@ def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated(trained):
 
 def test_what_may_be_tracked_with_met_the_criterion_of_its_arm():
     """In simulation on every joint; on a robot's log on average, which is asked of networks alone."""
-    limits = EpochLimits(simulation=3, robot=3)
+    limits = protocol.EpochLimits(simulation=3, robot=3)
     learning = TRAININGS.learning.model_copy(update={"threshold": 0.3})
-    parameters = TRAININGS.model_copy(update={"epochs": limits, "learning": learning, "forms": (OURS,)})
+    parameters = TRAININGS.model_copy(
+        update={"epochs": limits, "learning": learning, "forms": (protocol.OURS,)}
+    )
     motions = {"iiwa": sine_motion(arm(), 600), "stand_in/11": rubbing_motion(arm())}
-    _, _, outcomes = train(trainings((11,), parameters), motions, arm().tree, parameters)
+    _, _, outcomes = protocol.train(protocol.trainings((11,), parameters), motions, arm().tree, parameters)
     simulated, robots = (outcomes[outcomes["arm"] == name] for name in ("iiwa", "stand_in"))
     np.testing.assert_array_equal(simulated["met"], simulated["epochs"].notna())
     np.testing.assert_array_equal(simulated["met"], simulated["nmse_max"] <= 0.3)
@@ -293,8 +287,8 @@ def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough(tra
         assert outcome.nmse_max == pytest.approx(kept.max())
         reached += len(good) > 0
     assert 0 < reached < len(outcomes)
-    compared = scores(outcomes, limit)
-    ours = outcomes[(outcomes["form"] == OURS) & (outcomes["model"] == "mlp")]
+    compared = protocol.scores(outcomes, limit)
+    ours = outcomes[(outcomes["form"] == protocol.OURS) & (outcomes["model"] == "mlp")]
     assert compared["epochs_mlp"] == ours["epochs"].fillna(limit).mean()
     assert compared["worst_mlp"] == pytest.approx(np.exp(np.log(ours["nmse_max"]).mean()))
 
@@ -302,10 +296,14 @@ def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough(tra
 def test_online_learning_sees_every_batch_once():
     motion = sine_motion(arm())
     parameters = committed(
-        OnlineParameters, "online", models=("mlp_scaled", "cov"), seeds=(4, 7), losses=("normalised",)
+        protocol.OnlineParameters,
+        "online",
+        models=("mlp_scaled", "cov"),
+        seeds=(4, 7),
+        losses=("normalised",),
     )
     learning = committed(training.LearningParameters, "train_dynamics.learning")
-    table = learn_once_through(arm().tree, motion, parameters, learning)
+    table = protocol.learn_once_through(arm().tree, motion, parameters, learning)
     assert set(table["seed"]) == {4, 7}
     batches = -(-len(motion) // 256)
     for kind in ("mlp_scaled", "cov"):

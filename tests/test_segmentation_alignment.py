@@ -120,11 +120,6 @@ def test_nothing_is_looked_for_before_the_first_sample():
     assert s > 150
 
 
-def test_no_motion_is_told():
-    with pytest.raises(InputError, match=r"never exceeds 0\.5 m/s \(largest 0\.1 m/s\)"):
-        moving_interval(0.1 * bell(), 0.1 * bell(), threshold=0.5, bridge=0)
-
-
 def slow_correspondences(reference: np.ndarray, guess: np.ndarray) -> list[tuple[int, int]]:
     """Algorithm IV.2, line by line, on whole tables."""
     a, b = (standardise(signal.reshape(len(signal), -1)) for signal in (reference, guess))

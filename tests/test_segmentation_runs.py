@@ -11,14 +11,7 @@ from hypothesis import strategies as st
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers import Demonstration, read_demonstrations, synchronise
-from structlearn.segmentation.motion_runs import (
-    Candidates,
-    Motion,
-    Search,
-    candidates,
-    motion,
-    runs_of_motion,
-)
+from structlearn.segmentation import motion_runs as runs
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
 from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
@@ -34,23 +27,23 @@ def pick(primitives, **changes) -> SegmentParameters:
     return TASK.segment.model_validate(TASK.segment.model_dump() | {"primitives": primitives} | changes)
 
 
-def along_a_line(speed: np.ndarray) -> Motion:
+def along_a_line(speed: np.ndarray) -> runs.Motion:
     """One axis at a speed, 1 s a sample."""
     path = np.append(0.0, np.cumsum(0.5 * (speed[1:] + speed[:-1])))
-    return Motion(path[:, None], np.abs(speed), np.abs(speed), False)
+    return runs.Motion(path[:, None], np.abs(speed), np.abs(speed), False)
 
 
 def test_runs_are_where_the_speed_is_above_the_threshold():
-    assert runs_of_motion(SPEED, 0.5, 9).tolist() == [[2, 4], [8, 9], [11, 11]]
-    assert runs_of_motion(SPEED, 2.5, 9).tolist() == [[3, 3], [8, 9], [11, 11]]
-    assert runs_of_motion(SPEED, 0.5, 2).tolist() == [[2, 4], [8, 9]]  # the longest ways: 6 and 8, not 5
-    assert runs_of_motion(SPEED, 0.5, 9, breaks=[3, 6]).tolist() == [[2, 2], [3, 4], [8, 9], [11, 11]]
-    assert runs_of_motion(SPEED, 9.0, 9).shape == (0, 2)
+    assert runs.runs_of_motion(SPEED, 0.5, 9).tolist() == [[2, 4], [8, 9], [11, 11]]
+    assert runs.runs_of_motion(SPEED, 2.5, 9).tolist() == [[3, 3], [8, 9], [11, 11]]
+    assert runs.runs_of_motion(SPEED, 0.5, 2).tolist() == [[2, 4], [8, 9]]  # the longest ways: 6 and 8, not 5
+    assert runs.runs_of_motion(SPEED, 0.5, 9, breaks=[3, 6]).tolist() == [[2, 2], [3, 4], [8, 9], [11, 11]]
+    assert runs.runs_of_motion(SPEED, 9.0, 9).shape == (0, 2)
 
 
 def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
     moved = along_a_line(SPEED)
-    found = candidates(moved, Search((0.5,), 1.0, 1, 9))
+    found = runs.candidates(moved, runs.Search((0.5,), 1.0, 1, 9))
     assert list(zip(found.first, found.last, found.rested, strict=True)) == [
         (1, 5, 0),
         (7, 10, 0),
@@ -63,13 +56,13 @@ def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
 def test_a_hand_that_rests_at_the_ends_of_a_recording_does_not_move_there():
     parameters, rng = pick(1), np.random.default_rng(0)
     time = np.arange(0.0, 3.0, 0.01)
-    for _ in range(20):
+    for _ in range(5):
         noisy = Demonstration("01", time, 1e-3 * rng.standard_normal((len(time), 3)))
-        speed = motion(noisy, "xyz", parameters).smooth_speed
+        speed = runs.motion(noisy, "xyz", parameters).smooth_speed
         assert max(speed[0], speed[-1]) <= speed[20:-20].max()
 
 
-def by_hand(demonstrations: list[list[Candidates]]) -> float:
+def by_hand(demonstrations: list[list[runs.Candidates]]) -> float:
     """The cheapest total, by trying every chain in every demonstration."""
 
     def chains(primitives):
@@ -123,7 +116,7 @@ def test_the_assignment_is_the_cheapest_of_all(moves, primitives, bridge):
             [np.append(np.full(n, n % 3 - 1.5), np.zeros(1 + (n + number) % 4)) for n in own]
         )
         moved = along_a_line(np.append(0.0, speed))
-        demonstrations.append([candidates(moved, Search((0.1, 1.0), 1.0, bridge, 9))] * primitives)
+        demonstrations.append([runs.candidates(moved, runs.Search((0.1, 1.0), 1.0, bridge, 9))] * primitives)
     found = assign(demonstrations, range(len(demonstrations)), [False] * primitives)
     assert (np.inf if found is None else found.total) == pytest.approx(by_hand(demonstrations))
 
