@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from primitives_movements import for_rngs, quick, rngs
+from primitives_movements import for_rngs, quick
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -43,9 +43,9 @@ def test_features_are_the_normalised_kernels_of_the_text(time, count):
     np.testing.assert_allclose(features(p, u, count), u * kernels / kernels.sum(), rtol=1e-9, atol=1e-40)
 
 
-@given(rngs, st.sampled_from([2, 25, 300]))
-@quick
-def test_features_share_out_the_phase_velocity(rng, count):
+@pytest.mark.parametrize("count", [2, 25, 300])
+@for_rngs
+def test_features_share_out_the_phase_velocity(count, rng):
     tau = time_constant(1.0)
     p, u = phase(rng.uniform(0.0, 20.0, size=(7, 11)), tau)  # also long after the end
     shares = features(p, u, count)

@@ -1,11 +1,5 @@
 import numpy as np
-from primitives_movements import (
-    for_few_rngs,
-    for_rngs,
-    random_orientations,
-    reach,
-    wobbly_turn,
-)
+from primitives_movements import for_few_rngs, for_rngs, random_orientations, reach, wobbly_turn
 from scipy.integrate import solve_ivp
 
 from structlearn.primitives.trajectory import Trajectory, differentiated, differentiated_orientation

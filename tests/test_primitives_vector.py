@@ -2,17 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from primitives_movements import (
-    fading_coupling,
-    for_rngs,
-    normalised_error,
-    quick,
-    random_orientations,
-    reach,
-    rngs,
-)
+from primitives_movements import fading_coupling, for_rngs, normalised_error, random_orientations, reach
 
 from structlearn.core import quaternion
 from structlearn.core.frames import local_frame
@@ -35,9 +25,9 @@ def random_primitive(rng, *batch, axes=3, bound=1000.0):
     )
 
 
-@given(rngs, st.booleans())
-@quick
-def test_the_goal_is_reached_whatever_the_weights(rng, coupled):
+@pytest.mark.parametrize("coupled", [False, True])
+@for_rngs
+def test_the_goal_is_reached_whatever_the_weights(coupled, rng):
     primitive = random_primitive(rng)
     duration = rng.uniform(0.3, 4.0)
     start, goal = 2 * rng.normal(size=(2, 3))
@@ -50,10 +40,9 @@ def test_the_goal_is_reached_whatever_the_weights(rng, coupled):
     np.testing.assert_allclose(path.position[0], start, atol=1e-12)
 
 
-@given(rngs, st.floats(0.2, 5.0))
-@quick
-def test_another_duration_gives_the_same_shape(rng, factor):
-    primitive = random_primitive(rng, bound=100.0)
+@for_rngs
+def test_another_duration_gives_the_same_shape(rng):
+    primitive, factor = random_primitive(rng, bound=100.0), rng.uniform(0.2, 5.0)
     dt = primitive.duration / 150
     path = primitive.unroll(dt)
     scaled = primitive.unroll(factor * dt, duration=factor * primitive.duration)
