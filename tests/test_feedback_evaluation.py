@@ -76,22 +76,18 @@ def test_a_steady_roll_gives_closed_form_scores():
     np.testing.assert_allclose(table["roll_torque_mn_m"], 2.0)
 
 
-def test_the_final_roll_is_that_of_the_last_fifth_of_a_second():
+def test_the_final_roll_is_of_the_last_fifth_of_a_second_and_force_of_settled_contact():
     time = execution().time
     roll = np.where(time < SEGMENTS[1, 1] - 0.205, 0.3, 0.1)
-    table = scores(execution(roll=roll)).set_index("primitive")
-    assert table.loc["turn", "end_roll_deg"] == pytest.approx(np.degrees(0.1))
-    assert table.loc["turn", "mean_deg"] > np.degrees(0.25)
-
-
-def test_force_is_judged_once_contact_has_settled():
-    run = execution()
+    run = execution(roll=roll)
     impact = run.time < SEGMENTS[1, 0] + execution_scores.SETTLED_S - 0.005
     run.wrench[impact, 2] = -9.0
     run.wrench[impact, 4] = 1.0
-    table = scores(run).set_index("primitive")
-    assert table.loc["turn", "force_n"] == pytest.approx(1.0)
-    assert table.loc["turn", "roll_torque_mn_m"] == pytest.approx(2.0)
+    turn = scores(run).set_index("primitive").loc["turn"]
+    assert turn["end_roll_deg"] == pytest.approx(np.degrees(0.1))
+    assert turn["mean_deg"] > np.degrees(0.25)
+    assert turn["force_n"] == pytest.approx(1.0)
+    assert turn["roll_torque_mn_m"] == pytest.approx(2.0)
 
 
 def test_force_and_torque_are_missing_where_no_wrench_was_recorded():

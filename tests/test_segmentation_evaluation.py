@@ -26,16 +26,6 @@ def test_errors_are_found_minus_true(two_move_demonstrations, segmentation):
     )
 
 
-def test_mean_and_largest_are_over_both_ends():
-    rows = [("ls", 0.01, 0.02), ("ls", -0.03, 0.0), ("wls", 0.0, -0.004)]
-    table = cut_errors.mean_cut_errors_ms(
-        pd.DataFrame(rows, columns=["method", "start_error_s", "end_error_s"])
-    )
-    assert table.index.tolist() == ["ls", "wls"]
-    np.testing.assert_allclose(table["mean_ms"], [15.0, 2.0])
-    np.testing.assert_allclose(table["max_ms"], [30.0, 4.0])
-
-
 def test_aligned_stretched_copies_coincide(two_move_demonstrations, segmentation):
     curves, names = cut_errors.aligned_segments(two_move_demonstrations, segmentation, "down", "wls", "z")
     assert curves.shape == (5, 200, 1)
