@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.primitives import canonical
 
 
@@ -36,12 +36,6 @@ def toy_dataset(
                 40.0 * np.tanh(z[:, 0] * np.cos(3.0 * t) + z[:, 1] * z[:, 2] * t) * np.minimum(1.0, 9 * t)
             )
             target += 40.0 * noise * rng.normal(size=count) * (t > 0)
-            parts.append((50.0 * seen, p, u, target, setting, demonstration, t * count / 100.0))
-    lengths = [len(part[1]) for part in parts]
-    stack = [np.concatenate([part[index] for part in parts]) for index in (0, 1, 2, 3)]
-    return CouplingDataset(
-        *stack,
-        setting=np.repeat([part[4] for part in parts], lengths),
-        demonstration=np.repeat([part[5] for part in parts], lengths),
-        time=np.concatenate([part[6] for part in parts]),
-    )
+            numbers = np.full(count, setting), np.full(count, demonstration)
+            parts.append(CouplingDataset(50.0 * seen, p, u, target, *numbers, t * count / 100.0))
+    return concatenated(parts)

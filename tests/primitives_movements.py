@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from hypothesis import settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from structlearn.core import quaternion
@@ -16,6 +16,16 @@ quick = settings(max_examples=8, deadline=None, derandomize=True)
 few = settings(quick, max_examples=4)  # for examples that take 50 ms each
 
 rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)
+
+
+def for_rngs(test):
+    """Decorator: the test's argument `rng` is a random generator, anew for each example."""
+    return quick(given(rng=rngs)(test))
+
+
+def for_few_rngs(test):
+    """The same with few examples."""
+    return few(given(rng=rngs)(test))
 
 
 def random_orientations(rng, *shape):

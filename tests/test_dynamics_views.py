@@ -15,12 +15,7 @@ from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.testbeds.dynamics.names import ROBOT
 from structlearn.testbeds.dynamics.protocol.tracking import tracked_reaches
 from structlearn.testbeds.dynamics.protocol.trainings import OURS
-from structlearn.testbeds.dynamics.views.arm_recordings import (
-    DynamicsViewParameters,
-    write_payload,
-    write_reaches,
-    write_torques,
-)
+from structlearn.testbeds.dynamics.views import arm_recordings as views
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.viewer.arm_meshes import send_arm
 from structlearn.viewer.rrd import recording, time_column
@@ -31,7 +26,7 @@ TITLE = "Dynamics: made up (simulated)"
 
 
 def chosen(**changes):
-    return committed(DynamicsViewParameters, "inspect_dynamics", **changes)
+    return committed(views.DynamicsViewParameters, "inspect_dynamics", **changes)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +39,7 @@ def shown():
 @pytest.fixture(scope="module")
 def reaches(shown, tmp_path_factory):
     path = tmp_path_factory.mktemp("dynamics") / "reaches.rrd"
-    write_reaches(path, IIWA, TREE.names, shown, TITLE)
+    views.write_reaches(path, IIWA, TREE.names, shown, TITLE)
     return path
 
 
@@ -87,7 +82,9 @@ def test_torques_are_shown_per_joint_beside_the_measured_ones(tmp_path):
     }
     models = {"cov_coulomb": DynamicsModels("cov", TREE.names, ("viscous", "coulomb"), (), state)}
     path, kept = tmp_path / "torques.rrd", motion.part(slice(0, 15, 2))
-    write_torques(path, IIWA, arm, motion, 0.1, models, TOOL_M, chosen(torques_s=1.5, rate_hz=5.0), TITLE)
+    views.write_torques(
+        path, IIWA, arm, motion, 0.1, models, TOOL_M, chosen(torques_s=1.5, rate_hz=5.0), TITLE
+    )
     joint = f"/torque/{TREE.names[4]}"
     measured, learned, default = (
         np.ravel(values(path, f"{joint}/{name}", "Scalars:scalars"))
@@ -106,7 +103,7 @@ def test_a_payload_appears_when_it_is_picked_up(tmp_path):
     carried = committed(PayloadParameters, "record_motion.payload")
     learned = payload_table().query("seed == 11")
     path = tmp_path / "payload.rrd"
-    write_payload(path, IIWA, TREE, log, learned, carried, chosen(payload_s=10.1), TITLE)
+    views.write_payload(path, IIWA, TREE, log, learned, carried, chosen(payload_s=10.1), TITLE)
     time = np.arange(20.0, 40.5, 0.5)
     points = np.array(values(path, "/payload", "Points3D:positions")).reshape(-1, 3)
     body, _ = tool_motion(TREE, carried.point_m, still[:1], still[:1])

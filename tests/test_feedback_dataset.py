@@ -3,22 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from feedback_toy import toy_dataset
+from readers_bags import make_recording
 
 from structlearn.core import artefacts
+from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
 from structlearn.feedback import coupling_dataset
-from structlearn.feedback.coupling_dataset import leave_one_out, without_generalization
-from structlearn.primitives import canonical, kernels
-
-
-def test_modulation_is_that_of_the_forcing_term():
-    data = toy_dataset(demonstrations=2, settings=(0.0,), samples=(30, 30))
-    features = data.modulation()
-    assert features.shape == (60, kernels.KERNEL_COUNT)
-    np.testing.assert_allclose(features[:30], kernels.unit_features(30), atol=1e-12)
-    np.testing.assert_allclose(features.sum(axis=1), data.phase_velocity, atol=1e-12)
-    _, u = canonical.phase(np.linspace(0.0, 1.0, 30), 2.0)
-    np.testing.assert_allclose(data.modulation(5).sum(axis=1)[:30], u, atol=1e-12)
+from structlearn.feedback.coupling_dataset import leave_one_out, to_table, without_generalization
+from structlearn.readers import synchronise
+from structlearn.readers.demonstration import write_runs
+from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_settings
 
 
 def test_axes_of_one_primitive_share_a_table(tmp_path):
@@ -90,3 +84,47 @@ def test_too_little_data_is_named():
         leave_one_out(toy_dataset(demonstrations=1), FRACTIONS, 1, seed=0)
     with pytest.raises(InputError, match="6 chunks of samples are too few for train, validation and test"):
         leave_one_out(toy_dataset(demonstrations=3), FRACTIONS, 10_000, seed=0)
+
+
+def test_settings_are_read_by_their_number_in_rising_order(tmp_path):
+    for setting in (10.0, 2.5, -5.0, 0.0):
+        runs = [synchronise(make_recording(name, seed=seed)) for seed, name in enumerate(("01", "02"))]
+        write_runs(runs, tmp_path / f"{setting:g}.parquet")
+    sets = read_settings(tmp_path)
+    assert list(sets) == [-5.0, 0.0, 2.5, 10.0]
+    for runs in sets.values():
+        assert [run.name for run in runs] == ["01", "02"]
+
+
+@pytest.mark.parametrize("read", [read_settings, read_expected, read_datasets])
+def test_a_folder_that_no_stage_has_written_is_not_an_empty_one(tmp_path, read):
+    with pytest.raises(InputError, match="nowhere: no such folder; run the stage that writes it"):
+        read(tmp_path / "nowhere")
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Datasets of two primitives with settings 0, 5 and 10, and a table of checks."""
+    datasets = {name: toy_dataset(seed=seed) for seed, name in enumerate(("scrape", "turn"))}
+    for name, dataset in datasets.items():
+        write_table(to_table(dataset), tmp_path / f"{name}.parquet")
+        write_table(to_table(dataset), tmp_path / f"checks_{name}.parquet")
+    return tmp_path, datasets
+
+
+def test_datasets_come_back_without_their_checks_by_whole_settings(written):
+    folder, datasets = written
+    for read, least in ((read_datasets(folder), 0.0), (read_datasets(folder, (10.0, 5.0)), 5.0)):
+        assert list(read) == ["scrape", "turn"]
+        for name, dataset in read.items():
+            for array, values in vars(datasets[name].where(datasets[name].setting >= least)).items():
+                np.testing.assert_array_equal(getattr(dataset, array), values)
+
+
+def test_settings_that_were_not_recorded_and_tables_of_another_kind_are_named(written):
+    folder, datasets = written
+    with pytest.raises(InputError, match=r"scrape\.parquet: has no corrections in the settings 2\.5, 7\.5$"):
+        read_datasets(folder, (2.5, 5.0, 7.5))
+    write_table(to_table(datasets["turn"]).drop(columns="target"), folder / "turn.parquet")
+    with pytest.raises(InputError, match=r"turn\.parquet: holds no supervised data \(missing 'target'\)"):
+        read_datasets(folder)

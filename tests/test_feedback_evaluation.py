@@ -2,7 +2,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from committed import committed
-from feedback_runs import NAMES, RATE_HZ, SEGMENTS, Y, cuts, execution
 from feedback_skills import random_network
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,30 +12,50 @@ from structlearn.core.metrics import mean_interval
 from structlearn.feedback.coupling_targets import SupervisionParameters, executed_primitive
 from structlearn.primitives import canonical
 from structlearn.primitives.vector import fit_expected_traces
-from structlearn.testbeds.scraping.protocol.execution_scores import (
-    SETTLED_S,
-    cost_ratios,
-    execution_scores,
-    nominal_orientation,
-    orientation_cost,
-    traces,
-)
-from structlearn.testbeds.scraping.protocol.execution_scores import scores as execution_scores_of
+from structlearn.readers.demonstration import Demonstration
+from structlearn.testbeds.scraping.protocol import execution_scores
+
+RATE_HZ = 100.0
+SEGMENTS = np.array([[0.0, 0.5], [0.5, 2.5], [2.5, 5.0]])
+NAMES = ("down", "turn", "scrape")
+Y = np.array([0.0, 1.0, 0.0])
+
+
+def execution(name="01", roll=0.0, seed=0, axis=Y, segments=SEGMENTS, **changes):
+    """Three primitives, six tactile channels, a tool with a roll (scalar or (T,)) in rad to the board."""
+    time = np.arange(round(SEGMENTS[-1, 1] * RATE_HZ) + 11) / RATE_HZ
+    rng = np.random.default_rng(seed)
+    turns = quaternion.from_rotation_vector(np.broadcast_to(roll, len(time))[:, None] * axis)
+    signals = {
+        "position": np.zeros((len(time), 3)),
+        "orientation": turns,
+        "tool_to_board": turns,
+        "tactile": np.rint(rng.normal(0.0, 10.0, (len(time), 6))),
+        "wrench": np.tile([0.0, 0.0, -1.0, 0.0, -2e-3, 0.0], (len(time), 1)),
+        "true_segments": segments,
+    }
+    return Demonstration(name=name, time=time, **(signals | changes))
+
 
 SCORED = ("turn", "scrape")
-NOMINAL = nominal_orientation([execution()])
+NOMINAL = execution_scores.nominal_orientation([execution()])
 PARAMETERS = committed(
     SupervisionParameters, "coupling_dataset", primitives=SCORED, settings_deg=(5.0,), rate_hz=50.0
 )
 
 
 def scores(*runs):
-    return execution_scores(runs, cuts(runs, SCORED), NOMINAL, Y)
+    labels = [run.name for run in runs]
+    cuts = {
+        name: pd.DataFrame([SEGMENTS[NAMES.index(name)]] * len(runs), labels, ["start_s", "end_s"])
+        for name in SCORED
+    }
+    return execution_scores.execution_scores(runs, cuts, NOMINAL, Y)
 
 
 def test_scores_of_a_model_are_those_of_its_runs_by_setting_and_primitive():
     runs = {setting: [execution(f"{n}", roll=setting / 100.0 * n) for n in (1, 2)] for setting in (5.0, 10.0)}
-    table = execution_scores_of("ours", runs, NAMES, NOMINAL, PARAMETERS)
+    table = execution_scores.scores("ours", runs, NAMES, NOMINAL, PARAMETERS)
     assert len(table.drop_duplicates(["setting_deg", "run", "primitive"])) == len(table) == 2**3
     assert (table["model"] == "ours").all()
     alone = scores(*runs[10.0])  # the first primitive has no feedback
@@ -57,22 +76,18 @@ def test_a_steady_roll_gives_closed_form_scores():
     np.testing.assert_allclose(table["roll_torque_mn_m"], 2.0)
 
 
-def test_the_final_roll_is_that_of_the_last_fifth_of_a_second():
+def test_the_final_roll_is_of_the_last_fifth_of_a_second_and_force_of_settled_contact():
     time = execution().time
     roll = np.where(time < SEGMENTS[1, 1] - 0.205, 0.3, 0.1)
-    table = scores(execution(roll=roll)).set_index("primitive")
-    assert table.loc["turn", "end_roll_deg"] == pytest.approx(np.degrees(0.1))
-    assert table.loc["turn", "mean_deg"] > np.degrees(0.25)
-
-
-def test_force_is_judged_once_contact_has_settled():
-    run = execution()
-    impact = run.time < SEGMENTS[1, 0] + SETTLED_S - 0.005
+    run = execution(roll=roll)
+    impact = run.time < SEGMENTS[1, 0] + execution_scores.SETTLED_S - 0.005
     run.wrench[impact, 2] = -9.0
     run.wrench[impact, 4] = 1.0
-    table = scores(run).set_index("primitive")
-    assert table.loc["turn", "force_n"] == pytest.approx(1.0)
-    assert table.loc["turn", "roll_torque_mn_m"] == pytest.approx(2.0)
+    turn = scores(run).set_index("primitive").loc["turn"]
+    assert turn["end_roll_deg"] == pytest.approx(np.degrees(0.1))
+    assert turn["mean_deg"] > np.degrees(0.25)
+    assert turn["force_n"] == pytest.approx(1.0)
+    assert turn["roll_torque_mn_m"] == pytest.approx(2.0)
 
 
 def test_force_and_torque_are_missing_where_no_wrench_was_recorded():
@@ -96,14 +111,14 @@ def hand_made():
 
 
 def test_ratios_are_of_the_mean_costs_over_all_primitives():
-    ratios = cost_ratios(hand_made(), "ours")
+    ratios = execution_scores.cost_ratios(hand_made(), "ours")
     assert ratios["setting_deg"].tolist() == [5.0, 10.0]
     np.testing.assert_allclose(ratios["ratio"], [0.5, 1.0])
     np.testing.assert_allclose(ratios["lower_rad"], [6.0, 0.0])
     halves = [mean_interval(np.array(differences))[1] for differences in ((5.0, 7.0), (-10.0, 10.0))]
     np.testing.assert_allclose(ratios["half_width"], halves)
     shuffled = hand_made().sample(frac=1.0, random_state=0)  # runs are paired by name
-    pd.testing.assert_frame_equal(cost_ratios(shuffled, "ours"), ratios)
+    pd.testing.assert_frame_equal(execution_scores.cost_ratios(shuffled, "ours"), ratios)
 
 
 @pytest.fixture(scope="module")
@@ -115,15 +130,14 @@ def expected():
 def test_traces_hold_what_the_model_made_of_the_deviations(expected):
     network = random_network(np.random.default_rng(0))
     runs = {5.0: [execution("01", seed=1), execution("02", seed=2)], 10.0: [execution("01", seed=3)]}
-    segments = {setting: cuts(group) for setting, group in runs.items()}
+    cut = pd.Series(SEGMENTS[1], ["start_s", "end_s"])
     own = PARAMETERS.model_copy(update={"primitives": ("turn",)})
-    table = traces("ours", runs, NAMES, {"turn": network}, {"turn": expected}, own)
+    table = execution_scores.traces("ours", runs, NAMES, {"turn": network}, {"turn": expected}, own)
     table = table.drop(columns=["model", "primitive"])
     channels = [f"channel_{index:02d}" for index in range(6)]
     assert list(table.columns) == ["setting_deg", "run", "time_s", "coupling", *channels]
     for (setting, name), rows in table.groupby(["setting_deg", "run"]):
         run = next(run for run in runs[setting] if run.name == name)
-        cut = segments[setting]["turn"].loc[name]
         _, deviation = executed_primitive(run, cut, expected, PARAMETERS.sensors)
         np.testing.assert_allclose(rows["time_s"], 0.02 * np.arange(101), atol=1e-9)
         np.testing.assert_allclose(rows[channels], deviation[::2])
@@ -140,19 +154,19 @@ angles = st.floats(-1.5, 1.5)
 @given(nominal=angles, roll=angles)
 def test_the_cost_of_a_turn_about_one_axis_is_its_angle(axis, nominal, roll):
     """J = | 2 log(Q_nr o Q_cr*) | (eq. IV.34)."""
-    mean = nominal_orientation([execution(roll=nominal, axis=axis)])
-    cost = orientation_cost(execution(roll=roll, axis=axis), mean)
+    mean = execution_scores.nominal_orientation([execution(roll=nominal, axis=axis)])
+    cost = execution_scores.orientation_cost(execution(roll=roll, axis=axis), mean)
     np.testing.assert_allclose(cost, abs(roll - nominal), atol=1e-9)
 
 
 def test_the_nominal_orientation_is_the_mean_over_runs():
     rolls = [0.01, 0.03, -0.01]
-    nominal = nominal_orientation([execution(roll=roll) for roll in rolls])
+    nominal = execution_scores.nominal_orientation([execution(roll=roll) for roll in rolls])
     np.testing.assert_allclose(quaternion.rotation_vector(nominal)[:, 1], np.mean(rolls), atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(nominal, axis=1), 1.0)
     run = execution(roll=0.1)  # of two lengths the shorter one is compared
-    assert len(orientation_cost(run, nominal[:200])) == 200
-    assert len(orientation_cost(run, np.concatenate([nominal, nominal]))) == len(run.time)
+    assert len(execution_scores.orientation_cost(run, nominal[:200])) == 200
+    assert len(execution_scores.orientation_cost(run, np.concatenate([nominal, nominal]))) == len(run.time)
 
 
 def test_signs_of_quaternions_do_not_matter():
@@ -162,14 +176,17 @@ def test_signs_of_quaternions_do_not_matter():
     flipped = [plain[0], execution(roll=path + 0.02, tool_to_board=-plain[1].tool_to_board)]
     signs = np.where(np.arange(511) % 2, 1.0, -1.0)[:, None]
     alternating = execution(roll=path, tool_to_board=signs * plain[0].tool_to_board)
-    nominal = nominal_orientation(plain)
-    assert quaternion.angle_between(nominal_orientation(flipped), nominal).max() < 1e-9
-    np.testing.assert_allclose(orientation_cost(alternating, nominal), orientation_cost(plain[0], nominal))
+    nominal = execution_scores.nominal_orientation(plain)
+    assert quaternion.angle_between(execution_scores.nominal_orientation(flipped), nominal).max() < 1e-9
+    np.testing.assert_allclose(
+        execution_scores.orientation_cost(alternating, nominal),
+        execution_scores.orientation_cost(plain[0], nominal),
+    )
 
 
 def test_a_run_without_motion_capture_is_named():
     blind = execution("07", tool_to_board=None)
     with pytest.raises(InputError, match="07: has no tool-to-board orientation"):
-        nominal_orientation([execution(), blind])
+        execution_scores.nominal_orientation([execution(), blind])
     with pytest.raises(InputError, match="07: has no tool-to-board orientation"):
-        orientation_cost(blind, nominal_orientation([execution()]))
+        execution_scores.orientation_cost(blind, execution_scores.nominal_orientation([execution()]))

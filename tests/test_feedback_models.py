@@ -4,15 +4,18 @@ import numpy as np
 import pandas as pd
 import pytest
 from committed import committed
+from feedback_skills import random_network
 from feedback_toy import toy_dataset
 
-from structlearn.core.errors import InputError
 from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, unrolled_error
+from structlearn.feedback.coupling_dataset import leave_one_out
 from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
 from structlearn.feedback.feedback_models import FeedbackParameters, train_models
+from structlearn.feedback.models.autoencoded import autoencoder
+from structlearn.feedback.models.pca import principal_components
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.testbeds.scraping.page.results import dominant_features
+from structlearn.primitives import canonical
 
 FEW = FeedbackParameters(
     network="pmnn",
@@ -68,21 +71,11 @@ def test_path_errors_are_in_degrees_by_model_primitive_and_demonstration(trained
     np.testing.assert_array_equal(rows["setting_deg"], paths.setting)
 
 
-def test_one_demonstration_is_too_few():
-    one = toy_dataset(demonstrations=1, settings=(0.0, 5.0, 10.0))
-    with pytest.raises(InputError, match="at least two demonstration numbers"):
-        train_models({"turn": one}, {"turn": one}, FEW)
-
-
 def made_up(errors):
     """A table with given generalisation errors per representation and fold."""
-    rows = [
-        (name, fold, stopping, error)
-        for stopping in feedback_models.STOPPINGS
-        for name, values in errors.items()
-        for fold, error in enumerate(values)
-    ]
-    return pd.DataFrame(rows, columns=["representation", "fold", "stopping", "generalization"])
+    table = pd.DataFrame(errors).rename_axis("fold").reset_index()
+    table = table.melt("fold", var_name="representation", value_name="generalization")
+    return pd.concat([table.assign(stopping=stopping) for stopping in feedback_models.STOPPINGS])
 
 
 def test_orderings_are_told_in_pairs_over_the_folds():
@@ -112,8 +105,77 @@ def test_orderings_are_told_in_pairs_over_the_folds():
     assert same["p_value"].eq(1.0).all()
 
 
-def test_the_dominant_features_are_those_with_the_largest_weights():
-    weights = np.array([[0.1, -5.0, 2.0, 0.0], [3.0, 0.2, -0.1, -4.0]])
-    found = dominant_features(weights, 2)
-    np.testing.assert_array_equal(found, [[False, True, True, False], [True, False, False, True]])
-    assert dominant_features(weights, 10).all()
+QUICK = committed(TrainingParameters, "compare_models", steps=400, evaluate_every=100, batch_size=32)
+FOLDS = leave_one_out(toy_dataset(), (0.075, 0.075), 1, seed=0)
+ROWS = len(toy_dataset().target)
+
+
+def spanned(stds, seed=0):
+    """Deviations that vary with given stds along orthogonal directions of 38 channels."""
+    rng = np.random.default_rng(seed)
+    directions, _ = np.linalg.qr(rng.normal(size=(38, len(stds))))
+    return rng.normal(size=(ROWS, len(stds))) * stds @ directions.T + 5.0, directions
+
+
+def jobs(deviation, folds=FOLDS):
+    return [(replace(toy_dataset(), deviation=deviation), fold) for fold in folds]
+
+
+def dimensions(encoders):
+    return [encoder.dimensions for encoder in encoders]
+
+
+def test_principal_components_keep_as_many_as_the_variance_needs():
+    deviation, _ = spanned([10.0, 5.0, 3.0, 0.3, 0.2])  # the last two: 0.1 % of the variance
+    assert dimensions(principal_components(jobs(deviation))) == [3, 3, 3, 3]
+    assert dimensions(principal_components(jobs(deviation), 0.9)) == [2, 2, 2, 2]
+    assert dimensions(principal_components(jobs(deviation), 0.9999)) == [5, 5, 5, 5]
+
+
+def test_a_fold_with_fewer_components_is_filled_with_zeros():
+    deviation, _ = spanned([10.0, 5.0])
+    deviation[FOLDS[2].generalization] += np.outer(
+        np.resize([60.0, -60.0], len(FOLDS[2].generalization)), np.eye(38)[0]
+    )
+    encoders = principal_components(jobs(deviation))
+    assert dimensions(encoders) == [3, 3, 2, 3]
+    assert all(encoder.code.shape == (ROWS, 3) for encoder in encoders)
+    assert np.abs(encoders[2].code[:, 2]).max() == 0.0
+    assert np.abs(encoders[0].code[:, 2]).max() > 1.0
+
+
+def test_an_autoencoder_finds_a_curve_that_one_principal_component_cannot_show():
+    angle = np.random.default_rng(0).uniform(0.0, 5.0, ROWS)
+    curve = np.column_stack([np.cos(angle), np.sin(angle), 0.1 * angle])
+    parameters = QUICK.model_copy(update={"steps": 1000, "learning_rate": 3e-3})
+
+    def unlikeness(code):  # of neighbours in the code, which should be neighbours on the curve
+        return np.quantile(np.abs(np.diff(angle[np.argsort(code)])), 0.9)
+
+    (component,) = principal_components(jobs(curve, FOLDS[:1]), 0.1)
+    assert component.code.shape == (ROWS, 1)
+    for encoder in autoencoder(jobs(curve, FOLDS[:2]), np.array([1, 1]), parameters):
+        assert encoder.code.shape == (ROWS, 1)
+        assert unlikeness(encoder.code[:, 0]) < 0.2 * unlikeness(component.code[:, 0])
+
+
+def test_autoencoders_have_codes_of_their_own_width():
+    deviation, _ = spanned([10.0, 5.0, 3.0])
+    narrow, wide = autoencoder(jobs(deviation, FOLDS[:2]), np.array([1, 3]), QUICK)
+    assert narrow.code.shape == wide.code.shape == (ROWS, 3)
+    assert np.abs(narrow.code[:, 1:]).max() == 0.0
+    assert np.ptp(wide.code, axis=0).min() > 0.1
+
+
+def test_encoders_that_are_folded_into_a_network_give_it_their_code():
+    deviation, _ = spanned([10.0, 5.0, 3.0])
+    for encoders in (
+        principal_components(jobs(deviation, FOLDS[:1])),
+        autoencoder(jobs(deviation, FOLDS[:1]), np.array([3]), QUICK),
+    ):
+        (encoder,) = encoders
+        network = random_network(np.random.default_rng(0), 3, ())
+        phase = canonical.phase(np.linspace(0.1, 0.9, ROWS), 2.0)
+        scale = np.full(38, encoder.scale)
+        found = network.behind(encoder.mean, scale, encoder.layers).coupling(deviation, *phase)
+        np.testing.assert_allclose(found, network.coupling(encoder.code, *phase), atol=1e-4, rtol=1e-4)

@@ -6,6 +6,9 @@ from structlearn.networks.stacked_layers import Dropout, RowLayers, StackedLayer
 from structlearn.networks.torch_settings import seeded
 
 SIZES = (4, 7, 5, 2)
+KINDS = pytest.mark.parametrize(
+    ("kind", "normalised"), [(StackedLayers, True), (StackedLayers, False), (RowLayers, False)]
+)
 
 
 def stack(kind=StackedLayers, models=3, normalised=False):
@@ -39,9 +42,7 @@ def reference(layers, model):
     return nn.Sequential(*modules)
 
 
-@pytest.mark.parametrize(
-    ("kind", "normalised"), [(StackedLayers, True), (StackedLayers, False), (RowLayers, False)]
-)
+@KINDS
 def test_a_stack_is_many_of_torchs_networks_in_training_and_after_it(kind, normalised):
     layers = stack(kind, normalised=normalised)
     inputs = samples(layers)
@@ -55,7 +56,7 @@ def test_a_stack_is_many_of_torchs_networks_in_training_and_after_it(kind, norma
             )
 
 
-@pytest.mark.parametrize(("kind", "normalised"), [(StackedLayers, True), (RowLayers, False)])
+@KINDS
 def test_gradients_of_models_do_not_mix(kind, normalised):
     layers = stack(kind, normalised=normalised)
     outputs = layers.forward(samples(layers), training=True, dropout=Dropout(0.5, seeded(3)))
@@ -74,9 +75,7 @@ def test_part_shares_parameters_and_statistics():
     assert not layers.means[0][0].any()
 
 
-@pytest.mark.parametrize(
-    ("kind", "normalised"), [(StackedLayers, True), (StackedLayers, False), (RowLayers, False)]
-)
+@KINDS
 def test_arrays_hold_everything(kind, normalised):
     layers = stack(kind, normalised=normalised)
     inputs = samples(layers)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from primitives_movements import quick, rngs
+from primitives_movements import for_rngs, quick
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -43,9 +43,9 @@ def test_features_are_the_normalised_kernels_of_the_text(time, count):
     np.testing.assert_allclose(features(p, u, count), u * kernels / kernels.sum(), rtol=1e-9, atol=1e-40)
 
 
-@given(rngs, st.sampled_from([2, 25, 300]))
-@quick
-def test_features_share_out_the_phase_velocity(rng, count):
+@pytest.mark.parametrize("count", [2, 25, 300])
+@for_rngs
+def test_features_share_out_the_phase_velocity(count, rng):
     tau = time_constant(1.0)
     p, u = phase(rng.uniform(0.0, 20.0, size=(7, 11)), tau)  # also long after the end
     shares = features(p, u, count)
@@ -89,8 +89,7 @@ def feature_matrix(samples, count):
 
 
 @pytest.mark.parametrize("scaled", [False, True])
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_joint_weights_are_the_least_squares_of_the_stacked_and_scaled_demonstrations(scaled, rng):
     lengths, count = (150, 150, 220), 12
     scales = rng.uniform(-2.0, 2.0, size=(3, 2)) if scaled else np.ones((3, 2))
@@ -104,8 +103,7 @@ def test_joint_weights_are_the_least_squares_of_the_stacked_and_scaled_demonstra
         np.testing.assert_allclose(found[:, axis], expected, rtol=1e-4, atol=1e-3)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_local_weights_fit_each_kernel_alone(rng):
     lengths, count = (90, 140), 10
     targets = [rng.normal(size=(samples, 2)).cumsum(axis=0) for samples in lengths]

@@ -1,9 +1,8 @@
 import numpy as np
-from hypothesis import given
-from primitives_movements import few, quick, rngs
+from primitives_movements import for_few_rngs, for_rngs, random_orientations, reach, wobbly_turn
 from scipy.integrate import solve_ivp
 
-from structlearn.primitives.trajectory import Trajectory
+from structlearn.primitives.trajectory import Trajectory, differentiated, differentiated_orientation
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, forcing_target, initial_goal, unroll
 
 
@@ -39,8 +38,7 @@ def test_the_constants_are_the_text_s_and_critically_damped():
     assert (ALPHA, BETA, ALPHA_G) == (25.0, 25.0 / 4, 25.0 / 2)
 
 
-@given(rngs)
-@few
+@for_few_rngs
 def test_forcing_that_is_linear_between_samples_is_integrated_exactly(rng):
     tau, dt = rng.uniform(1.0, 5.0), 0.1
     times, samples = dt * np.arange(9), rng.uniform(-100, 100, size=(9, 2))
@@ -59,8 +57,7 @@ def test_forcing_that_is_linear_between_samples_is_integrated_exactly(rng):
     np.testing.assert_allclose(finer.acceleration[::8], path.acceleration, atol=1e-9)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_the_path_starts_in_the_state_asked_for(rng):
     situation = random_situation(rng)
     forcing, c = rng.uniform(-100, 100, size=(5, 2)), rng.uniform(-100, 100, size=2)
@@ -71,8 +68,7 @@ def test_the_path_starts_in_the_state_asked_for(rng):
         np.testing.assert_allclose(path.acceleration[0], situation["acceleration"], atol=1e-11)  # eq. IV.12
 
 
-@given(rngs)
-@few
+@for_few_rngs
 def test_a_batch_is_its_movements_one_by_one(rng):
     forcing = rng.uniform(-100, 100, size=(3, 4, 20, 2))
     start, velocity, acceleration = rng.normal(size=(3, 3, 4, 2))
@@ -117,8 +113,7 @@ def test_coupling_sees_every_sample_of_the_path():
     np.testing.assert_allclose(np.stack(list(seen.values())), expected, atol=1e-12)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_the_target_of_an_unrolled_path_is_its_forcing(rng):
     duration, dt = 1.5, 0.01
     tau = 2 * duration
@@ -131,3 +126,41 @@ def test_the_target_of_an_unrolled_path_is_its_forcing(rng):
     decay = np.exp(-ALPHA_G * path.time / tau)[:, None]
     expected = forcing + ALPHA * BETA * ((1 - decay) * g_error - decay * forcing[0] / (ALPHA * BETA))
     np.testing.assert_allclose(target, expected, atol=1e-9)
+
+
+DT = 1 / 300
+INSIDE = slice(60, -60)  # the filter's reflection disturbs the ends
+
+
+@for_rngs
+def test_a_recorded_signal_gets_its_derivatives(rng):
+    truth = reach(rng, np.zeros(3), np.ones(3), dt=DT)
+    found = differentiated(truth.position, DT, cutoff_hz=40.0)
+    assert found.duration == truth.duration
+    np.testing.assert_allclose(found.dt, DT)
+    np.testing.assert_allclose(found.position[INSIDE], truth.position[INSIDE], atol=1e-5)
+    np.testing.assert_allclose(found.velocity[INSIDE], truth.velocity[INSIDE], atol=1e-3)
+    np.testing.assert_allclose(found.acceleration[INSIDE], truth.acceleration[INSIDE], atol=1e-2)
+
+
+@for_rngs
+def test_a_recorded_orientation_gets_its_derivatives_in_the_base_frame(rng):
+    truth = wobbly_turn(rng, 4 * np.pi, dt=DT, base=random_orientations(rng), axis=rng.normal(size=3))
+    flipped = truth.orientation * rng.choice([-1.0, 1.0], size=(len(truth.time), 1))
+    found = differentiated_orientation(flipped, DT, cutoff_hz=60.0)
+    np.testing.assert_allclose(np.linalg.norm(found.orientation, axis=1), 1.0, atol=1e-12)
+    assert (np.sum(found.orientation[1:] * found.orientation[:-1], axis=1) > 0.9).all()
+    overlap = np.abs(np.sum(found.orientation * truth.orientation, axis=1))
+    np.testing.assert_allclose(overlap[INSIDE], 1.0, atol=1e-7)
+    np.testing.assert_allclose(found.angular_velocity[INSIDE], truth.angular_velocity[INSIDE], atol=2e-2)
+    np.testing.assert_allclose(
+        found.angular_acceleration[INSIDE], truth.angular_acceleration[INSIDE], atol=0.5
+    )
+
+
+def test_a_cut_restarts_the_clock_and_keeps_both_ends():
+    path = reach(np.random.default_rng(0), np.zeros(3), np.ones(3), duration=1.0, dt=0.01)
+    part = path.cut(20, 50)
+    np.testing.assert_array_equal(part.position, path.position[20:51])
+    np.testing.assert_array_equal(part.acceleration, path.acceleration[20:51])
+    np.testing.assert_allclose(part.time, 0.01 * np.arange(31), atol=1e-15)

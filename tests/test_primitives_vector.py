@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from primitives_movements import fading_coupling, normalised_error, quick, reach, rngs
+from primitives_movements import fading_coupling, for_rngs, normalised_error, random_orientations, reach
 
+from structlearn.core import quaternion
+from structlearn.core.frames import local_frame
+from structlearn.primitives.position import fit_position
 from structlearn.primitives.vector import VectorPrimitive, fit_vector, relative_scale, sample_count
 
 DT = 0.005
@@ -22,9 +25,9 @@ def random_primitive(rng, *batch, axes=3, bound=1000.0):
     )
 
 
-@given(rngs, st.booleans())
-@quick
-def test_the_goal_is_reached_whatever_the_weights(rng, coupled):
+@pytest.mark.parametrize("coupled", [False, True])
+@for_rngs
+def test_the_goal_is_reached_whatever_the_weights(coupled, rng):
     primitive = random_primitive(rng)
     duration = rng.uniform(0.3, 4.0)
     start, goal = 2 * rng.normal(size=(2, 3))
@@ -37,10 +40,9 @@ def test_the_goal_is_reached_whatever_the_weights(rng, coupled):
     np.testing.assert_allclose(path.position[0], start, atol=1e-12)
 
 
-@given(rngs, st.floats(0.2, 5.0))
-@quick
-def test_another_duration_gives_the_same_shape(rng, factor):
-    primitive = random_primitive(rng, bound=100.0)
+@for_rngs
+def test_another_duration_gives_the_same_shape(rng):
+    primitive, factor = random_primitive(rng, bound=100.0), rng.uniform(0.2, 5.0)
     dt = primitive.duration / 150
     path = primitive.unroll(dt)
     scaled = primitive.unroll(factor * dt, duration=factor * primitive.duration)
@@ -51,8 +53,7 @@ def test_another_duration_gives_the_same_shape(rng, factor):
 
 
 @pytest.mark.parametrize("method", ["joint", "local"])
-@given(rng=rngs)
-@quick
+@for_rngs
 def test_a_smooth_demonstration_is_reproduced(method, rng):
     demonstration = reach(rng, rng.normal(size=3), rng.normal(size=3), duration=rng.uniform(0.5, 3.0), dt=DT)
     path = fit_vector([demonstration], method=method).unroll(DT)
@@ -64,8 +65,7 @@ def test_a_smooth_demonstration_is_reproduced(method, rng):
     np.testing.assert_allclose(path.acceleration[0], demonstration.acceleration[0], atol=1e-9)
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_the_same_movement_at_different_speeds_is_one_primitive(rng):
     seed, start, goal = rng.integers(2**32), rng.normal(size=2), rng.normal(size=2)
     demonstrations = [
@@ -90,8 +90,7 @@ def test_the_mean_of_the_demonstrations_is_what_is_not_given():
     np.testing.assert_allclose(primitive.goal, np.mean([d.position[-1] for d in demonstrations], axis=0))
 
 
-@given(rngs)
-@quick
+@for_rngs
 def test_scaled_axes_keep_their_shape_for_any_distance(rng):
     start, goal = np.zeros(2), np.array([1.0, 0.5])
     demonstration = reach(rng, start, goal, detour=0.05)
@@ -117,3 +116,66 @@ def test_an_axis_that_hardly_moves_is_never_scaled():
 
 def test_samples_run_up_to_the_one_nearest_to_the_duration():
     assert [sample_count(duration, 1 / 300) for duration in (1.0, 0.9999, 1.0018)] == [301, 301, 302]
+
+
+SIGNALS = ("position", "velocity", "acceleration")
+START, LEVEL, STEEP = np.array([0.1, 0.2, 0.3]), np.array([0.5, 0.4, 0.35]), np.array([0.12, 0.2, 0.8])
+REACHES = pytest.mark.parametrize(("goal", "kind"), [(LEVEL, "up"), (STEEP, "side"), (START, "world")])
+
+
+def demonstration(rng, goal, **options):
+    detour = 0.0 if goal is START else 0.03
+    path = reach(rng, START, goal, **options, detour=detour)
+    if goal is START:  # a small loop that ends where it began
+        loop = reach(rng, START, START, **options, detour=0.03)
+        back = (loop.position[-1] - loop.position[0]) * (loop.time / loop.duration)[:, None]
+        rate = (loop.position[-1] - loop.position[0]) / loop.duration
+        return type(path)(loop.time, loop.position - back, loop.velocity - rate, loop.acceleration)
+    return path
+
+
+@REACHES
+@for_rngs
+def test_a_reach_is_reproduced_in_its_frame(goal, kind, rng):
+    taught = demonstration(rng, goal)
+    primitive = fit_position([taught])
+    assert primitive.frame == kind
+    assert primitive.duration == pytest.approx(taught.duration)
+    path = primitive.unroll(DT)
+    assert np.linalg.norm(path.position - taught.position, axis=1).max() < 1e-3
+    assert normalised_error(path.position, taught.position) < 1e-5
+    assert normalised_error(path.velocity, taught.velocity) < 1e-4
+    np.testing.assert_allclose(path.acceleration[0], taught.acceleration[0], atol=1e-9)
+
+
+def random_reach(rng, goal=LEVEL):
+    fitted = fit_position([demonstration(rng, goal)])
+    return replace(fitted, local=replace(fitted.local, weights=rng.uniform(-300, 300, size=(25, 3))))
+
+
+@REACHES
+@for_rngs
+def test_turning_start_goal_and_frame_together_turns_the_path(goal, kind, rng):
+    primitive = random_reach(rng, goal)
+    turn, shift = random_orientations(rng), rng.normal(size=3)
+    state = {name: rng.normal(size=3) for name in ("velocity", "acceleration")}
+    turned = {name: quaternion.rotate(turn, value) for name, value in state.items()}
+    frame = local_frame(primitive.start, primitive.goal, primitive.frame)
+    start, goal = (quaternion.rotate(turn, end) + shift for end in (primitive.start, primitive.goal))
+    path = primitive.unroll(DT, **state)
+    moved = primitive.unroll(DT, start, goal, frame=quaternion.rotate(turn, frame.T).T, **turned)
+    np.testing.assert_allclose(moved.position, quaternion.rotate(turn, path.position) + shift, atol=1e-9)
+
+
+@for_rngs
+def test_demonstrations_in_other_directions_are_one_primitive(rng):
+    taught = demonstration(rng, LEVEL)
+    taught_again = []
+    for angle in (0.0, 0.5, -0.4):
+        turn = quaternion.from_rotation_vector([0.0, 0.0, angle])
+        signals = {name: quaternion.rotate(turn, vars(taught)[name]) for name in SIGNALS}
+        taught_again.append(replace(taught, **signals))
+    primitive, alone = fit_position(taught_again), fit_position([taught])
+    np.testing.assert_allclose(primitive.local.weights[1:], alone.local.weights[1:], atol=1e-3)
+    path = primitive.unroll(DT, taught.position[0], taught.position[-1])
+    assert np.linalg.norm(path.position - taught.position, axis=1).max() < 1e-3  # IV.6.1

@@ -14,7 +14,7 @@ from mcap.records import Chunk, Footer
 from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType
 from mcap.writer import Writer as PlainWriter
 from mcap_ros2.decoder import DecoderFactory
-from readers_bags import make_recording, pose_messages, pose_rows, write_bag
+from readers_bags import foreign_bag, make_recording, pose_messages, pose_rows, write_bag
 
 from structlearn.core.errors import InputError
 from structlearn.readers import OWN_TOPICS, Recording, Stream, read_recording, write_recording
@@ -27,22 +27,8 @@ POSES = pose_messages(STAMPS, pose_rows(4))
 JOINTS = {"name": ["a"], "position": [1.0]}
 JOINT_STATES = [(f"/{one}", "sensor_msgs/msg/JointState", JOINTS, s) for one in "ab" for s in STAMPS]
 THERE = r"it has /tool \(geometry_msgs/msg/PoseStamped\)"
-
-
 SEGMENTS = np.array([[0.0, 0.1], [0.1, 1 / 3]])
 TOOL = topic_map(pose="/tool")
-
-
-def foreign_bag(path, schema, messages, encoding="cdr", **options):
-    """A bag as other programs write one: its schema, and (stamp, bytes) on /tool."""
-    with open(path, "wb") as stream:
-        writer = PlainWriter(stream, **options)
-        writer.start()
-        channel = writer.register_channel("/tool", encoding, writer.register_schema(*schema))
-        for stamp, content in messages:
-            writer.add_message(channel, stamp, content, stamp)
-        writer.finish()
-    return path
 
 
 def test_the_same_recording_gives_the_same_bytes(tmp_path):
@@ -180,10 +166,6 @@ def test_a_topic_of_two_publishers_comes_in_the_order_of_its_log_times(tmp_path)
     np.testing.assert_array_equal(pose.values[:, 0], STAMPS)
 
 
-def no_bag(content):
-    return lambda path: path.write_bytes(content)
-
-
 def bag(messages, empty=()):
     return lambda path: write_bag(path, messages, empty)
 
@@ -206,7 +188,10 @@ EMPTY, WRENCHES = topic_map(pose="/tool", wrench="/empty"), [("/empty", "geometr
     [
         (lambda path: None, TOOL, "cannot be read: No such file"),
         (lambda path: path.mkdir(), TOOL, "cannot be read: not a file"),
-        *((no_bag(one), TOOL, "not an MCAP file") for one in (b"", b"\x89MCAP", b"time,x\n0,1\n" * 100)),
+        *(
+            (lambda path, content=content: path.write_bytes(content), TOOL, "not an MCAP file")
+            for content in (b"", b"\x89MCAP", b"time,x\n0,1\n" * 100)
+        ),
         (bag([]), OWN_TOPICS, "has no topic '/pose' for pose; it has no topics"),
         (bag(POSES), OWN_TOPICS, f"has no topic '/pose' for pose; {THERE}"),
         (bag(POSES, WRENCHES), EMPTY, "topic '/empty' has no messages"),

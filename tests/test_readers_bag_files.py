@@ -7,8 +7,7 @@ import pytest
 import zstandard
 from committed import topic_map
 from mcap.writer import CompressionType
-from mcap.writer import Writer as PlainWriter
-from readers_bags import Older, joint_messages, pose_messages, pose_rows, write_bag
+from readers_bags import foreign_bag, joint_messages, pose_messages, pose_rows, write_bag, write_older
 
 from structlearn.core.errors import InputError
 from structlearn.readers import read_recording, read_recordings
@@ -47,15 +46,14 @@ def test_a_file_that_is_compressed_as_a_whole(plain, tmp_path):
     assert_same(recording)
     assert (recording.name, recording.provenance["source"]) == ("take", "take.mcap.zstd")
     assert [file.name for file in recording_files(tmp_path)] == ["plain", "take"]
-    path.write_bytes(packed[:-9])
-    with pytest.raises(InputError, match=r"take\.mcap\.zstd: (the zstd file is cut off|damaged)"):
-        read_recording(path, TOPICS)
-    path.write_bytes(b"no frame at all")
-    with pytest.raises(InputError, match=r"take\.mcap\.zstd: damaged zstd file"):
-        read_recording(path, TOPICS)
-    path.write_bytes(zstandard.compress(b"no MCAP"))
-    with pytest.raises(InputError, match=r"take\.mcap\.zstd: not an MCAP file"):
-        read_recording(path, TOPICS)
+    for content, complaint in (
+        (packed[:-9], "(the zstd file is cut off|damaged)"),
+        (b"no frame at all", "damaged zstd file"),
+        (zstandard.compress(b"no MCAP"), "not an MCAP file"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=rf"take\.mcap\.zstd: {complaint}"):
+            read_recording(path, TOPICS)
 
 
 @pytest.mark.parametrize("compression", CompressionType)
@@ -64,26 +62,22 @@ def test_messages_that_are_compressed_one_by_one(plain, tmp_path, compression):
     raw = bag.messages["/tool"]
     packed = [zstandard.compress(message) for message in raw.data]
 
-    def write(path, data):
-        with open(path, "wb") as file:
-            writer = PlainWriter(file, compression=compression)
-            writer.start("ros2")
-            kind = "geometry_msgs/msg/PoseStamped"
-            schema = writer.register_schema(kind, "ros2msg", definition(kind).encode())
-            channel = writer.register_channel("/tool", "cdr", schema)
-            for stamp, message in zip(STAMPS, data, strict=True):
-                writer.add_message(channel, stamp, message, stamp)
-            writer.finish()
-        return path
+    kind = "geometry_msgs/msg/PoseStamped"
+    schema = (kind, "ros2msg", definition(kind).encode())
 
-    (pose,) = read_recording(write(tmp_path / "take.mcap", packed), topic_map(pose="/tool")).streams
+    def read(data):
+        messages = list(zip(STAMPS, data, strict=True))
+        path = foreign_bag(tmp_path / "take.mcap", schema, messages, compression=compression)
+        return read_recording(path, topic_map(pose="/tool"))
+
+    (pose,) = read(packed).streams
     np.testing.assert_array_equal(pose.values, POSES)
     packed[3] = packed[3][:-5]
     with pytest.raises(InputError, match=r"take\.mcap: damaged MCAP file: ZstdError"):
-        read_recording(write(tmp_path / "take.mcap", packed), topic_map(pose="/tool"))
+        read(packed)
     bomb = b"\x28\xb5\x2f\xfd\xe0" + (2**60).to_bytes(8, "little")
     with pytest.raises(InputError, match="it unpacks to more than"):
-        read_recording(write(tmp_path / "take.mcap", [bomb, *packed[1:]]), topic_map(pose="/tool"))
+        read([bomb, *packed[1:]])
 
 
 def test_files_are_taken_by_their_kind(plain, tmp_path):
@@ -112,13 +106,12 @@ def test_without_the_extra_it_is_said_how_to_get_it(tmp_path, monkeypatch, name)
 
 @pytest.mark.parametrize("mode", ["plain", "message", "file", "old"])
 def test_a_bag_in_the_older_storage_of_ros_2(tmp_path, mode):
-    older = Older(STAMPS, POSES, ANGLES, ros1=False)
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, Writer
 
     writer = Writer(tmp_path / "take", version=9)
     if mode in ("message", "file"):
         writer.set_compression(CompressionMode[mode.upper()], CompressionFormat.ZSTD)
-    older.write(writer)
+    write_older(writer, STAMPS, POSES, ANGLES, ros1=False)
     (path,) = (tmp_path / "take").glob("take*.db3*")
     if mode == "old":  # before Iron there were no definitions in the file
         import apsw
@@ -132,10 +125,9 @@ def test_a_bag_in_the_older_storage_of_ros_2(tmp_path, mode):
 
 
 def test_a_bag_of_ros_1(tmp_path):
-    older = Older(STAMPS, POSES, ANGLES, ros1=True)
     from rosbags.rosbag1 import Writer
 
-    older.write(Writer(tmp_path / "take.bag"))
+    write_older(Writer(tmp_path / "take.bag"), STAMPS, POSES, ANGLES, ros1=True)
     (recording,) = read_recordings(tmp_path, TOPICS)
     assert_same(recording)
     assert recording.provenance == {"origin": "recorded", "source": "take.bag"}

@@ -1,5 +1,7 @@
 """Sets of recordings: files, folders, names, and folders that are called like their setting."""
 
+import re
+
 import numpy as np
 import pytest
 from committed import topic_map
@@ -79,11 +81,10 @@ def test_missing_and_empty_sources(tmp_path):
     [
         (["a", "a"], "several recordings have the name a"),
         (["1", "01"], "several recordings have the name 01"),
-        (["../a"], r"'\.\./a' cannot be a name"),
-        (["a/b"], "'a/b' cannot be a name"),
-        ([""], "'' cannot be a name"),
-        (["$x^{$"], r"'\$x\^\{\$' cannot be a name"),
-        (["=1+1"], "'=1\\+1' cannot be a name"),
+        *(
+            ([name], f"{re.escape(repr(name))} cannot be a name")
+            for name in ("../a", "a/b", "", "$x^{$", "=1+1")
+        ),
     ],
 )
 def test_names_must_be_file_names_of_their_own(tmp_path, names, complaint):

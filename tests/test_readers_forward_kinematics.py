@@ -6,12 +6,10 @@ import numpy as np
 import pinocchio
 import pybullet_data
 import pytest
-from committed import topic_map
-from readers_bags import joint_messages, write_bag
+from readers_bags import assert_same_poses, joint_messages, read_messages
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.readers import read_recording
 
 STEP = 10**7
 STAMPS = [10**9 + row * STEP for row in range(30)]
@@ -36,8 +34,10 @@ def arm(tmp_path):
     return tmp_path / "arm.urdf"
 
 
-def topics(urdf, tip, **others):
-    return topic_map(pose={"urdf": str(urdf), "tip": tip, "topic": "/joint_states"}, **others)
+def read_arm(path, messages, urdf, tip, joints=None, **topics):
+    """The pose of a link by the joint states of a bag, of which some joints may be renamed."""
+    pose = {"urdf": str(urdf), "tip": tip, "topic": "/joint_states", "joints": joints or {}}
+    return read_messages(path / "bag.mcap", messages, pose=pose, **topics)
 
 
 def two_link_pose(shoulder, elbow, grip=0.0):
@@ -50,23 +50,18 @@ def two_link_pose(shoulder, elbow, grip=0.0):
     return np.hstack([np.stack([x, y, np.zeros_like(x)], axis=1), turned])
 
 
-def assert_same_poses(values, expected, atol=1e-12):
-    np.testing.assert_allclose(values[:, :3], expected[:, :3], atol=atol)
-    assert quaternion.angle_between(values[:, 3:], expected[:, 3:]).max() < 1e-7
-    assert (np.sum(values[1:, 3:] * values[:-1, 3:], axis=1) > 0).all()
-
-
 def test_a_two_link_arm_by_hand(arm, tmp_path):
     time = np.arange(30) * 0.3
     shoulder, elbow, grip = np.sin(time), 1.1 * time, 0.1 + 0.05 * np.cos(time)  # the elbow turns round
     names = ["grip", "elbow", "elsewhere", "shoulder"]
     positions = np.stack([grip, elbow, time, shoulder], axis=1)
-    write_bag(tmp_path / "bag.mcap", joint_messages(STAMPS, names, positions))
+    messages = joint_messages(STAMPS, names, positions)
     for tip, far in (("tool", 0.0), ("finger", grip), ("fore", -FORE_M)):
-        (pose,) = read_recording(tmp_path / "bag.mcap", topics(arm, tip)).streams
+        (pose,) = read_arm(tmp_path, messages, arm, tip).streams
         np.testing.assert_array_equal(pose.stamps, STAMPS)
         assert (pose.topic, pose.kind) == ("/joint_states", "pose")
         assert_same_poses(pose.values, two_link_pose(shoulder, elbow, far))
+        assert (np.sum(pose.values[1:, 3:] * pose.values[:-1, 3:], axis=1) > 0).all()
 
 
 def test_a_real_arm_is_where_pinocchio_says(tmp_path):
@@ -76,10 +71,7 @@ def test_a_real_arm_is_where_pinocchio_says(tmp_path):
     names = [f"panda_joint{number}" for number in range(1, 8)]
     order = rng.permutation(7)
     messages = joint_messages(STAMPS, [names[i] for i in order], steps[:, order], effort=steps[:, order])
-    write_bag(tmp_path / "bag.mcap", messages)
-    recording = read_recording(
-        tmp_path / "bag.mcap", topics(PANDA, "panda_hand", joint_states="/joint_states")
-    )
+    recording = read_arm(tmp_path, messages, PANDA, "panda_hand", joint_states="/joint_states")
     expected = np.empty((len(STAMPS), 7))
     data = model.createData()
     for row, angles in enumerate(steps):
@@ -101,8 +93,7 @@ def test_joints_in_messages_of_their_own_meet_on_the_slower_clock(arm, tmp_path)
         *joint_messages(fast, ["shoulder"], rate[0] * at[0]),
         *joint_messages(slow, ["elbow"], rate[1] * at[1]),
     ]
-    write_bag(tmp_path / "bag.mcap", messages)
-    (pose,) = read_recording(tmp_path / "bag.mcap", topics(arm, "tool")).streams
+    (pose,) = read_arm(tmp_path, messages, arm, "tool").streams
     np.testing.assert_array_equal(pose.stamps, slow)
     assert_same_poses(pose.values, two_link_pose(*(at[1] * rate).T), atol=1e-9)
 
@@ -110,13 +101,11 @@ def test_joints_in_messages_of_their_own_meet_on_the_slower_clock(arm, tmp_path)
 def test_joints_may_have_other_names_in_the_urdf(arm, tmp_path):
     time = np.arange(30) * 0.3
     positions = np.stack([np.sin(time), 1.1 * time], axis=1)
-    write_bag(tmp_path / "bag.mcap", joint_messages(STAMPS, ["axis_1", "elbow"], positions))
-    pose = {"urdf": str(arm), "tip": "tool", "topic": "/joint_states"}
-    renamed = topic_map(pose=pose | {"joints": {"axis_1": "shoulder"}})
-    (found,) = read_recording(tmp_path / "bag.mcap", renamed).streams
+    messages = joint_messages(STAMPS, ["axis_1", "elbow"], positions)
+    (found,) = read_arm(tmp_path, messages, arm, "tool", {"axis_1": "shoulder"}).streams
     assert_same_poses(found.values, two_link_pose(*positions.T))
     with pytest.raises(InputError, match="has no joints axis_2, which the entry renames"):
-        read_recording(tmp_path / "bag.mcap", topic_map(pose=pose | {"joints": {"axis_2": "shoulder"}}))
+        read_arm(tmp_path, messages, arm, "tool", {"axis_2": "shoulder"})
 
 
 @pytest.mark.parametrize(
@@ -131,6 +120,5 @@ def test_joints_may_have_other_names_in_the_urdf(arm, tmp_path):
 )
 def test_what_is_missing_is_named(arm, tmp_path, names, tip, complaint):
     positions = np.zeros((len(STAMPS), len(names) or 2))
-    write_bag(tmp_path / "bag.mcap", joint_messages(STAMPS, names, positions))
     with pytest.raises(InputError, match=complaint):
-        read_recording(tmp_path / "bag.mcap", topics(arm, tip))
+        read_arm(tmp_path, joint_messages(STAMPS, names, positions), arm, tip)

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from committed import topic_map
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from readers_bags import joint_messages, make_recording, pose_messages, pose_rows, write_bag
+from readers_bags import joint_messages, make_recording, pose_messages, pose_rows, read_messages, write_bag
 
 from structlearn.core.errors import InputError
 from structlearn.readers import Recording, Stream, read_recording, synchronise, write_recording
@@ -20,8 +19,7 @@ HAND_POSITIONS = -np.arange(4.0)[:, None]
 
 
 def joints(messages, path, **topics):
-    write_bag(path, [*POSES, *messages])
-    return read_recording(path, topic_map(pose="/tool", joint_states="/joint_states", **topics))
+    return read_messages(path, [*POSES, *messages], joint_states="/joint_states", **topics)
 
 
 def arm_and_hand():

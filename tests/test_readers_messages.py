@@ -4,38 +4,38 @@ import numpy as np
 import pytest
 from committed import topic_map
 from pydantic import ValidationError
-from readers_bags import header, pose_messages, pose_rows, ros_pose, ros_quaternion, vector, write_bag
+from readers_bags import (
+    header,
+    pose_messages,
+    pose_rows,
+    read_messages,
+    ros_pose,
+    ros_quaternion,
+    transform_stamped,
+    vector,
+)
 
 from structlearn.core.errors import InputError
-from structlearn.readers import read_recording
 
 STAMPS = [10**9 + 7_000_001 * row for row in range(5)]
 ROWS = pose_rows(5)
 LATE = 3_000_000  # ns from header stamp to log time
 
 
-def transform(row):
-    return {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])}
-
-
-def pose_stamped(h, row):
-    return {"header": h, "pose": ros_pose(row)}
-
-
-def transform_stamped(h, row):
-    return {"header": h, "child_frame_id": "tool", "transform": transform(row)}
+def pose_stamped(stamp, row):
+    return {"header": header(stamp), "pose": ros_pose(row)}
 
 
 POSES = {
     "geometry_msgs/msg/PoseStamped": pose_stamped,
     "geometry_msgs/PoseStamped": pose_stamped,
-    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda h, row: {
-        "header": h,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda stamp, row: {
+        "header": header(stamp),
         "pose": {"pose": ros_pose(row), "covariance": [0.1] * 36},
     },
-    "geometry_msgs/msg/TransformStamped": transform_stamped,
-    "nav_msgs/msg/Odometry": lambda h, row: {
-        "header": h,
+    "geometry_msgs/msg/TransformStamped": lambda stamp, row: transform_stamped(stamp, "base", "tool", row),
+    "nav_msgs/msg/Odometry": lambda stamp, row: {
+        "header": header(stamp),
         "child_frame_id": "tool",
         "pose": {"pose": ros_pose(row)},
         "twist": {"twist": {"linear": vector([9, 9, 9])}},
@@ -46,27 +46,19 @@ POSES = {
 
 def read(path, messages, **topics):
     """Streams besides the pose, read from a bag that has a pose too."""
-    write_bag(path, [*pose_messages(STAMPS, ROWS), *messages])
-    return read_recording(path, topic_map(pose="/tool", **topics)).streams[1:]
-
-
-def read_pose(path, messages):
-    write_bag(path, messages)
-    (pose,) = read_recording(path, topic_map(pose="/tool")).streams
-    return pose
+    return read_messages(path, [*pose_messages(STAMPS, ROWS), *messages], **topics).streams[1:]
 
 
 @pytest.mark.parametrize("message_type", POSES)
 def test_every_pose_type_gives_the_same_scalar_first_pose(tmp_path, message_type):
     """Also of the tool to the board: how it is turned."""
     messages = [
-        (topic, message_type, POSES[message_type](header(s), row), s + LATE)
+        (topic, message_type, POSES[message_type](s, row), s + LATE)
         for topic in ("/tool", "/mocap")
         for s, row in zip(STAMPS, ROWS, strict=True)
     ]
-    write_bag(tmp_path / "bag.mcap", messages)
     seen = {"tool_to_board": "/mocap"} if message_type in TURNS else {}
-    recording = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool", **seen))
+    recording = read_messages(tmp_path / "bag.mcap", messages, **seen)
     pose, *mocap = recording.streams
     assert (pose.kind, pose.topic, recording.name) == ("pose", "/tool", "bag")
     np.testing.assert_array_equal(pose.values, ROWS)
@@ -83,40 +75,34 @@ TURNS = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TransformStamped")
 """That motion capture publishes, where only how the tool is turned counts."""
 
 
-@pytest.mark.parametrize(
-    ("role", "message_type", "first", "second"),
-    [
-        ("twist", "geometry_msgs/msg/TwistStamped", "linear", "angular"),
-        ("wrench", "geometry_msgs/msg/WrenchStamped", "force", "torque"),
-    ],
-)
-def test_twist_and_wrench(tmp_path, role, message_type, first, second):
-    messages = []
-    for s in STAMPS:
-        both = {first: vector([1, 2, s]), second: vector([4, 5, 6])}
-        messages.append(("/x", message_type, {"header": header(s), role: both}, s))
-    (stream,) = read(tmp_path / "bag.mcap", messages, **{role: "/x"})
-    assert stream.kind == role
-    np.testing.assert_array_equal(stream.values, [[1, 2, s, 4, 5, 6] for s in STAMPS])
-
-
 COUNTS = [[row, 2 * row, 4095] for row in range(5)]
-ALONE = [
+TURNED = [
     {"header": header(s), "quaternion": ros_quaternion(row[3:])} for s, row in zip(STAMPS, ROWS, strict=True)
 ]
+
+
+def two_vectors(role, first, second):
+    """Messages of a twist or a wrench, and their values."""
+    rows = [[1, 2, s, 4, 5, 6] for s in STAMPS]
+    both = [
+        {"header": header(row[2]), role: {first: vector(row[:3]), second: vector(row[3:])}} for row in rows
+    ]
+    return f"geometry_msgs/msg/{role.title()}Stamped", both, role, rows, 0
 
 
 @pytest.mark.parametrize(
     ("message_type", "messages", "role", "values", "late"),
     [
+        two_vectors("twist", "linear", "angular"),
+        two_vectors("wrench", "force", "torque"),
         *(
             (f"std_msgs/msg/{one}MultiArray", [{"data": data} for data in COUNTS], "tactile", COUNTS, LATE)
             for one in ("Float32", "Float64", "Int16", "Int32", "UInt16")
         ),
-        ("geometry_msgs/msg/QuaternionStamped", ALONE, "tool_to_board", ROWS[:, 3:], 0),
+        ("geometry_msgs/msg/QuaternionStamped", TURNED, "tool_to_board", ROWS[:, 3:], 0),
     ],
 )
-def test_touch_is_stamped_by_its_log_time_and_a_quaternion_by_its_header(
+def test_other_streams_are_stamped_by_their_header_and_touch_by_its_log_time(
     tmp_path, message_type, messages, role, values, late
 ):
     rows = [("/x", message_type, one, s + LATE) for s, one in zip(STAMPS, messages, strict=True)]
@@ -129,13 +115,15 @@ def test_touch_is_stamped_by_its_log_time_and_a_quaternion_by_its_header(
 def test_the_log_time_stands_in_only_where_no_header_is_set_and_frames_make_no_difference(tmp_path):
     messages = pose_messages(STAMPS, ROWS)
     unset = [(*m[:2], m[2] | {"header": header(0)}, m[3]) for m in messages]
-    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", unset).stamps, STAMPS)
+    (pose,) = read_messages(tmp_path / "bag.mcap", unset).streams
+    np.testing.assert_array_equal(pose.stamps, STAMPS)
     simulated = [0, 10**7, 2 * 10**7]
-    from_zero = [(*m[:3], 10**18 + i) for i, m in enumerate(pose_messages(simulated, ROWS[:3]))]
-    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", from_zero).stamps, simulated)
+    from_zero = pose_messages(simulated, ROWS[:3], logged=range(10**18, 10**18 + 3))
+    (pose,) = read_messages(tmp_path / "bag.mcap", from_zero).streams
+    np.testing.assert_array_equal(pose.stamps, simulated)
     for number, (_, _, message, _) in enumerate(messages):
         message["header"]["frame_id"] = "base" * (number % 3)
-    pose = read_pose(tmp_path / "bag.mcap", messages)
+    (pose,) = read_messages(tmp_path / "bag.mcap", messages).streams
     np.testing.assert_array_equal(pose.stamps, STAMPS)
     np.testing.assert_array_equal(pose.values, ROWS)
 
@@ -217,6 +205,5 @@ UNKNOWN = "topic '/words' has messages of type std_msgs/msg/String; "
 )
 def test_messages_that_cannot_be_read_are_named_with_topic_and_row(tmp_path, content, complaint):
     messages, topics = content
-    write_bag(tmp_path / "bag.mcap", [*pose_messages(STAMPS, ROWS), *messages])
     with pytest.raises(InputError, match=rf"bag\.mcap: .*{complaint}"):
-        read_recording(tmp_path / "bag.mcap", topic_map(**{"pose": "/tool"} | topics))
+        read(tmp_path / "bag.mcap", messages, **topics)

@@ -14,18 +14,17 @@ from structlearn.readers import read_recording, synchronise, write_recording
 from structlearn.readers.demonstration import NamedShape
 from structlearn.readers.source import SceneTopicMap
 
+TURNED, SIZES = np.array([0.6, 0.0, 0.0, 0.8]), np.array([0.2, 0.1, 0.3])
 SHAPES = (
-    NamedShape(
-        "box", "cube", np.array([0.1, 0.2, 0.3]), np.array([0.6, 0.0, 0.0, 0.8]), np.array([0.2, 0.1, 0.3])
-    ),
+    NamedShape("box", "cube", np.array([0.1, 0.2, 0.3]), TURNED, SIZES),
     NamedShape("ball", "sphere", np.array([-0.1, 0.0, 1.0]), np.array([1.0, 0, 0, 0]), np.full(3, 0.05)),
 )
 
 
-def marker(space, number, kind, size=0.1, text=""):
+def marker(space, number, kind, size=0.1):
     row = [0.5, 0.0, 0.1 * number, 2.0, 0.0, 0.0, 0.0]  # a quaternion that is not of unit length
     scale = dict.fromkeys("xyz", size)
-    return {"ns": space, "id": number, "type": kind, "pose": ros_pose(row), "scale": scale, "text": text}
+    return {"ns": space, "id": number, "type": kind, "pose": ros_pose(row), "scale": scale}
 
 
 def user_bag(path, messages):
@@ -39,10 +38,8 @@ def user_bag(path, messages):
 def test_shapes_survive_the_file_and_the_clock(tmp_path):
     recording = replace(make_recording(), shapes=SHAPES)
     write_recording(recording, tmp_path / "demo.mcap")
-    for found in (
-        read_recording(tmp_path / "demo.mcap"),
-        synchronise(read_recording(tmp_path / "demo.mcap")),
-    ):
+    read = read_recording(tmp_path / "demo.mcap")
+    for found in (read, synchronise(read)):
         for one, shape in zip(found.shapes, SHAPES, strict=True):
             assert (one.name, one.form) == (shape.name, shape.form)
             for field in ("position", "orientation", "size"):
@@ -63,18 +60,10 @@ def test_other_programs_read_our_markers(tmp_path):
 
 
 def test_a_users_markers_are_read(tmp_path):
-    solids = [
-        marker("wall", 1, 1),
-        marker("wall", 2, 1),
-        marker("can", 0, 3),
-        marker("label", 0, 9, text="hello"),
-    ]
+    solids = [marker(*one) for one in (("wall", 1, 1), ("wall", 2, 1), ("can", 0, 3), ("label", 0, 9))]
     found = user_bag(tmp_path / "bag.mcap", [solids, []])  # the first message counts
-    assert [(shape.name, shape.form) for shape in found.shapes] == [
-        ("wall 1", "cube"),
-        ("wall 2", "cube"),
-        ("can", "cylinder"),
-    ]
+    forms = {"wall 1": "cube", "wall 2": "cube", "can": "cylinder"}
+    assert {shape.name: shape.form for shape in found.shapes} == forms
     assert found.shapes[1].position.tolist() == [0.5, 0.0, 0.2]
     assert found.shapes[0].orientation.tolist() == [1.0, 0.0, 0.0, 0.0]
     with pytest.raises(InputError, match=r"'/world': shape 'can' needs a finite pose and a positive size"):

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from committed import topic_map
-from readers_bags import transform_messages, transform_stamped, write_bag
+from readers_bags import assert_same_poses, read_messages, transform_messages, transform_stamped, write_bag
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.readers import StampPolicy, read_demonstrations, read_recording
+from structlearn.readers import StampPolicy, read_demonstrations
 
 START = 10**9
 TURN_RAD_S, SLIDE_M_S = 0.7, 0.2
@@ -54,16 +54,8 @@ def messages(carriage, link):
     ]
 
 
-def pose_of(path, parent, child, rows, stamps=None):
-    write_bag(path, rows)
-    topics = topic_map(pose={"parent": parent, "child": child, "topic": "/tf"})
-    policy = stamps or StampPolicy(clock="header", disorder="error")
-    return read_recording(path, topics, policy)
-
-
-def assert_same_poses(values, expected):
-    np.testing.assert_allclose(values[:, :3], expected[:, :3], atol=1e-12)
-    assert quaternion.angle_between(values[:, 3:], expected[:, 3:]).max() < 1e-7
+def pose_of(path, parent, child, rows, *policy):
+    return read_messages(path, rows, *policy, pose={"parent": parent, "child": child, "topic": "/tf"})
 
 
 def test_moving_and_static_transforms_are_composed_on_the_clock_of_the_slowest(tmp_path):
@@ -112,21 +104,14 @@ def test_several_transforms_of_one_message(tmp_path):
     """With a layout that changes: how a message is decoded makes no difference."""
     stamps = clock(SLOW, 12)
     pairs = zip(stamps, slides(stamps), turns(stamps), strict=True)
-    rows = [
-        (
-            "/tf",
-            "tf2_msgs/msg/TFMessage",
-            {
-                "transforms": [
-                    transform_stamped(s, "rail", "carriage", slid),
-                    transform_stamped(s, "carriage", "link", turned),
-                ]
-                + [transform_stamped(s, "rail", "other" * (number % 3), slid)] * (number % 2)
-            },
-            s,
-        )
-        for number, (s, slid, turned) in enumerate(pairs)
-    ]
+    rows = []
+    for number, (s, slid, turned) in enumerate(pairs):
+        both = [
+            transform_stamped(s, "rail", "carriage", slid),
+            transform_stamped(s, "carriage", "link", turned),
+        ]
+        other = [transform_stamped(s, "rail", "other" * (number % 3), slid)] * (number % 2)
+        rows.append(("/tf", "tf2_msgs/msg/TFMessage", {"transforms": both + other}, s))
     rows += transform_messages([0], "link", "tool", [TOOL_ON_LINK], "/tf_static")
     (pose,) = pose_of(tmp_path / "bag.mcap", "rail", "tool", rows).streams
     np.testing.assert_array_equal(pose.stamps, stamps)
@@ -160,27 +145,24 @@ def test_frames_that_cannot_be_had_are_named(tmp_path, parent, child, complaint)
 
 
 STILL = clock(SLOW, 5)
-FAULTS = {
-    "frame 'link' has several parents: carriage, mocap": [
-        *messages(STILL, STILL),
-        *transform_messages(STILL, "mocap", "link", slides(STILL)),
+MOCAP = transform_messages(STILL, "mocap", "link", slides(STILL))
+STATIC = transform_messages([START], "rail", "tool", [TOOL_ON_LINK], "/tf_static")
+NO_TURN = transform_messages(STILL, "rail", "tool", np.zeros((5, 7)))
+APART = messages(clock(SLOW, 10), clock(FAST, 10, late=10**9))
+
+
+@pytest.mark.parametrize(
+    ("rows", "complaint"),
+    [
+        (messages(STILL, STILL) + MOCAP, "frame 'link' has several parents: carriage, mocap"),
+        (NO_TURN, "transform from 'rail' to 'tool': quaternion has norm 0, not 1"),
+        (APART, "'rail' to 'carriage', 'carriage' to 'link' are not there at one"),
+        (STATIC, r"has no topic '/tf' for transforms; it has /tf_static \(tf2_msgs"),
     ],
-    "transform from 'rail' to 'tool': quaternion has norm 0, not 1": transform_messages(
-        STILL, "rail", "tool", np.zeros((5, 7))
-    ),
-    "'rail' to 'carriage', 'carriage' to 'link' are not there at one": messages(
-        clock(SLOW, 10), clock(FAST, 10, late=10**9)
-    ),
-    r"has no topic '/tf' for transforms; it has /tf_static \(tf2_msgs": transform_messages(
-        [START], "rail", "tool", [TOOL_ON_LINK], "/tf_static"
-    ),
-}
-
-
-@pytest.mark.parametrize("complaint", FAULTS)
-def test_transforms_that_do_not_lead_to_a_pose_are_named(tmp_path, complaint):
+)
+def test_transforms_that_do_not_lead_to_a_pose_are_named(tmp_path, rows, complaint):
     with pytest.raises(InputError, match=complaint):
-        pose_of(tmp_path / "bag.mcap", "rail", "tool", FAULTS[complaint])
+        pose_of(tmp_path / "bag.mcap", "rail", "tool", rows)
 
 
 def test_transforms_published_twice_follow_the_policy(tmp_path):

@@ -13,13 +13,7 @@ from structlearn.core.artefacts import write_tensors
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import seeded
-from structlearn.rigid_body.dynamics_models import (
-    DynamicsModels,
-    compiled_model,
-    predicted_torques,
-    read_dynamics_models,
-    write_dynamics_models,
-)
+from structlearn.rigid_body import dynamics_models as dynamics
 from structlearn.rigid_body.dynamics_training import KINDS, LearningParameters, Lesson, learner
 from structlearn.rigid_body.network_models import StackedLagrangianNetworks, StackedPerceptrons
 
@@ -35,22 +29,22 @@ def trained(kind):
     perceptron = kind.startswith("mlp")
     hidden = PARAMETERS.hidden if perceptron or kind == "delan" else ()
     friction = () if perceptron else FRICTION
-    return DynamicsModels(kind, arm().tree.names, friction, hidden, group.state()), group.nmse()
+    return dynamics.DynamicsModels(kind, arm().tree.names, friction, hidden, group.state()), group.nmse()
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_models_from_a_file_predict_in_batches_and_compiled_what_they_did_in_training(kind, tmp_path):
     models, errors = trained(kind)
-    write_dynamics_models(models, tmp_path / "models.safetensors")
-    back = read_dynamics_models(tmp_path / "models.safetensors")
+    dynamics.write_dynamics_models(models, tmp_path / "models.safetensors")
+    back = dynamics.read_dynamics_models(tmp_path / "models.safetensors")
     for name in ("kind", "joints", "friction", "hidden"):
         assert getattr(back, name) == getattr(models, name)
     motion = rubbing_motion(arm())
-    torques = predicted_torques(back, arm().tree, motion)
+    torques = dynamics.predicted_torques(back, arm().tree, motion)
     some = motion.part(slice(None, None, 40))
     for model in range(2):
         np.testing.assert_allclose(nmse(torques[model], motion.torque), errors[model], rtol=1e-4)
-        one = compiled_model(back, model, arm().tree)
+        one = dynamics.compiled_model(back, model, arm().tree)
         found = np.array([one(*state) for state in zip(some.q, some.qd, some.qdd, strict=True)])
         expected = torques[model, ::40]
         tolerance = 1e-5 if kind in ("mlp", "mlp_scaled", "delan") else 1e-10
@@ -62,7 +56,9 @@ def test_what_cannot_be_used_is_one_message(tmp_path):
     path = tmp_path / "models.safetensors"
     models, _ = trained("spd")
     with pytest.raises(InputError, match="learned with the joints a, b; the arm has lbr_iiwa_joint_1"):
-        compiled_model(DynamicsModels("cov", ("a", "b"), (), (), models.state), 0, arm().tree)
+        dynamics.compiled_model(
+            dynamics.DynamicsModels("cov", ("a", "b"), (), (), models.state), 0, arm().tree
+        )
     broken = models.state["inertia"].copy()
     broken[0, 0, 0] = np.nan
     incomplete = {"friction": np.zeros((1, 7, 0))}, '{"dynamics_models": {"kind": "spd"}}'
@@ -73,7 +69,7 @@ def test_what_cannot_be_used_is_one_message(tmp_path):
     ):
         write_tensors(tensors, path, description)
         with pytest.raises(InputError, match=message):
-            read_dynamics_models(path)
+            dynamics.read_dynamics_models(path)
 
 
 def test_states_of_a_standardised_network_are_seen_and_torques_given_in_units_of_the_data():

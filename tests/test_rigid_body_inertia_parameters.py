@@ -48,16 +48,6 @@ def test_every_value_is_a_body_that_can_exist(structure, free):
     assert triangle.all() or structure == "spd"
 
 
-@pytest.mark.parametrize("structure", ["tri", "cov"])
-@given(free=arrays(np.float64, (1, 10), elements=st.floats(-1e3, 1e3)))
-@example(free=np.zeros((1, 10)))
-def test_gradients_are_finite_for_every_value(structure, free):
-    values = torch.tensor(free, requires_grad=True)
-    inertias = link_inertias(structure, values)
-    (inertias.mass.sum() + inertias.inertia.sum()).backward()
-    assert torch.isfinite(values.grad).all()
-
-
 @pytest.mark.parametrize("structure", STRUCTURES)
 @settings(max_examples=30)
 @given(seed=st.integers(0, 1000), size=st.floats(0.0, 30.0))
@@ -143,9 +133,6 @@ def test_draws_are_one_generator_per_model(structure):
 
     assert drawn(1, 2, 3).shape == (3, 7, parameter_count(structure))
     torch.testing.assert_close(drawn(1, 2, 3)[1], drawn(2)[0], rtol=0, atol=0)
-    spread = drawn(*range(200)).std(dim=(0, 1))
-    expected = torch.tensor([1.0] + 3 * [0.1] + (parameter_count(structure) - 4) * [0.01]).double()
-    torch.testing.assert_close(spread, expected, rtol=0.1, atol=0)
 
 
 def test_tri_and_cov_of_a_brick_by_hand():

@@ -5,11 +5,15 @@ import pinocchio
 import pytest
 from rigid_body_arms import planar_arm
 from rigid_body_robots import FINGERS
+from rigid_body_robots import robot as robot_of
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
+from structlearn.rigid_body import compiled_chain
 from structlearn.rigid_body.inverse_kinematics import Follower, follow, read_arm, rest_for
+from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference, tool_motion
+from structlearn.rigid_body.self_collision import link_distances, read_shapes
 from structlearn.rigid_body.tree import configuration
 from structlearn.simulation.arm import urdf_path
 
@@ -23,8 +27,12 @@ def panda():
 
 
 def planar(tmp_path, *lengths, **options):
-    path = tmp_path / "planar.urdf"
-    path.write_text(planar_arm(*lengths, **options))
+    return arm_of(tmp_path, planar_arm(*lengths, **options))
+
+
+def arm_of(tmp_path, text):
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
     return read_arm(path, "tip")
 
 
@@ -57,11 +65,15 @@ def test_a_planar_elbow_has_the_angles_of_the_law_of_cosines(tmp_path):
     np.testing.assert_allclose(values.prod(axis=1), area, rtol=1e-6)
 
 
-def test_a_redundant_arm_follows_smoothly_and_comes_back_to_where_it_was(panda):
-    position, orientation = there_and_back(
-        panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3])
-    )
-    path = follow(panda, position, orientation, DT, BENT)
+@pytest.fixture(scope="module")
+def bent_path(panda):
+    """Poses of a reach there and back, and the joints that follow it."""
+    poses = there_and_back(panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3]))
+    return poses, follow(panda, *poses, DT, BENT)
+
+
+def test_a_redundant_arm_follows_smoothly_and_comes_back_to_where_it_was(bent_path):
+    _, path = bent_path
     assert path.missed_m.max() < 1e-8
     assert path.missed_rad.max() < 1e-8
     steps = np.diff(path.joints, axis=0)
@@ -79,11 +91,8 @@ def test_poses_one_by_one_are_a_path(panda):
     np.testing.assert_array_equal(joints, follow(panda, position, orientation, DT, BENT).joints)
 
 
-def test_where_orientation_is_free_joints_stay_nearer_to_rest(panda):
-    position, orientation = there_and_back(
-        panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3])
-    )
-    bound = follow(panda, position, orientation, DT, BENT)
+def test_where_orientation_is_free_joints_stay_nearer_to_rest(panda, bent_path):
+    (position, _), bound = bent_path
     free = follow(panda, position, None, DT, BENT)
     assert free.missed_m.max() < 1e-8
     assert np.abs(free.joints - BENT).max() < np.abs(bound.joints - BENT).max()
@@ -131,3 +140,131 @@ def test_what_cannot_be_is_said(tmp_path):
         rest_for(arm, np.array([[1.0, 0.0, 0.0]]), None, DT, seed=1)
     with pytest.raises(InputError, match="there is no link 'hand'; there are base, link_0, link_1, tip"):
         read_arm(arm.source, "hand")
+
+
+STRAIGHT = np.zeros(3)
+
+
+def trough(path, width, height):
+    """A mesh that is open above: a floor and two walls along x; its hull is a box."""
+    corners = [(x, y, z) for x in (-1, 1) for y in (-width, width) for z in (-height, height)]
+    faces = [(1, 3, 7), (1, 7, 5), (1, 2, 6), (1, 6, 5), (3, 4, 8), (3, 8, 7)]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a} {b} {c}" for a, b, c in faces]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_spheres_are_as_far_apart_as_their_centres_less_their_radii(tmp_path):
+    arm = arm_of(tmp_path, planar_arm(0.5, 0.4, 0.3, radius=0.05))
+    shapes = read_shapes(arm, (), STRAIGHT)
+    assert shapes.pairs == ("base and link_1", "base and link_2", "base and tip")
+    joints = np.random.default_rng(1).uniform(-1.5, 1.5, (20, 3))
+    distances = dict(zip(shapes.pairs, link_distances(shapes, joints, near=0.0).T, strict=True))
+    turned = joints.cumsum(axis=1)
+    elbow = 0.5 * np.stack([np.cos(turned[:, 0]), np.sin(turned[:, 0])], axis=1)
+    wrist = elbow + 0.4 * np.stack([np.cos(turned[:, 1]), np.sin(turned[:, 1])], axis=1)
+    np.testing.assert_allclose(distances["base and link_2"], np.linalg.norm(wrist, axis=1) - 0.1, atol=1e-6)
+
+
+def test_neighbours_are_no_pair(tmp_path):
+    shapes = read_shapes(arm_of(tmp_path, planar_arm(0.5, 0.4, 0.3)), (), STRAIGHT)
+    assert "base and link_0" not in shapes.pairs
+    assert "link_1 and link_2" not in shapes.pairs
+    assert shapes.touching == ()
+    assert shapes.bare == ("joint_0",)  # the first link has no shape
+
+
+def test_what_touches_at_rest_is_named_and_not_watched(tmp_path):
+    folded = np.array([0.0, 2.5, 2.0])  # the tip is 0.12 m from the base
+    thin = arm_of(tmp_path, planar_arm(0.5, 0.4, 0.3, radius=0.02))
+    assert link_distances(read_shapes(thin, (), folded), folded[None], near=0.0).min() > 0.0
+    thick = arm_of(tmp_path, planar_arm(0.5, 0.4, 0.3, radius=0.15))
+    shapes = read_shapes(thick, (), folded)
+    assert shapes.touching == ("base and link_2", "base and tip")
+    assert shapes.pairs == ("base and link_1",)
+
+
+def test_a_hollow_link_is_not_filled(tmp_path):
+    """Where convex hulls come too near, the meshes themselves are asked."""
+    trough(tmp_path / "trough.obj", width=0.3, height=0.3)
+    arm = arm_of(tmp_path, planar_arm(0.8, 0.8, radius=0.05, mesh="trough.obj"))
+    shapes = read_shapes(arm, (), np.array([0.0, 0.5]))
+    inside = np.array([[0.0, np.pi]])  # folded back, the trough is around the base
+    (hull,) = link_distances(shapes, inside, near=-np.inf)[0, [shapes.pairs.index("base and tip")]]
+    (mesh,) = link_distances(shapes, inside, near=0.01)[0, [shapes.pairs.index("base and tip")]]
+    assert hull < 0.0
+    assert mesh == pytest.approx(0.3 - 0.05, abs=1e-6)
+
+
+def test_shapes_that_cannot_be_read_are_told_of(tmp_path):
+    arm = arm_of(tmp_path, planar_arm(0.5, 0.4, mesh="lost.stl"))
+    with pytest.raises(InputError, match=r"arm.urdf: collision shapes cannot be read: .*lost.stl"):
+        read_shapes(arm, (), np.zeros(2))
+    bare = arm_of(tmp_path, planar_arm(0.5, 0.4).replace("collision", "visual"))
+    with pytest.raises(InputError, match="fewer than two links have collision shapes"):
+        read_shapes(bare, (), np.zeros(2))
+
+
+TOOL = np.array([0.02, -0.03, 0.1])
+GAIN = 6.0
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return robot_of("iiwa")
+
+
+@pytest.fixture(scope="module")
+def state():
+    rng = np.random.default_rng(2)
+    return np.array([0, 0.5, 0, -1.2, 0, 1, 0]) + rng.uniform(-1.0, 1.0, 7), rng.normal(size=7)
+
+
+def pinocchio_tool(robot, q, qd, qdd):
+    """Position, velocity and acceleration of the tool by Pinocchio."""
+    model = robot.model.copy()
+    frame = pinocchio.Frame("tool", 7, 0, pinocchio.SE3(np.eye(3), TOOL), pinocchio.FrameType.OP_FRAME)
+    place = model.addFrame(frame)
+    data = model.createData()
+    pinocchio.forwardKinematics(model, data, q, qd, qdd)
+    pinocchio.updateFramePlacements(model, data)
+    aligned = pinocchio.LOCAL_WORLD_ALIGNED
+    return (
+        data.oMf[place].translation.copy(),
+        pinocchio.getFrameVelocity(model, data, place, aligned).linear,
+        pinocchio.getFrameClassicalAcceleration(model, data, place, aligned).linear,
+    )
+
+
+def reference(robot, posture, q, qd, wanted):
+    """Joint velocity and acceleration by the law."""
+    body, work = compiled_chain.body(robot.tree, robot.inertias), compiled_chain.workspace(7)
+    compiled_chain.dynamics(body, q, qd, work)
+    return joint_reference(VelocityControl(TOOL, posture, GAIN, 2.0), body, work, q, qd, *wanted)
+
+
+def test_tool_moves_as_in_pinocchio(robot, state):
+    q, qd = state
+    position, velocity = tool_motion(robot.tree, TOOL, q[None], qd[None])
+    expected = pinocchio_tool(robot, q, qd, np.zeros(7))
+    np.testing.assert_allclose(position[0], expected[0], atol=1e-12)
+    np.testing.assert_allclose(velocity[0], expected[1], atol=1e-12)
+
+
+def test_tool_gets_the_velocity_and_acceleration_that_the_law_asks_for(robot, state):
+    q, qd = state
+    x, xd, _ = pinocchio_tool(robot, q, qd, np.zeros(7))
+    error, slow, wanted = np.array([[0.01, 0.02, -0.01], [0.1, 0.0, -0.2], [1.0, -1.0, 0.5]])
+    velocity, qdd = reference(robot, q + 0.3, q, qd, (x + error, xd + slow, wanted))
+    reached = pinocchio_tool(robot, q, velocity, np.zeros(7))[1]
+    np.testing.assert_allclose(reached, xd + slow + GAIN * error, atol=1e-4)  # but for the inverse's damping
+    _, _, acceleration = pinocchio_tool(robot, q, qd, qdd)
+    np.testing.assert_allclose(acceleration, wanted + GAIN * slow, atol=1e-3)
+
+
+def test_posture_does_not_move_the_tool(robot, state):
+    q, qd = state
+    wanted = pinocchio_tool(robot, q, qd, np.zeros(7))
+    here, there = (reference(robot, posture, q, qd, wanted)[0] for posture in (q, q + 0.5))
+    assert np.abs(there - here).max() > 0.1
+    moved = pinocchio_tool(robot, q, there - here, np.zeros(7))[1]
+    assert np.abs(moved).max() < 1e-4  # the damping of the pseudo-inverse

@@ -1,30 +1,28 @@
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 import torch
 from committed import committed
 from rigid_body_motions import arm, rubbing_motion, sine_motion
+from rigid_body_robots import carrying
 
 from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import AdamParameters, seeded
-from structlearn.rigid_body.dynamics_training import (
-    KINDS,
-    LearningParameters,
-    Lesson,
-    error_table,
-    learn_in_epochs,
-    learn_online,
-    learner,
-    loss_weights,
-)
+from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body import dynamics_training as training
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
+from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.network_models import SCALING, NetworkLearner
 from structlearn.rigid_body.newton_euler import inverse_dynamics
+from structlearn.rigid_body.payload import PayloadLearningParameters, follow_payload, learn_payload
+from structlearn.simulation.arm import Payload
+from structlearn.testbeds.dynamics.protocol import trainings as protocol
 
 PARAMETERS = committed(
-    LearningParameters,
+    training.LearningParameters,
     "train_dynamics.learning",
     hidden=(8, 8),
     networks=committed(AdamParameters, "train_dynamics.learning.networks", rate=3e-3, batch=16),
@@ -41,7 +39,7 @@ def motion():
 
 
 def start(kind, motion, seeds=(0, 1), friction=(), loss="raw"):
-    return learner(kind, Lesson(arm().tree, motion, friction), loss, seeds, PARAMETERS)
+    return training.learner(kind, training.Lesson(arm().tree, motion, friction), loss, seeds, PARAMETERS)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
@@ -51,7 +49,7 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
     group = start(structure, motion, friction=FRICTION, loss="normalised")
     free = torch.from_numpy(group.free.copy()).requires_grad_()
     rubbing = torch.from_numpy(group.rubbing.copy()).requires_grad_()
-    weights = torch.from_numpy(loss_weights("normalised", motion))
+    weights = torch.from_numpy(training.loss_weights("normalised", motion))
     parameters = PARAMETERS.structures
     adam = torch.optim.Adam([free, rubbing], parameters.rate, (0.9, parameters.second_moment_decay))
     order = torch.randperm(len(motion), generator=torch.Generator().manual_seed(1))[:-5]
@@ -73,11 +71,11 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
     np.testing.assert_allclose(group.rubbing, rubbing.detach(), rtol=1e-6, atol=1e-8)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", training.KINDS)
 def test_a_seed_learns_the_same_alone_and_in_a_stack_and_again(kind, motion):
     def learned(seeds):
         models = start(kind, motion, seeds)
-        return learn_online(models, stride=5), models.state()
+        return training.learn_online(models, stride=5), models.state()
 
     (both, state), (_, again), (second, _) = learned((0, 1)), learned((0, 1)), learned((1,))
     for name, values in state.items():
@@ -89,7 +87,7 @@ def test_a_seed_learns_the_same_alone_and_in_a_stack_and_again(kind, motion):
 
 def test_a_model_is_kept_as_it_was_when_it_became_good_enough(motion):
     group = start("spd", motion, seeds=range(3), loss="normalised")
-    learned = learn_in_epochs(group, threshold=0.1, epochs=20)
+    learned = training.learn_in_epochs(group, threshold=0.1, epochs=20)
     first = int(learned.epochs.argmin())
     assert learned.epochs.min() < learned.epochs.max()  # the others went on learning
     free = torch.from_numpy(learned.state["inertia"])
@@ -125,11 +123,11 @@ def test_a_model_stops_when_no_joint_that_lacks_would_get_there():
     epochs = np.arange(13.0)[:, None]
     fast, slow, met = 0.5**epochs, 0.9**epochs, np.where(epochs < 3, 1.0, 0.01)
     errors = np.stack([np.hstack(pair) for pair in ((fast, met), (slow, met), (slow, fast))], axis=1)
-    learned = learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12, futility=4)
+    learned = training.learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12, futility=4)
     # 0.9^12 > 0.1: the second stops when its first joint alone lacks; the third waits for its other joint
     np.testing.assert_array_equal(learned.state["epoch"], [4, 4, 4])
     np.testing.assert_array_equal(learned.epochs, [4, 0, 0])
-    patient = learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12)
+    patient = training.learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12)
     np.testing.assert_array_equal(patient.state["epoch"], [4, 12, 12])
     np.testing.assert_array_equal(patient.nmse[5:, 0], np.tile(errors[4, 0], (8, 1)))
 
@@ -138,8 +136,8 @@ def test_a_network_is_kept_for_its_errors_on_all_samples(motion):
     parameters = {"threshold": 0.9, "epochs": 30}
     group = start("mlp_scaled", motion, loss="normalised")
     np.testing.assert_allclose(group.nmse(stride=3), group.nmse(), rtol=0.05)
-    some = learn_in_epochs(group, **parameters, stride=7)
-    every = learn_in_epochs(start("mlp_scaled", motion, loss="normalised"), **parameters)
+    some = training.learn_in_epochs(group, **parameters, stride=7)
+    every = training.learn_in_epochs(start("mlp_scaled", motion, loss="normalised"), **parameters)
     assert (some.epochs > 0).all()
     assert (np.abs(some.epochs - every.epochs) <= 1).all()
     for model, epoch in enumerate(some.epochs):
@@ -185,22 +183,13 @@ def in_double(group):
 
 def test_networks_of_several_motions_learn_as_each_alone():
     motions = [sine_motion(arm(), 300), rubbing_motion(arm()).part(slice(0, 300))]
-    weights = np.stack([loss_weights("normalised", its) for its in motions])
+    weights = np.stack([training.loss_weights("normalised", its) for its in motions])
 
     def learned(chosen):
-        return learn_in_epochs(
-            NetworkLearner(
-                "delan",
-                [motions[place] for place in chosen],
-                ("viscous",),
-                weights[chosen],
-                PARAMETERS.networks,
-                (8, 8),
-                [seeded(place) for place in chosen],
-            ),
-            threshold=0.0,
-            epochs=2,
-        )
+        own, seeds = [motions[place] for place in chosen], [seeded(place) for place in chosen]
+        networks = PARAMETERS.networks, (8, 8), seeds
+        group = NetworkLearner("delan", own, ("viscous",), weights[chosen], *networks)
+        return training.learn_in_epochs(group, threshold=0.0, epochs=2)
 
     both = learned([0, 1])
     for place in (0, 1):
@@ -212,11 +201,138 @@ def test_networks_of_several_motions_learn_as_each_alone():
 
 
 def test_the_raw_loss_weighs_all_joints_alike_and_the_other_by_their_variance(motion):
-    np.testing.assert_array_equal(loss_weights("raw", motion), 1.0)
-    np.testing.assert_allclose(loss_weights("normalised", motion) * motion.torque.var(axis=0), 1.0)
+    np.testing.assert_array_equal(training.loss_weights("raw", motion), 1.0)
+    np.testing.assert_allclose(training.loss_weights("normalised", motion) * motion.torque.var(axis=0), 1.0)
 
 
-def test_errors_become_rows():
-    table = error_table(np.arange(12.0).reshape(2, 3, 2), "epoch")
-    row = table[(table["seed"] == 1) & (table["epoch"] == 1) & (table["joint"] == 2)]
-    assert row["nmse"].item() == 9.0
+TRAININGS = committed(
+    protocol.DynamicsTrainingParameters,
+    "train_dynamics",
+    models=("mlp", "mlp_scaled", "delan", "cov"),
+    seeds=(3, 5),
+    epochs=protocol.EpochLimits(simulation=4, robot=1),
+    learning=committed(
+        training.LearningParameters, "train_dynamics.learning", hidden=(6, 6), threshold=700.0
+    ),
+)
+ROBOTS = (11, 12)
+MOTIONS = ("iiwa", *(f"stand_in/{robot}" for robot in ROBOTS))
+
+
+@pytest.fixture(scope="module")
+def trained():
+    """Models, errors and outcomes of which some meet the criterion in simulation."""
+    rubbing = rubbing_motion(arm())
+    logs = sine_motion(arm(), 400), *(rubbing.part(slice(0, 300 + robot)) for robot in ROBOTS)
+    motions = dict(zip(MOTIONS, logs, strict=True))
+    return protocol.train(protocol.trainings(ROBOTS, TRAININGS), motions, arm().tree, TRAININGS)
+
+
+def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated(trained):
+    models, errors, outcomes = trained
+    ours = ("mlp", "mlp_scaled", "delan", "cov")
+    text = ("mlp", "delan", "cov")  # the scaled perceptron is no model of the text
+    forms = [*product((protocol.TEXT,), text), *product((protocol.OURS,), ours)]
+    expected = {f"{motion}/{form}/{kind}" for motion, (form, kind) in product(MOTIONS, forms)}
+    expected |= {
+        f"stand_in/{robot}/{form}/cov_coulomb" for robot in ROBOTS for form in (protocol.TEXT, protocol.OURS)
+    }
+    assert set(models) == expected
+    for name, learned in models.items():
+        terms = 0 if "mlp" in name or name.startswith("iiwa") else 2 if "coulomb" in name else 1
+        assert learned.friction_coefficients().shape == (2 if name.startswith("iiwa") else 1, 7, terms)
+    keys = ["arm", "model", "form", "seed"]
+    assert not outcomes.duplicated(keys).any()
+    seeds = outcomes.groupby("arm")["seed"].unique()
+    assert set(seeds["iiwa"]) == {3, 5}
+    assert set(seeds["stand_in"]) == set(ROBOTS)  # a robot's model has its seed
+    last = errors[(errors["epoch"] == 1) & (errors["arm"] == "stand_in")].groupby(keys)["nmse"].max()
+    of_robots = outcomes[outcomes["arm"] == "stand_in"].set_index(keys)["nmse_max"]
+    np.testing.assert_allclose(of_robots.sort_index(), last.sort_index())
+
+
+def test_what_may_be_tracked_with_met_the_criterion_of_its_arm():
+    """In simulation on every joint; on a robot's log on average, which is asked of networks alone."""
+    limits = protocol.EpochLimits(simulation=3, robot=3)
+    learning = TRAININGS.learning.model_copy(update={"threshold": 0.3})
+    parameters = TRAININGS.model_copy(
+        update={"epochs": limits, "learning": learning, "forms": (protocol.OURS,)}
+    )
+    motions = {"iiwa": sine_motion(arm(), 600), "stand_in/11": rubbing_motion(arm())}
+    _, _, outcomes = protocol.train(protocol.trainings((11,), parameters), motions, arm().tree, parameters)
+    simulated, robots = (outcomes[outcomes["arm"] == name] for name in ("iiwa", "stand_in"))
+    np.testing.assert_array_equal(simulated["met"], simulated["epochs"].notna())
+    np.testing.assert_array_equal(simulated["met"], simulated["nmse_max"] <= 0.3)
+    networks = ~robots["model"].str.startswith("cov")
+    np.testing.assert_array_equal(robots["met"], (robots["nmse_mean"] <= 0.3) | ~networks)
+    assert 0 < outcomes["met"].sum() < len(outcomes)
+
+
+def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough(trained):
+    """What is said of a model is that of the epoch that was kept; schedules are compared by it."""
+    errors, outcomes = (table[table["arm"] == "iiwa"] for table in trained[1:])
+    limit, threshold = TRAININGS.epochs.simulation, TRAININGS.learning.threshold
+    keys, reached = ["model", "form", "seed"], 0
+    for key, its in errors.groupby(keys):
+        by_epoch = its.pivot(index="epoch", columns="joint", values="nmse")
+        (outcome,) = outcomes[(outcomes[keys] == list(key)).all(axis=1)].itertuples()
+        good, but_last = (
+            table.index[(table <= threshold).all(axis=1) & (table.index > 0)]
+            for table in (by_epoch, by_epoch.iloc[:, :-1])
+        )
+        for found, epochs in ((outcome.epochs, good), (outcome.epochs_but_last, but_last)):
+            assert found == epochs[0] if len(epochs) else np.isnan(found)
+        kept = by_epoch.loc[good[0] if len(good) else limit]
+        assert outcome.nmse_mean == pytest.approx(kept.mean())
+        assert outcome.nmse_max == pytest.approx(kept.max())
+        reached += len(good) > 0
+    assert 0 < reached < len(outcomes)
+    compared = protocol.scores(outcomes, limit)
+    ours = outcomes[(outcomes["form"] == protocol.OURS) & (outcomes["model"] == "mlp")]
+    assert compared["epochs_mlp"] == ours["epochs"].fillna(limit).mean()
+    assert compared["worst_mlp"] == pytest.approx(np.exp(np.log(ours["nmse_max"]).mean()))
+
+
+def test_online_learning_sees_every_batch_once():
+    motion = sine_motion(arm())
+    parameters = committed(
+        protocol.OnlineParameters,
+        "online",
+        models=("mlp_scaled", "cov"),
+        seeds=(4, 7),
+        losses=("normalised",),
+    )
+    learning = committed(training.LearningParameters, "train_dynamics.learning")
+    table = protocol.learn_once_through(arm().tree, motion, parameters, learning)
+    assert set(table["seed"]) == {4, 7}
+    batches = -(-len(motion) // 256)
+    for kind in ("mlp_scaled", "cov"):
+        assert table[table["model"] == kind]["batch"].max() == batches
+    assert len(table) == 2 * 2 * 7 * (batches + 1)
+    cov = table[table["model"] == "cov"].groupby("batch")["nmse"].mean()
+    assert cov.iloc[-1] < 0.5 * cov.iloc[0]
+
+
+def test_an_arm_that_carries_nothing_is_identified_with_its_friction():
+    parameters = committed(PayloadLearningParameters, "online.payload", empty_s=20.0)
+    table = learn_payload((rubbing_motion(arm()), 0.02), arm().tree, arm().inertias, parameters)
+    assert table["nmse_fixed"].max() < 3e-3  # also after the samples it was fitted to
+    np.testing.assert_allclose(table["mass_kg"], 0.0, atol=0.05)
+
+
+def test_a_payload_is_found_after_it_was_picked_up():
+    empty, point, mass = arm(), (0.02, -0.01, 0.1), 1.5
+    motion = sine_motion(empty)
+    half = len(motion) // 2
+    states = motion.q, motion.qd, motion.qdd
+    loaded = compiled_dynamics.inverse_dynamics(empty.tree, carrying(empty, Payload(mass, point, 1e-3)))
+    late = [loaded(*state) for state in zip(*(values[half:] for values in states), strict=True)]
+    followed = Motion(*states, np.vstack([motion.torque[:half], late]))
+    parameters = committed(PayloadLearningParameters, "online.payload", batch=50, memory_s=0.5)
+    table = follow_payload(empty.tree, empty.inertias, followed, 0.02, parameters)
+    before, after = table[table["time_s"] <= half * 0.02], table.iloc[-1]
+    np.testing.assert_allclose(before["mass_kg"], 0.0, atol=0.02)
+    assert after["mass_kg"] == pytest.approx(mass, rel=0.05)
+    found = after[["moment_x_kg_m", "moment_y_kg_m", "moment_z_kg_m"]].to_numpy(float)
+    np.testing.assert_allclose(found, mass * np.array(point), atol=0.01)
+    assert after["nmse_learned"] < 0.01 * after["nmse_fixed"]

@@ -48,19 +48,6 @@ def test_too_few_pairs_and_backward_time_are_told():
         least_squares(np.array([[0.0, 10.0], [10.0, 0.0]]))
 
 
-def test_crossings_correct_the_ends_and_false_ones_hardly_count():
-    reference = np.arange(40.0, 60.0)
-    pairs = np.column_stack([reference, reference])  # mid-movement only
-    text = least_squares(pairs)
-    near = with_crossings(text, pairs, np.ones(20), np.array([[0.0, 4.0], [100.0, 96.0]]), 3.0, 10.0)
-    assert abs(near.guess_time(0.0) - 4.0) < 0.5
-    false = with_crossings(text, pairs, np.ones(20), np.array([[0.0, 0.0], [100.0, 400.0]]), 3.0, 10.0)
-    assert abs(false.guess_time(100.0) - 100.0) < 30.0
-    assert with_crossings(text, pairs, np.ones(20), pairs[:2], 0.0, 10.0) == Alignment(
-        pytest.approx(1.0), pytest.approx(0.0, abs=1e-9)
-    )
-
-
 @pytest.mark.parametrize(("distance", "share"), [(0.0, 1.0), (10.0, 0.5), (30.0, 0.1)])
 def test_both_crossings_together_weigh_what_is_said_of_all_other_pairs(distance, share):
     """Pairs without delay and crossings with one of 4 samples: the fit's is their weighted mean."""
@@ -131,11 +118,6 @@ def test_nothing_is_looked_for_before_the_first_sample():
     speed = 2 * bell(centre=80, width=15) + bell(centre=300, width=15)
     s, _ = moving_interval(speed, speed, threshold=0.2, bridge=0, first=150)
     assert s > 150
-
-
-def test_no_motion_is_told():
-    with pytest.raises(InputError, match=r"never exceeds 0\.5 m/s \(largest 0\.1 m/s\)"):
-        moving_interval(0.1 * bell(), 0.1 * bell(), threshold=0.5, bridge=0)
 
 
 def slow_correspondences(reference: np.ndarray, guess: np.ndarray) -> list[tuple[int, int]]:

@@ -11,41 +11,39 @@ from hypothesis import strategies as st
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers import Demonstration, read_demonstrations, synchronise
-from structlearn.segmentation.motion_runs import (
-    Candidates,
-    Motion,
-    Search,
-    candidates,
-    motion,
-    pace,
-    runs_of_motion,
-)
+from structlearn.segmentation import motion_runs as runs
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
 from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
 from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
 from structlearn.tasks.task_entry import read_task
 
+TASK = read_task("pick")
 SPEED = np.array([0, 0, 2, 3, 1, 0, 0, 0, 4, 4, 0, 5, 0, 0], dtype=float)
 
 
-def along_a_line(speed: np.ndarray) -> Motion:
+def pick(primitives, **changes) -> SegmentParameters:
+    """How the public task is cut, into other primitives."""
+    return TASK.segment.model_validate(TASK.segment.model_dump() | {"primitives": primitives} | changes)
+
+
+def along_a_line(speed: np.ndarray) -> runs.Motion:
     """One axis at a speed, 1 s a sample."""
     path = np.append(0.0, np.cumsum(0.5 * (speed[1:] + speed[:-1])))
-    return Motion(path[:, None], np.abs(speed), np.abs(speed), False)
+    return runs.Motion(path[:, None], np.abs(speed), np.abs(speed), False)
 
 
 def test_runs_are_where_the_speed_is_above_the_threshold():
-    assert runs_of_motion(SPEED, 0.5, 9).tolist() == [[2, 4], [8, 9], [11, 11]]
-    assert runs_of_motion(SPEED, 2.5, 9).tolist() == [[3, 3], [8, 9], [11, 11]]
-    assert runs_of_motion(SPEED, 0.5, 2).tolist() == [[2, 4], [8, 9]]  # the longest ways: 6 and 8, not 5
-    assert runs_of_motion(SPEED, 0.5, 9, breaks=[3, 6]).tolist() == [[2, 2], [3, 4], [8, 9], [11, 11]]
-    assert runs_of_motion(SPEED, 9.0, 9).shape == (0, 2)
+    assert runs.runs_of_motion(SPEED, 0.5, 9).tolist() == [[2, 4], [8, 9], [11, 11]]
+    assert runs.runs_of_motion(SPEED, 2.5, 9).tolist() == [[3, 3], [8, 9], [11, 11]]
+    assert runs.runs_of_motion(SPEED, 0.5, 2).tolist() == [[2, 4], [8, 9]]  # the longest ways: 6 and 8, not 5
+    assert runs.runs_of_motion(SPEED, 0.5, 9, breaks=[3, 6]).tolist() == [[2, 2], [3, 4], [8, 9], [11, 11]]
+    assert runs.runs_of_motion(SPEED, 9.0, 9).shape == (0, 2)
 
 
 def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
     moved = along_a_line(SPEED)
-    found = candidates(moved, Search((0.5,), 1.0, 1, 9))
+    found = runs.candidates(moved, runs.Search((0.5,), 1.0, 1, 9))
     assert list(zip(found.first, found.last, found.rested, strict=True)) == [
         (1, 5, 0),
         (7, 10, 0),
@@ -55,43 +53,16 @@ def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
     assert found.duration.tolist() == [5, 4, 6, 3]
 
 
-def test_what_comes_back_is_joined_with_no_move():
-    """A twitch there and back lies as near to the move as the halves of a hesitating one to each other."""
-    twitch, move = [0, 1, 1, 0, -1, -1, 0, 0], [1, 5, 9, 9, 9, 9, 0, 9, 9, 9, 5, 0]
-    found = candidates(along_a_line(np.array(twitch + move, dtype=float)), Search((0.5,), 1.0, 2, 9))
-    joined = sorted(
-        (int(first), int(last))
-        for first, last, rested in zip(found.first, found.last, found.rested, strict=True)
-        if rested
-    )
-    assert joined == [(0, 6), (7, 19)]  # each by itself
-
-
 def test_a_hand_that_rests_at_the_ends_of_a_recording_does_not_move_there():
-    defaults = read_task("pick").segment
-    parameters = defaults.model_validate(defaults.model_dump() | {"primitives": 1})
-    rng = np.random.default_rng(0)
+    parameters, rng = pick(1), np.random.default_rng(0)
     time = np.arange(0.0, 3.0, 0.01)
-    for _ in range(20):
+    for _ in range(5):
         noisy = Demonstration("01", time, 1e-3 * rng.standard_normal((len(time), 3)))
-        speed = motion(noisy, "xyz", parameters).smooth_speed
+        speed = runs.motion(noisy, "xyz", parameters).smooth_speed
         assert max(speed[0], speed[-1]) <= speed[20:-20].max()
 
 
-def test_a_bounded_primitive_reaches_on_to_its_event():
-    search = Search((0.5,), 1.0, 0, 9, ends=np.array([1, 7, 13]))
-    found = candidates(along_a_line(SPEED), search)
-    assert list(zip(found.first, found.last, strict=True)) == [(1, 7), (10, 13)]  # 8-9 is followed by a run
-
-
-def test_rests_do_not_change_the_pace():
-    speed = np.concatenate([np.zeros(50), np.sin(np.linspace(0, np.pi, 100)), np.zeros(5)])
-    longer = np.concatenate([np.zeros(500), speed, np.zeros(500)])
-    assert pace([along_a_line(speed)]) == pytest.approx(np.pi / 4, rel=1e-3)  # of sin^2 over sin
-    assert pace([along_a_line(longer)]) == pytest.approx(pace([along_a_line(speed)]))
-
-
-def by_hand(demonstrations: list[list[Candidates]]) -> float:
+def by_hand(demonstrations: list[list[runs.Candidates]]) -> float:
     """The cheapest total, by trying every chain in every demonstration."""
 
     def chains(primitives):
@@ -145,15 +116,13 @@ def test_the_assignment_is_the_cheapest_of_all(moves, primitives, bridge):
             [np.append(np.full(n, n % 3 - 1.5), np.zeros(1 + (n + number) % 4)) for n in own]
         )
         moved = along_a_line(np.append(0.0, speed))
-        demonstrations.append([candidates(moved, Search((0.1, 1.0), 1.0, bridge, 9))] * primitives)
+        demonstrations.append([runs.candidates(moved, runs.Search((0.1, 1.0), 1.0, bridge, 9))] * primitives)
     found = assign(demonstrations, range(len(demonstrations)), [False] * primitives)
     assert (np.inf if found is None else found.total) == pytest.approx(by_hand(demonstrations))
 
 
 def segmentation_of(made, primitives, **changes):
-    defaults = read_task("pick").segment
-    parameters = defaults.model_validate(defaults.model_dump() | {"primitives": primitives} | changes)
-    return cut([synchronise(as_recording(take), 100.0) for take in made], parameters)
+    return cut([synchronise(as_recording(take), 100.0) for take in made], pick(primitives, **changes))
 
 
 def errors_s(made, segmentation) -> np.ndarray:
@@ -208,41 +177,36 @@ def test_one_that_can_be_cut_does_not_speak_for_all():
 
 
 def test_primitives_may_be_a_number_names_or_mappings():
-    defaults = read_task("pick").segment.model_dump()
     forms = (2, ["move_1", "move_2"], [{"name": "move_1"}, "move_2"])
-    read = [SegmentParameters(**defaults | {"primitives": form}).primitives for form in forms]
+    read = [pick(form).primitives for form in forms]
     assert read[0] == read[1] == read[2]
     assert [(one.axis, one.threshold_m_s, one.until) for one in read[0]] == [("xyz", None, None)] * 2
 
 
 def test_a_gripper_or_a_force_may_end_a_primitive(tmp_path):
     """The fingers close while the hand rests, and it moves on; the wrist feels the part from then on."""
-    made = takes(6, 3, 3)
+    made, names = takes(6, 3, 3), ("reach", "carry", "retreat")
     write_takes(made, tmp_path)
-    task = read_task("pick")
-    topics = task.topics.model_dump() | {
+    topics = TASK.topics.model_dump() | {
         "joint_states": ["/joint_states", "/gripper/joint_states"],
         "joints": ["panda_joint1", "panda_finger_joint1"],
     }
-    demonstrations = read_demonstrations(tmp_path, task.topics.model_validate(topics), 100.0)
+    demonstrations = read_demonstrations(tmp_path, TASK.topics.model_validate(topics), 100.0)
     for until in ({"signal": "panda_finger_joint1", "below": 0.02}, {"signal": "force", "above": 3.0}):
-        primitives = [{"name": "reach", "until": until}, "carry", "retreat"]
-        parameters = SegmentParameters(**task.segment.model_dump() | {"primitives": primitives})
-        segmentation = cut(demonstrations, parameters)
+        segmentation = cut(demonstrations, pick([{"name": "reach", "until": until}, "carry", "retreat"]))
         for take in made:
             closed = take.time[np.argmax(take.opening < 0.02 if "below" in until else take.load > 0)]
             for method in ("zvc", "wls"):
                 found = segmentation.result("reach", method).loc[take.name, "end_s"]
                 assert found == pytest.approx(closed, abs=0.05)
-    nothing = [{"name": "reach", "until": {"signal": "force", "above": 99.0}}, "carry", "retreat"]
-    with pytest.raises(InputError, match="primitive 'reach': force never comes to above 99 after its motion"):
-        cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": nothing}))
-    late = ["reach", {"name": "carry", "until": {"signal": "force", "above": 3.0}}, "retreat"]
-    with pytest.raises(InputError, match=r"in this order; force comes to above 3 at [\d.]+ s; tried"):
-        cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": late}))
-    unknown = [{"name": "reach", "until": {"signal": "thumb", "above": 99.0}}]
-    with pytest.raises(InputError, match=r"01: no 'thumb' was recorded .* joints: panda_joint1"):
-        cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": unknown}))
+    for name, signal, above, message in (
+        ("reach", "force", 99.0, "primitive 'reach': force never comes to above 99 after its motion"),
+        ("carry", "force", 3.0, r"in this order; force comes to above 3 at [\d.]+ s; tried"),
+        ("reach", "thumb", 99.0, r"01: no 'thumb' was recorded .* joints: panda_joint1"),
+    ):
+        until = {"name": name, "until": {"signal": signal, "above": above}}
+        with pytest.raises(InputError, match=message):
+            cut(demonstrations, pick([until if one == name else one for one in names]))
 
 
 def test_an_event_within_a_run_ends_it():
@@ -258,9 +222,8 @@ def test_an_event_within_a_run_ends_it():
         )
         for name, scale in (("01", 1.0), ("02", 1.1))
     ]
-    defaults = read_task("pick").segment.model_dump()
     primitives = [{"name": "approach", "until": {"signal": "force", "above": 5.0}}, "press"]
-    segmentation = cut(demonstrations, SegmentParameters(**defaults | {"primitives": primitives}))
+    segmentation = cut(demonstrations, pick(primitives))
     contact = time[np.argmax(ways > 0.6)]
     np.testing.assert_allclose(segmentation.result("approach")["end_s"], contact, atol=1e-9)
     np.testing.assert_allclose(segmentation.result("press")["start_s"], contact, atol=1e-9)
@@ -285,9 +248,7 @@ def test_a_turn_on_the_spot_is_found_by_its_angular_speed():
             )
         )
         true.append(np.stack([starts, ends], axis=1))
-    primitives = ["reach", {"name": "turn", "axis": "rot"}, "back"]
-    defaults = read_task("pick").segment.model_dump()
-    segmentation = cut(demonstrations, SegmentParameters(**defaults | {"primitives": primitives}))
+    segmentation = cut(demonstrations, pick(["reach", {"name": "turn", "axis": "rot"}, "back"]))
     for place, name in enumerate(["reach", "turn", "back"]):
         found = segmentation.result(name)[["start_s", "end_s"]].to_numpy(float)
         np.testing.assert_allclose(found, np.array(true)[:, place], atol=0.1)

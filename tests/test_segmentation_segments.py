@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
+from structlearn.primitives import fitting
 from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import cut_errors
 from structlearn.segmentation.parameters import SegmentParameters
@@ -27,16 +28,20 @@ def parameters(**changes) -> SegmentParameters:
     )
 
 
-def test_known_cut_points_are_found(two_move_demonstrations):
-    errors = cut_errors(two_move_demonstrations, cut(two_move_demonstrations, parameters()))
+@pytest.fixture(scope="module")
+def segmentation(two_move_demonstrations):
+    return cut(two_move_demonstrations, parameters())
+
+
+def test_known_cut_points_are_found(two_move_demonstrations, segmentation):
+    errors = cut_errors(two_move_demonstrations, segmentation)
     wls = errors[errors["method"] == "wls"][["start_error_s", "end_error_s"]].abs()
     assert len(wls) == 2 * 4  # two primitives with an axis; the reference is not guessed
     assert wls.to_numpy().max() < 0.15  # a minimum-jerk movement starts invisibly
 
 
-def test_stretched_copies_align_exactly(two_move_demonstrations):
+def test_stretched_copies_align_exactly(two_move_demonstrations, segmentation):
     """Equation IV.15 holds for stretched copies, so all cuts fall on the same fraction of it."""
-    segmentation = cut(two_move_demonstrations, parameters())
     for primitive, place in (("down", 0), ("scrape", 2)):
         cuts = segmentation.result(primitive, "wls_text")
         for demonstration in two_move_demonstrations:
@@ -48,8 +53,7 @@ def test_stretched_copies_align_exactly(two_move_demonstrations):
             np.testing.assert_allclose(fractions, expected, atol=0.04)
 
 
-def test_the_turn_is_what_lies_between(two_move_demonstrations):
-    segmentation = cut(two_move_demonstrations, parameters())
+def test_the_turn_is_what_lies_between(segmentation):
     for method in METHODS:
         down, turn, scrape = (segmentation.result(name, method) for name in ("down", "turn", "scrape"))
         np.testing.assert_array_equal(turn["start_s"], down["end_s"])
@@ -57,9 +61,8 @@ def test_the_turn_is_what_lies_between(two_move_demonstrations):
 
 
 @pytest.mark.parametrize("primitive", ["down", "scrape"])
-def test_the_rest_on_both_sides_is_aligned_too(two_move_demonstrations, primitive):
+def test_the_rest_on_both_sides_is_aligned_too(segmentation, primitive):
     """Line 11 of algorithm IV.1: the crossings may be wrong, so both ends reach further by the extension."""
-    segmentation = cut(two_move_demonstrations, parameters(extension_s=0.2))
     start, end = segmentation.result(primitive, "zvc").loc["01", ["start_s", "end_s"]]
     for _, pairs in segmentation.pairs.query("primitive == @primitive").groupby("demonstration"):
         assert pairs["reference_s"].min() < start - 0.1
@@ -106,8 +109,7 @@ def test_what_cannot_be_cut_is_named(two_move_demonstrations, change, changes, m
         cut(change(two_move_demonstrations), parameters(**changes))
 
 
-def test_round_trip(two_move_demonstrations, tmp_path):
-    segmentation = cut(two_move_demonstrations, parameters())
+def test_round_trip(segmentation, tmp_path):
     write_segmentation(segmentation, tmp_path / "cuts")
     read = read_segmentation(tmp_path / "cuts")
     assert read.reference == segmentation.reference
@@ -129,7 +131,6 @@ def test_round_trip(two_move_demonstrations, tmp_path):
         ((PRIMITIVES[0], PRIMITIVES[0]), "must differ"),
         (({"name": "a", "axis": "rot", "threshold_m_s": 0.1},), "must be null for the axis rot"),
         (({"name": "a", "axis": "z", "until": {"signal": "force"}},), "either `above` or `below`"),
-        (({"name": "a", "axis": "z", "until": {"signal": "force", "above": 1, "below": 2}},), "either"),
     ],
 )
 def test_bad_primitives_are_refused(primitives, reason):
@@ -141,9 +142,9 @@ NAMES = ("down", "turn", "scrape")
 CUTTING = parameters()
 
 
-def unknown(runs):
-    """The same runs as a robot records them that does not say when its primitives switched."""
-    return [replace(run, true_segments=None) for run in runs]
+def unknown(runs, known=0):
+    """The same runs as of a robot that says only of some primitives when they switched."""
+    return [replace(run, true_segments=run.true_segments[:known] if known else None) for run in runs]
 
 
 def test_commanded_segments_are_taken_as_they_are(two_move_demonstrations):
@@ -156,8 +157,10 @@ def test_commanded_segments_are_taken_as_they_are(two_move_demonstrations):
             np.testing.assert_array_equal(found, run.true_segments[place])
 
 
-def test_runs_without_them_are_cut_as_demonstrations_are(two_move_demonstrations):
-    cuts = execution_cuts(unknown(two_move_demonstrations), NAMES, CUTTING)
+@pytest.mark.parametrize("known", [0, 2])
+def test_runs_without_segments_or_with_those_of_another_task_are_cut(two_move_demonstrations, known):
+    """Two commanded primitives cannot be the three that are asked for."""
+    cuts = execution_cuts(unknown(two_move_demonstrations, known), NAMES, CUTTING)
     assert list(cuts) == list(NAMES)
     for place, name in enumerate(NAMES):
         assert list(cuts[name].columns) == ["start_s", "end_s"]
@@ -174,17 +177,51 @@ def test_one_run_without_them_or_a_reference_elsewhere_and_all_are_cut_alike(two
             np.testing.assert_array_equal(table, alike[name])
 
 
-def test_segments_of_another_task_are_not_taken(two_move_demonstrations):
-    """Two commanded primitives cannot be the three that are asked for."""
-    fewer = [replace(run, true_segments=run.true_segments[:2]) for run in two_move_demonstrations]
-    cuts = execution_cuts(fewer, NAMES, CUTTING)
-    assert cuts["scrape"].loc["01", "end_s"] == pytest.approx(
-        two_move_demonstrations[0].true_segments[2, 1], abs=0.15
-    )
-
-
 def test_a_run_that_cannot_be_cut_is_named(two_move_demonstrations):
     """Also where demonstrations may be left out: everything that is learned needs every run."""
     runs = motionless(unknown(two_move_demonstrations))
     with pytest.raises(InputError, match="02: primitive 'scrape'"):
         execution_cuts(runs, NAMES, parameters(skip_failures=True))
+
+
+FIT = committed(fitting.FitParameters, "fit_primitives", smoothing_hz=8.0)
+
+
+def test_neighbouring_segments_agree_at_the_cut(two_move_demonstrations, segmentation):
+    down, turn = (
+        fitting.segment_paths(two_move_demonstrations, segmentation.result(name), 8.0)
+        for name in ("down", "turn")
+    )
+    for (position, _), (after, _) in zip(down, turn, strict=True):
+        np.testing.assert_array_equal(position.acceleration[-1], after.acceleration[0])
+
+
+def test_learned_primitives_reproduce_the_demonstrations(two_move_demonstrations, segmentation):
+    for name in segmentation.primitives:
+        segments = fitting.segment_paths(two_move_demonstrations, segmentation.result(name), 8.0)
+        errors = fitting.reproduction_errors(fitting.learn_primitive(name, segments, FIT), segments)
+        assert errors["mean_mm"].max() < 1.0
+        assert errors["mean_deg"].max() < 1.0
+
+
+def test_mixed_and_empty_segments_are_told(two_move_demonstrations, segmentation):
+    mixed = [replace(two_move_demonstrations[0], orientation=None), *two_move_demonstrations[1:]]
+    with pytest.raises(InputError, match="some have none"):
+        fitting.segment_paths(mixed, segmentation.result("down"), 8.0)
+    empty = segmentation.result("down").copy()
+    empty.loc["02", "end_s"] = empty.loc["02", "start_s"]
+    with pytest.raises(InputError, match="02: a segment has fewer than three samples"):
+        fitting.segment_paths(two_move_demonstrations, empty, 8.0)
+
+
+def test_errors_are_normalised_by_the_variance_about_each_axis_own_mean(
+    two_move_demonstrations, segmentation
+):
+    """How far the task is from the origin of the base frame does not matter."""
+    segments = fitting.segment_paths(two_move_demonstrations, segmentation.result("down"), 8.0)
+    primitive = fitting.learn_primitive("down", segments, FIT)
+    found = fitting.reproduction_errors(primitive, segments)["nmse"]
+    for nmse, (path, _) in zip(found, segments, strict=True):
+        unrolled = primitive.position.unroll(path.dt, path.position[0], path.position[-1], path.duration)
+        squares = np.sum((unrolled.position - path.position) ** 2, axis=0).sum()
+        assert nmse == pytest.approx(squares / (len(path.position) * path.position.var(axis=0).sum()))

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -173,26 +174,19 @@ def _tables(root: Path, factor: float) -> None:
     write_tensors({"values": values}, root / "values.safetensors", "test")
 
 
-def _nothing(root: Path) -> None:
-    """An empty folder to begin with."""
+def _twice(write: Callable[[Path, Any], None], first: Any, second: Any, *whole: str) -> Work:
+    """A second version over a first."""
+    return Work(lambda root: write(root, first), lambda root: write(root, second), whole)
 
 
 FIRST, SECOND = "first ", "second "
 
 WORKS = {
-    "a new file": Work(_nothing, lambda root: _file(root, FIRST), ("note.txt",)),
-    "a file over another": Work(
-        lambda root: _file(root, FIRST), lambda root: _file(root, SECOND), ("note.txt",)
-    ),
-    "a new folder": Work(_nothing, lambda root: _folder(root, FIRST), ("logs",)),
-    "a folder over another": Work(
-        lambda root: _folder(root, FIRST), lambda root: _folder(root, SECOND), ("logs",)
-    ),
-    "tables and arrays": Work(
-        lambda root: _tables(root, 1.0),
-        lambda root: _tables(root, 2.0),
-        ("table.parquet", "table.csv", "values.safetensors"),
-    ),
-    "times of stages": Work(lambda root: _times(root, 1.0), lambda root: _times(root, 2.0), ()),
+    "a new file": Work(lambda root: None, lambda root: _file(root, FIRST), ("note.txt",)),
+    "a file over another": _twice(_file, FIRST, SECOND, "note.txt"),
+    "a new folder": Work(lambda root: None, lambda root: _folder(root, FIRST), ("logs",)),
+    "a folder over another": _twice(_folder, FIRST, SECOND, "logs"),
+    "tables and arrays": _twice(_tables, 1.0, 2.0, "table.parquet", "table.csv", "values.safetensors"),
+    "times of stages": _twice(_times, 1.0, 2.0),
 }
 """By name; of two times, which are entered one after the other, a crash may leave one."""

@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -120,9 +120,10 @@ def kills(project: Path, count: int, seed: int) -> tuple[pd.DataFrame, list[str]
     stages = {name: stage for name, stage in pipeline(project).items() if _entry(stage) in done}
     before = artefacts(project)
     found, broken = Counter(), []
-    for number, name in tqdm(
-        zip(range(count), _in_turns(list(stages), rng), strict=False), total=count, leave=False, disable=None
-    ):
+    order: list[str] = []
+    for number in tqdm(range(count), leave=False, disable=None):
+        order = order or rng.permutation(list(stages)).tolist()
+        name = order.pop()
         command = stages[name]["cmd"]
         due_s = rng.uniform(*SHARES) * done[_entry(stages[name])].wall_s
         alone, removed = bool(rng.integers(2)), bool(rng.integers(2))
@@ -197,12 +198,6 @@ def remove_outputs(project: Path, stage: Mapping) -> None:
         path, options = (out, {}) if isinstance(out, str) else next(iter(out.items()))
         if not options.get("persist"):
             subprocess.run(["rm", "-rf", "--", path], cwd=project, check=True)
-
-
-def _in_turns(names: Sequence[str], rng: np.random.Generator) -> Iterator[str]:
-    """Stages in a random order, over and over."""
-    while True:
-        yield from (names[place] for place in rng.permutation(len(names)))
 
 
 def _in_use(path: Path) -> bool:

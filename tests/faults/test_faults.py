@@ -1,11 +1,11 @@
-"""Some hundred damaged files of every kind; `make faults N=100000` tries any number."""
+"""Some damaged files of every kind; `make faults N=100000` tries any number."""
 
 import pytest
 from faults.many import batch
 from faults.specimens import SPECIMENS
 from faults.trial import NAMED
 
-COUNT = 25  # of each kind of file
+COUNT = 10  # of each kind of file
 
 
 @pytest.mark.parametrize("name", SPECIMENS)
