@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from structlearn.core.errors import MissingInputError
+from structlearn.core.minimum_jerk import progress
 from structlearn.primitives import kernels
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
@@ -42,9 +43,8 @@ def arc(name, height, duration=0.8, dt=0.002, shift=0.0):
     """A reach over an arc, from rest to rest."""
     time = dt * np.arange(round(duration / dt) + 1)
     s = (time / time[-1])[:, None]
-    along = s**3 * (10 - 15 * s + 6 * s**2)
     lift = 64 * height * s**3 * (1 - s) ** 3 * np.array([0.0, 0.0, 1.0])
-    return Demonstration(name, time, START + shift + (GOAL - START) * along + lift)
+    return Demonstration(name, time, START + shift + (GOAL - START) * progress(s) + lift)
 
 
 @pytest.fixture(scope="module")
