@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 from committed import own_tasks
-from own_skills import PANDA, pick_skill
+from own_skills import PANDA, pick_skill, quick_check
 from rigid_body_arms import planar_arm
 
 from structlearn.core import quaternion
@@ -31,7 +31,7 @@ ENTRY = {"source": "bags", "topics": {"pose": "/pose"}, "segment": {"primitives"
 
 @pytest.fixture(scope="module")
 def check():
-    return skill_check.check_skill(pick_skill(("x", "rz")), PANDA)
+    return quick_check(pick_skill(("x", "rz")), PANDA)
 
 
 @pytest.fixture(scope="module")
@@ -201,7 +201,7 @@ def test_an_arm_whose_shapes_are_lost_is_checked_but_for_collisions(nominal_alon
     text = Path(urdf_path(PANDA.urdf)).read_text()
     (tmp_path / "panda.urdf").write_text(text.replace("package://meshes", "package://lost"))
     lost = PANDA.model_copy(update={"urdf": str(tmp_path / "panda.urdf"), "rest_configuration": None})
-    found = skill_check.check_skill(nominal_alone, lost)
+    found = quick_check(nominal_alone, lost)
     assert found.notes[0].startswith("self-collision was not tested: ")
     assert "lost" in found.notes[0]
     assert found.verdict == "doubtful"

@@ -60,17 +60,19 @@ def test_faults_name_the_file(tmp_path):
     with pytest.raises(InputError, match="holds no samples of obstacle avoidance"):
         coupling_samples.read_coupling_samples(tmp_path)
     found, _ = tables()
-    write(tmp_path, found | {"target": found["target"][:-1]})
-    with pytest.raises(InputError, match=r"Ct_target_obs_avoid\.txt: has 11 rows, .*X_raw.* has 12"):
-        coupling_samples.read_coupling_samples(tmp_path)
     wrong = found["features"].copy()
     wrong[3, 15] += 0.5
-    write(tmp_path, found | {"features": wrong})
-    with pytest.raises(InputError, match=r"X_raw_obs_avoid\.txt: row 3: distance to the centre"):
-        coupling_samples.read_coupling_samples(tmp_path)
-    write(tmp_path, found | {"modulation": found["modulation"] + np.eye(ROWS, 25)})
-    with pytest.raises(InputError, match=r"PSI_mult_phase_V_obs_avoid\.txt: row \d+: no time of a movement"):
-        coupling_samples.read_coupling_samples(tmp_path)
+    for changes, message in (
+        ({"target": found["target"][:-1]}, r"Ct_target_obs_avoid\.txt: has 11 rows, .*X_raw.* has 12"),
+        ({"features": wrong}, r"X_raw_obs_avoid\.txt: row 3: distance to the centre"),
+        (
+            {"modulation": found["modulation"] + np.eye(ROWS, 25)},
+            r"PSI_mult_phase_V_obs_avoid\.txt: row \d+: no time of a movement",
+        ),
+    ):
+        write(tmp_path, found | changes)
+        with pytest.raises(InputError, match=message):
+            coupling_samples.read_coupling_samples(tmp_path)
 
 
 def phase_dependent(count=120, seed=0):
