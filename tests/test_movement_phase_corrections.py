@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.core.errors import MissingInputError
 from structlearn.core.minimum_jerk import progress
@@ -27,15 +28,13 @@ from structlearn.tasks.movement.phase_corrections import (
 
 HEIGHTS_M = (0.18, 0.2, 0.22, 0.19, 0.21, 0.2)
 START, GOAL = np.array([0.67, -0.19, 0.14]), np.array([0.40, 0.20, 0.17])
-PARAMETERS = PhaseCorrectionParameters(
+PARAMETERS = committed(
+    PhaseCorrectionParameters,
+    "defaults.movement.corrections",
     source="clmc",
-    part=None,
     smoothing_hz=20.0,
-    kernel_count=25,
-    incomplete_m=0.1,
     learned_share=0.67,
     splits=3,
-    seed=1,
 )
 
 

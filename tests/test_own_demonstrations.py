@@ -56,13 +56,20 @@ def write_reach(path: Path, duration: float, rest: float, repeats: int = 0) -> N
     write_bag(path, pose_messages(stamps, np.hstack([position, identity]), "/arm/pose"))
 
 
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory) -> Path:
+    """Three bags with a reach each."""
+    bags = tmp_path_factory.mktemp("bags")
+    for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
+        write_reach(bags / f"take_{number}.mcap", duration, rest)
+    return bags
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch) -> Path:
+def folder(bags, tmp_path, monkeypatch) -> Path:
     """An empty project with a task `reach` of three bags."""
     monkeypatch.chdir(tmp_path)
-    Path("bags").mkdir()
-    for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
-        write_reach(Path(f"bags/take_{number}.mcap"), duration, rest)
+    shutil.copytree(bags, "bags")
     own_tasks(tmp_path, QUICK, reach=REACH)
     return tmp_path
 
@@ -95,8 +102,8 @@ def test_a_task_goes_through_to_its_page(root, folder):
     skill = read_skill("data/tasks/reach/skill/skill.safetensors")
     assert [primitive.name for primitive in skill.primitives] == ["reach", "back"]
     assert (skill.workspace.high - skill.workspace.low > [0.39, 0.29, 0.1]).all()  # with 5 cm around
-    bags = read_provenance("data/tasks/reach/skill/skill.safetensors")["bags"]["demonstrations"]
-    assert list(bags) == [f"bags/take_{number}.mcap" for number in (1, 2, 3)]
+    read = read_provenance("data/tasks/reach/skill/skill.safetensors")["bags"]["demonstrations"]
+    assert list(read) == [f"bags/take_{number}.mcap" for number in (1, 2, 3)]
 
 
 def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
@@ -192,7 +199,9 @@ def test_a_name_that_is_none_is_one_line(folder, name):
     Path("stages/tasks/own.yaml").write_text(yaml.safe_dump({"movement": {name: REACH}}))
     with pytest.raises(InputError, match=r"^stages/tasks/own\.yaml: movement: .*: a task's name has 1 to 60"):
         read_task("pick")
-    Path("stages/tasks/own.yaml").write_text(yaml.safe_dump({"movement": {"reach": REACH}}))
+
+
+def test_a_name_is_of_one_task(folder):
     Path("stages/tasks/public.yaml").write_text(yaml.safe_dump({"motion": {"reach": {}}}))
     with pytest.raises(InputError, match=r"movement\.reach: the name is taken: .*public\.yaml, motion"):
         read_task("reach")

@@ -6,7 +6,7 @@ import pytest
 import yaml
 from committed import NO_TOPICS, TASK_FILE, merged
 
-from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.user_tables import TouchLog, read_touch_table, touch_of, touch_tables
 from structlearn.tasks.touch.skin_protocol import learn_touch
@@ -109,8 +109,6 @@ def test_what_cannot_be_learned_from_is_refused():
     ):
         with pytest.raises(InputError, match=message):
             gathered(logs, chosen(**changes))
-    with pytest.raises(MissingInputError, match=r"^touches: no touches in two blocks of 50 mm"):
-        learn_touch([log], chosen(block_mm=50.0))
     still = Demonstration("run", np.arange(3.0), np.zeros((3, 3)))
     with pytest.raises(InputError, match=r"^run: has no tactile signal"):
         touch_of(still)
