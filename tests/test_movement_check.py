@@ -185,15 +185,15 @@ def test_what_does_not_fit_the_arm_is_told_by_key(nominal_alone):
         ("rest_configuration", (0.0,), "has 1 values for 7 joints"),
     ):
         with pytest.raises(InputError, match=rf"robot\.{key}: {counts}"):
-            skill_check.check_skill(nominal_alone, PANDA.model_copy(update={key: values}))
+            quick_check(nominal_alone, PANDA.model_copy(update={key: values}))
     with pytest.raises(InputError, match="there is no link 'hand'; there are panda_link0, "):
-        skill_check.check_skill(nominal_alone, PANDA.model_copy(update={"tip": "hand"}))
+        quick_check(nominal_alone, PANDA.model_copy(update={"tip": "hand"}))
     with pytest.raises(ValueError, match="has norm 1"):
         Placement(position_m=(0.0, 0.0, 0.0), orientation=(1.0, 0.5, 0.0, 0.0))
     base = Placement(position_m=(3.0, 0.0, 0.0), orientation=(1.0, 0.0, 0.0, 0.0))
     away = PANDA.model_copy(update={"base": base, "rest_configuration": None})
     with pytest.raises(InputError, match="is the base where the demonstrations have their origin"):
-        skill_check.check_skill(nominal_alone, away)
+        quick_check(nominal_alone, away)
 
 
 def test_an_arm_whose_shapes_are_lost_is_checked_but_for_collisions(nominal_alone, tmp_path):

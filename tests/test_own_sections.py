@@ -20,12 +20,12 @@ from structlearn.rigid_body.tree import read_urdf
 from structlearn.tasks.task_files import TaskFiles
 
 QUICK = {"training": {"iterations": 2}}
-SPACES = {"seeds": 1, "pair_pool": 20000, "evaluation_pairs": 4000, "training": {"steps": 300}}
+SPACES = {"seeds": 1, "pair_pool": 20000, "evaluation_pairs": 4000, "training": {"steps": 200}}
 TASKS = {
     "motion": {"source": "logs", "urdf": "arm.urdf"}
     | {"rate_hz": 50.0, "smoothing_hz": 20.0, "draws": 100, "gravity_n_m": 0.2},
     "touch": {"source": "touches", "change": "rises", "air_samples": test_own_touch.AIR, "touched": 5.0}
-    | {"folds": 2, "rival_samples": 100, "spaces": SPACES},
+    | {"rival_samples": 50, "spaces": SPACES},
     "obstacles": {"source": "reaches", "topics": {"pose": "/pose", "obstacles": "/obstacles"}}
     | {"folds": 2, "network": {"members": 1} | QUICK, "text_network": QUICK},
 }

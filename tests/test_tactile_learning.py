@@ -30,7 +30,7 @@ from structlearn.tactile.touch_dataset import TEST, TRAIN, chains, touch_units
 QUICK = committed(
     LatentTrainingParameters, "train_latent.training", steps=250, evaluate_every=125, batch_size=32
 )
-FEW = {"seeds": 2, "pair_pool": 5000, "evaluation_pairs": 500, "longest_chain": 3}
+FEW = {"seeds": 2, "stacks": 1, "starts": 1, "pair_pool": 5000, "evaluation_pairs": 500, "longest_chain": 3}
 SMALL = committed(LatentParameters, "train_latent", training=QUICK, **FEW)
 
 

@@ -52,6 +52,7 @@ def test_lengths_and_torques_of_an_arm_are_found_from_its_motion():
 def test_every_model_is_scored_on_what_it_did_not_see(tmp_path):
     quick = {"left_out": ("p",), "seeds": 2, "splits": 3, "epochs": 2, "batch": 64}
     quick |= {"hidden": {"mlp": (4,), "delan": (4,)}}
+    quick["published"] = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
     parameters = committed_entry("delan_characters", parts=quick).parts
     logs = {name: log(name, seed) for seed, name in enumerate("pqr")}
     choices = held_out(list(logs), parameters)

@@ -22,17 +22,18 @@ from structlearn.tasks.touch.skin_touches import folds_of, gathered
 from structlearn.tasks.touch.touch_view import write_skin
 
 CHANNELS = tuple(str(channel) for channel in range(15))
-BRIEF = {"seeds": 1, "pair_pool": 5000, "evaluation_pairs": 2000}
-SMALL = committed_entry(
-    "eflesh",
-    tuned_on=["a"],
-    block_mm=3.0,
-    folds=2,
-    copies=2,
-    rival_samples=150,
-    spaces=BRIEF | {"training": {"steps": 150, "evaluate_every": 150}},
-    servo={"walks": 500, "trials": 8, "steps": 10},
-)
+
+
+def small(steps=150, folds=2, block_mm=3.0):
+    """Parameters of a quick training."""
+    spaces = {"seeds": 1, "pair_pool": 5000, "evaluation_pairs": 2000}
+    spaces["training"] = {"steps": steps, "evaluate_every": steps}
+    servo = {"walks": 500, "trials": 8, "steps": 10}
+    its = {"copies": 2, "rival_samples": 80, "spaces": spaces, "servo": servo}
+    return committed_entry("eflesh", tuned_on=["a"], folds=folds, block_mm=block_mm, **its)
+
+
+SMALL = small()
 
 
 def grid(size, passes=1):
@@ -172,7 +173,7 @@ def test_a_run_in_one_block_has_nothing_held_out():
     spot = toy_run("spot", 2, size=3)
     with pytest.raises(MissingInputError, match="no touches in two blocks of 3 mm"):
         learn_touch([spot], SMALL)
-    quick = SMALL.model_copy(update={"folds": 4, "block_mm": 4.0})
+    quick = small(5, folds=4, block_mm=4.0)
     narrow = toy_run("narrow", 2)
     strip = narrow.place[:, 0] < 4e-3
     cut = {name: getattr(narrow, name)[strip] for name in ("time", "place", "counts")}
