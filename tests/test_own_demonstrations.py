@@ -231,7 +231,7 @@ def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_
     shutil.copy(root / "stages/list_code.py", project / "stages")
     (project / "src/structlearn").mkdir(parents=True)
     own_tasks(project, **dict.fromkeys(EVIL, REACH))
-    kept = project / "kept/demonstrations/1.mcap"
+    kept = project / "kept/recorded/1.mcap"
     kept.parent.mkdir(parents=True)
     kept.touch()
     program.parent.mkdir()
