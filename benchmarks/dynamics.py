@@ -1,4 +1,4 @@
-"""Dynamics of 6000 samples of the iiwa: the regressor, a step of training by it, an epoch of DeLaN.
+"""Dynamics of 6000 samples of the iiwa: state by state, the regressor, a step of training, an epoch of DeLaN.
 
 Pinocchio computes the same regressor sample by sample; its order of the inertia's entries differs. A step of
 training is torques of the whole set, their squared error and its gradient to the free parameters of cov.
@@ -7,18 +7,21 @@ training is torques of the whole set, their squared error and its gradient to th
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pybullet_data
 import torch
 from timing import Case, Contender
 
+from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
 from structlearn.rigid_body.network_models import StackedLagrangianNetworks
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import Robot, read_urdf
 
+IIWA = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 SEED = 7
 SAMPLES = 6000
 SAME = 1e-9
@@ -26,6 +29,69 @@ BATCH = 256
 HIDDEN = (32, 64, 32)
 # of the inertia: xx, xy, yy, xz, yz, zz where ours has xx, xy, xz, yy, yz, zz
 PINOCCHIO_ENTRIES = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
+
+
+def state_by_state() -> Case:
+    """Torques of one state after the other, each a call from Python, as a controller makes it."""
+    robot, motion = iiwa()
+    torques = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
+    expected = _in_a_loop(_pinocchio_rnea(robot), motion)()
+    return Case(
+        work=f"inverse dynamics, {SAMPLES} states one by one",
+        ours=Contender(_in_a_loop(torques, motion), lambda found: _error(found, expected)),
+        peers={
+            "Pinocchio rnea": lambda: _one_by_one(_pinocchio_rnea(robot), motion, expected),
+            "MuJoCo mj_inverse": lambda: _one_by_one(_mujoco_inverse(), motion, expected),
+        },
+        tolerance=1e-6,  # MuJoCo turns the URDF's inertias into principal axes
+        note="a call from Python for each state",
+    )
+
+
+def _one_by_one(
+    torques: Callable[..., np.ndarray], motion: tuple[np.ndarray, ...], expected: np.ndarray
+) -> Contender:
+    return Contender(_in_a_loop(torques, motion), lambda found: _error(found, expected))
+
+
+def _in_a_loop(
+    torques: Callable[..., np.ndarray], motion: tuple[np.ndarray, ...]
+) -> Callable[[], np.ndarray]:
+    def run() -> np.ndarray:
+        found = np.empty_like(motion[0])
+        for sample, state in enumerate(zip(*motion, strict=True)):
+            found[sample] = torques(*state)
+        return found
+
+    return run
+
+
+def _pinocchio_rnea(robot: Robot) -> Callable[..., np.ndarray]:
+    import pinocchio
+
+    data = robot.model.createData()
+    return lambda *state: pinocchio.rnea(robot.model, data, *state)
+
+
+def _mujoco_inverse() -> Callable[..., np.ndarray]:
+    """MuJoCo reads the same URDF, without its shapes, and without the damping that it gives the joints."""
+    import mujoco
+
+    root = ElementTree.parse(IIWA).getroot()
+    for link in root.iter("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(shape)
+    model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+    model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+
+    def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        data.qpos, data.qvel, data.qacc = q, qd, qdd
+        mujoco.mj_inverse(model, data)
+        return data.qfrc_inverse
+
+    return torques
 
 
 def regressor() -> Case:
@@ -150,7 +216,7 @@ def _summed_gradient(
 
 def iiwa(samples: int = SAMPLES) -> tuple[Robot, tuple[np.ndarray, ...]]:
     """The robot, and positions, velocities and accelerations (samples, n) of its joints."""
-    robot = read_urdf(Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf")
+    robot = read_urdf(IIWA)
     motion = np.random.default_rng(SEED).normal(size=(3, samples, len(robot.tree.names)))
     return robot, tuple(motion)
 
@@ -178,4 +244,4 @@ def _error(found: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
-CASES = (regressor, training_step, lagrangian_epoch)
+CASES = (state_by_state, regressor, training_step, lagrangian_epoch)

@@ -54,11 +54,11 @@ def errors_ms(seed: int, moves: int, kind: str, ends: str) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["seed", "planned_ms", "seen_ms", "doubted"])
 
 
-def session_errors_ms(seed: int) -> dict[str, float]:
+def session_errors_ms(seed: int, ends: str) -> dict[str, float]:
     """One session: repeats that were made and found, and absolute errors of cuts without a warning."""
     task, repeats, odd = read_task("pick"), 3 + seed % 10, bool(seed % 2)
     moves = list(MOVES)[seed % len(MOVES)]
-    parameters = task.segment.model_validate(task.segment.model_dump() | {"primitives": moves})
+    parameters = task.segment.model_validate(task.segment.model_dump() | {"primitives": moves, "ends": ends})
     take = session(seed, moves, repeats, twitch=odd, hesitation=odd)
     recorded = synchronise(as_recording(take), task.clock.rate_hz)
     parts, table = split([recorded], parameters, None)
@@ -121,7 +121,7 @@ def main() -> None:
             for fault in table["fault"].dropna():
                 print("#", fault)
             header = False
-    sessions = pd.DataFrame(parallel_map(session_errors_ms, seeds, "sessions"))
+    sessions = pd.DataFrame(parallel_map(partial(session_errors_ms, ends=chosen.ends), seeds, "sessions"))
     totals = sessions[["made", "found", "as_made", "doubted"]].sum()
     row = {"sessions": len(sessions)} | totals.to_dict()
     row |= sessions[["mean_ms", "p95_ms"]].mean().round(1).to_dict() | {

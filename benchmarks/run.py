@@ -17,6 +17,7 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 import dynamics
 import policy_search
 import primitives
+import reading
 import warping
 from timing import SECONDS_PER_CASE, machine, measure, table, write_csv
 
@@ -32,6 +33,9 @@ PACKAGES = (
     "tslearn",
     "cma",
     "pin",
+    "mujoco",
+    "rosbags",
+    "mcap-ros2-support",
 )
 
 
@@ -43,7 +47,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, help="write the rows to this CSV file too")
     options = parser.parse_args()
     rows, notes = [], []
-    for build in (*primitives.CASES, *policy_search.CASES, *warping.CASES, *dynamics.CASES):
+    for build in (*primitives.CASES, *policy_search.CASES, *warping.CASES, *dynamics.CASES, *reading.CASES):
         case = build()
         if options.only in case.work:
             rows += measure(case, options.seconds)

@@ -179,8 +179,8 @@ PARTS += [("touch_dataset", "rate_hz")]
 """Of a key whose other values a stage reads but does not use."""
 
 
-MAY_BE_LEFT_OUT = {"PrimitiveParameters", "BoundParameters"}
-"""Of a primitive a name is enough: the rest is found from the data."""
+MAY_BE_LEFT_OUT = {"PrimitiveParameters", "BoundParameters", "JointPose"}
+"""Of a primitive a name is enough: the rest is found from the data. Joints are renamed where names differ."""
 
 
 def test_no_parameter_has_a_second_value_in_the_code(models):

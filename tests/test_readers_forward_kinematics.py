@@ -107,6 +107,18 @@ def test_joints_in_messages_of_their_own_meet_on_the_slower_clock(arm, tmp_path)
     assert_same_poses(pose.values, two_link_pose(*(at[1] * rate).T), atol=1e-9)
 
 
+def test_joints_may_have_other_names_in_the_urdf(arm, tmp_path):
+    time = np.arange(30) * 0.3
+    positions = np.stack([np.sin(time), 1.1 * time], axis=1)
+    write_bag(tmp_path / "bag.mcap", joint_messages(STAMPS, ["axis_1", "elbow"], positions))
+    pose = {"urdf": str(arm), "tip": "tool", "topic": "/joint_states"}
+    renamed = topic_map(pose=pose | {"joints": {"axis_1": "shoulder"}})
+    (found,) = read_recording(tmp_path / "bag.mcap", renamed).streams
+    assert_same_poses(found.values, two_link_pose(*positions.T))
+    with pytest.raises(InputError, match="has no joints axis_2, which the entry renames"):
+        read_recording(tmp_path / "bag.mcap", topic_map(pose=pose | {"joints": {"axis_2": "shoulder"}}))
+
+
 @pytest.mark.parametrize(
     ("names", "tip", "complaint"),
     [

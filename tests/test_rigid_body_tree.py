@@ -6,7 +6,7 @@ from rigid_body_robots import FINGERS, joint, link, robot
 
 from structlearn.core.errors import InputError
 from structlearn.rigid_body.tree import joint_order, read_urdf
-from structlearn.rigid_body.urdf import moving_joints, tips
+from structlearn.rigid_body.urdf import counterparts, moving_joints, tips
 from structlearn.simulation.arm import urdf_path
 
 BODY = link("moved")
@@ -203,3 +203,13 @@ def test_names_of_what_is_no_urdf_are_not_looked_for(tmp_path, content, message)
         path.write_text(content)
     with pytest.raises(InputError, match=message):
         moving_joints(path)
+
+
+def test_joints_that_were_recorded_under_other_names_are_found_by_number_and_order():
+    panda = urdf_path("franka_panda/panda.urdf")
+    recorded = [f"fer_joint{number}" for number in (2, 1, 3, 4, 5, 6, 7)]  # messages name them in any order
+    found = counterparts(panda, recorded)
+    assert found == {f"fer_joint{number}": f"panda_joint{number}" for number in range(1, 8)}
+    assert tips(panda, found.values()) == ["panda_grasptarget"]
+    assert counterparts(panda, ["shoulder", "elbow", "wrist"]) == {}
+    assert counterparts(panda, [f"fer_joint{number}" for number in range(2, 9)]) == {}

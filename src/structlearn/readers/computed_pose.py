@@ -154,13 +154,16 @@ def _named(edge: Edge) -> str:
 def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> Stream:
     """Stream of the pose of a link, on the clock of the slowest of its joints (`clock.shared_stamps`)."""
     model, frame, joints = _kinematics(home_path(pose.urdf), pose.tip)
+    logged = [name for one in series for name in one.names]
+    if unknown := [name for name, _ in pose.joints if name not in logged]:
+        raise InputError(f"{where}: has no joints {', '.join(unknown)}, which the entry renames")
+    series = [one.renamed(dict(pose.joints)) for one in series]
     its = [one for one in (part.of_joints(list(joints)) for part in series) if one is not None]
     present = [name for one in its for name in one.names]
     if missing := [name for name in joints if name not in present]:
-        logged = ", ".join(name for one in series for name in one.names)
         raise InputError(
             f"{where}: lacks the joints {', '.join(missing)}, which move '{pose.tip}' in {pose.urdf}; it has "
-            f"{logged or 'no names'}"
+            f"{', '.join(logged) or 'no names'}; `joints: {{recorded: in the URDF}}` maps names that differ"
         )
     if unmeasured := [name for one in its if "joint_positions" not in one.values for name in one.names]:
         raise InputError(f"{where}: has no positions of the joints {', '.join(unmeasured)}")

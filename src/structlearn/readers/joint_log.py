@@ -165,6 +165,10 @@ class JointSeries:
         """One for each kind."""
         return [Stream(self.topic, kind, self.stamps, its, self.names) for kind, its in self.values.items()]
 
+    def renamed(self, names: Mapping[str, str]) -> "JointSeries":
+        """With other names for some joints, e.g. those of a URDF."""
+        return replace(self, names=tuple(names.get(name, name) for name in self.names))
+
     def of_joints(self, names: Sequence[str]) -> "JointSeries | None":
         """The columns of some joints, in their order; None if it has none of them."""
         mine = tuple(name for name in names if name in self.names)

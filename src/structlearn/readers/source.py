@@ -19,7 +19,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, PlainSerializer, Tag, model_validator
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import NAME, Name, Parameters, home_path, read_values
@@ -87,6 +87,13 @@ Topics = Annotated[
     BeforeValidator(lambda value: (value,) if isinstance(value, str) else value),  # a single topic is a list
 ]
 
+JointNames = Annotated[
+    tuple[tuple[str, str], ...],
+    BeforeValidator(lambda value: tuple(value.items()) if isinstance(value, Mapping) else value),
+    PlainSerializer(dict),
+]
+"""A mapping from the names of joints as recorded to those of the URDF, of those that differ."""
+
 MAX_FINGERS = 10  # tactile streams that our own files may have: two hands
 
 
@@ -109,6 +116,7 @@ class JointPose(Parameters):
     urdf: str = Field(min_length=1)
     tip: Topic
     topic: Topic
+    joints: JointNames = ()
 
     @property
     def topics(self) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.readers.computed_pose import robot_element
+from structlearn.readers.foreign_tables import natural_order
 
 if TYPE_CHECKING:
     from structlearn.rigid_body.tree import KinematicTree, LinkInertias
@@ -124,6 +125,30 @@ def tips(path: str | Path, joints: Collection[str]) -> list[str]:
             depths[link] = depth
     inner = {carried[link][2] for link in depths}
     return sorted(depths.keys() - inner, key=lambda link: (not HANDS.search(link), -depths[link], link))
+
+
+def counterparts(path: str | Path, joints: Sequence[str]) -> dict[str, str]:
+    """Names in a URDF of joints that were recorded under others, if a chain agrees in their number and order.
+
+    Order is that of the numbers at the ends of the names: `fer_joint1` is `panda_joint1`. Else empty.
+    """
+    found = _joints(path)
+    carried = {child: (name, kind, parent) for name, (kind, parent, child) in found.items()}
+    wanted = sorted(joints, key=natural_order)
+    for tip in tips(path, moving_joints(path)):
+        chain, at = list[str](), tip
+        while at in carried and len(chain) <= len(found):
+            name, kind, at = carried[at]
+            chain += [name] if kind != "fixed" else []
+        chain = chain[::-1][: len(wanted)]
+        if list(map(_number, chain)) == list(map(_number, wanted)) and set(chain).isdisjoint(wanted):
+            return dict(zip(wanted, chain, strict=True))
+    return {}
+
+
+def _number(name: str) -> str | None:
+    found = re.search(r"\d+$", name)
+    return found and found.group()
 
 
 def _joints(path: str | Path) -> dict[str, tuple[str, str, str]]:

@@ -218,7 +218,10 @@ def read_motion(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[JointLo
     from structlearn.tasks.motion.joint_motion import arm_of
 
     robot, _ = arm_of(entry)
-    return read_joint_logs(folder, entry.topic, robot.tree.names, entry.stamps)
+    in_urdf, recorded = dict(entry.joints), {name: its for its, name in entry.joints}
+    asked = [recorded.get(name, name) for name in robot.tree.names]
+    logs = read_joint_logs(folder, entry.topic, asked, entry.stamps)
+    return [replace(log, joints=tuple(in_urdf.get(name, name) for name in log.joints)) for log in logs]
 
 
 def read_obstacles(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:

@@ -49,7 +49,8 @@ def propose(
     number, warnings["segment.primitives"] = _primitives(motion)
     entry["segment"] = {"primitives": number}
     if seen.urdf is not None and isinstance(source, JointPose):
-        known = [name for _, joints in seen.arms() for name in joints.names]
+        in_urdf = dict(source.joints)
+        known = [in_urdf.get(name, name) for _, joints in seen.arms() for name in joints.names]
         locked = [joint for joint in moving_joints(local_path(seen.urdf)) if joint not in known]
         entry["robot"] = {"urdf": from_home(seen.urdf), "tip": source.tip, "locked_joints": locked}
     if seen.damaged:
@@ -76,7 +77,9 @@ def _topics(
     seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]
 ) -> tuple[dict[str, Any], dict[str, list[str]]]:
     source = hand.source
-    topics: dict[str, Any] = {"pose": source if isinstance(source, str) else source.model_dump()}
+    topics: dict[str, Any] = {
+        "pose": source if isinstance(source, str) else source.model_dump(exclude_defaults=True)
+    }
     warnings: dict[str, list[str]] = {"topics.pose": list(_pose_warnings(seen, hand, others))}
     arms = [topic for topic, _ in seen.arms()]
     states = _of_types(seen, READERS["joint_states"])

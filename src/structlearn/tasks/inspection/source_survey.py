@@ -23,7 +23,7 @@ from structlearn.readers.source import (
     TransformPose,
     recording_files,
 )
-from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
+from structlearn.rigid_body.urdf import HANDS, counterparts, moving_joints, tips
 from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path
@@ -166,8 +166,12 @@ def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[Pose
             found += [TransformPose(parent=parent, child=child, topic=topic) for parent, child in pairs]
     if urdf and (arm := arm_of(topics)):
         topic, joints = arm
-        ends = tips(local_path(urdf), joints.names)[:1]
-        found += [JointPose(urdf=urdf, tip=tip, topic=topic) for tip in ends]
+        names = {}
+        if not (ends := tips(local_path(urdf), joints.names)):
+            names = counterparts(local_path(urdf), joints.names)
+            ends = tips(local_path(urdf), names.values())
+        renamed = tuple(names.items())
+        found += [JointPose(urdf=urdf, tip=tip, topic=topic, joints=renamed) for tip in ends[:1]]
     return found
 
 

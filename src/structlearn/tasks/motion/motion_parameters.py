@@ -8,7 +8,7 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
 
 from structlearn.core.params import Parameters
 from structlearn.readers.joint_log import DriveLog, JointLog, PartedLog, read_log_table
-from structlearn.readers.source import SourceParameters
+from structlearn.readers.source import JointNames, SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]
 
@@ -79,6 +79,7 @@ class MotionParameters(SourceParameters):
     topic: str = Field(min_length=1)
     urdf: str | None = Field(min_length=1)
     locked_joints: tuple[str, ...]
+    joints: JointNames
     rate_hz: float = Field(gt=0, le=10_000)
     smoothing_hz: float = Field(gt=0)
     rest_rad_s: PositiveFloat | None
