@@ -276,8 +276,8 @@ NONE = {
         "no path of /tool: /tool has stamps that lie 1.6e+09 s apart",
     ),
     "joints": (
-        joint_messages(STAMPS, ["a1", "a2"], moving_rows()[:, :2]),
-        "joints in /joint_states (a1, a2)",
+        joint_messages(STAMPS, ["elbow", "wrist"], moving_rows()[:, :2]),
+        "joints in /joint_states (elbow, wrist)",
     ),
 }
 
