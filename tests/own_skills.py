@@ -5,12 +5,15 @@ from functools import lru_cache
 
 import numpy as np
 import pandas as pd
+import pytest
 from rigid_body_robots import FINGERS
 
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.primitives.fitting import FitParameters, learn_sequence
 from structlearn.readers import synchronise
+from structlearn.tasks.movement import skill_check
+from structlearn.tasks.movement.check_results import SkillCheck
 from structlearn.tasks.movement.movement_parameters import RobotParameters
 from structlearn.tasks.pick_and_place_world import MOVES, as_recording, takes
 
@@ -44,6 +47,14 @@ def pick_skill(axes: tuple[str, ...] = ()) -> ReactiveSkill:
         networks={"retreat": {axis: open_loop(np.ones(25)) for axis in axes}} if axes else {},
         workspace=demonstrated_workspace([one.position for one in demonstrations], 0.02),
     )
+
+
+def quick_check(skill: ReactiveSkill, robot: RobotParameters) -> SkillCheck:
+    """`check_skill` at 50 samples per second, not 200, with looks at links every 0.1 s, not every 0.02 s."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(skill_check, "RATE_HZ", 50.0)
+        patch.setattr(skill_check, "COLLISION_EVERY", 5)
+        return skill_check.check_skill(skill, robot)
 
 
 def slower(skill: ReactiveSkill, factor: float) -> ReactiveSkill:

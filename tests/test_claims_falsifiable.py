@@ -189,7 +189,7 @@ PAGES = {
     "calibration": Page(
         "tasks.touch",
         "calibration_claims.yaml",
-        lambda get: [test_touch_page.calibration(1.0)],
+        lambda get: [test_touch_page.calibrated(1.0)],
         find_calibration,
         lambda place: place == "comparison",
     ),

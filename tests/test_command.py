@@ -1,7 +1,6 @@
 """The command `structlearn`: a project of one's own, away from a clone."""
 
-import os
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -52,17 +51,12 @@ def test_its_pipeline_is_that_of_a_clone_and_names_no_file_of_one(lab, root):
 
 def test_its_stages_run_from_the_package(lab, monkeypatch):
     monkeypatch.chdir(lab)
+    monkeypatch.setattr(sys, "argv", ["stage"])
     for stage in ("import_task", "segment"):
-        done = subprocess.run(
-            [sys.executable, "-m", f"structlearn.tasks.stages.{stage}"],
-            env=os.environ | {"DVC_STAGE": f"{stage}@pour"},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
+        monkeypatch.setenv("DVC_STAGE", f"dvc.yaml:{stage}@pour")
+        runpy.run_module(f"structlearn.tasks.stages.{stage}", run_name="__main__", alter_sys=True)
     assert Path("data/tasks/pour/segments/metrics.json").exists()
-    subprocess.run([sys.executable, "-m", "structlearn.tasks.project"], check=True)
+    project.list_code()
     listed = Path("data/code/tasks/segment.txt").read_text()
     assert "structlearn/segmentation/alignment.py" in listed
     assert "own.yaml" not in listed

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.core.errors import MissingInputError
+from structlearn.core.minimum_jerk import progress
 from structlearn.primitives import kernels
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
@@ -26,15 +28,13 @@ from structlearn.tasks.movement.phase_corrections import (
 
 HEIGHTS_M = (0.18, 0.2, 0.22, 0.19, 0.21, 0.2)
 START, GOAL = np.array([0.67, -0.19, 0.14]), np.array([0.40, 0.20, 0.17])
-PARAMETERS = PhaseCorrectionParameters(
+PARAMETERS = committed(
+    PhaseCorrectionParameters,
+    "defaults.movement.corrections",
     source="clmc",
-    part=None,
     smoothing_hz=20.0,
-    kernel_count=25,
-    incomplete_m=0.1,
     learned_share=0.67,
     splits=3,
-    seed=1,
 )
 
 
@@ -42,9 +42,8 @@ def arc(name, height, duration=0.8, dt=0.002, shift=0.0):
     """A reach over an arc, from rest to rest."""
     time = dt * np.arange(round(duration / dt) + 1)
     s = (time / time[-1])[:, None]
-    along = s**3 * (10 - 15 * s + 6 * s**2)
     lift = 64 * height * s**3 * (1 - s) ** 3 * np.array([0.0, 0.0, 1.0])
-    return Demonstration(name, time, START + shift + (GOAL - START) * along + lift)
+    return Demonstration(name, time, START + shift + (GOAL - START) * progress(s) + lift)
 
 
 @pytest.fixture(scope="module")

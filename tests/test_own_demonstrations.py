@@ -1,7 +1,9 @@
 """Tasks of one's own: entries, what stages make of recordings, and the documentation's three commands."""
 
 import json
+import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -12,8 +14,9 @@ import pytest
 import yaml
 from committed import merged, own_tasks, run_stages
 from conftest import minimum_jerk
+from own_skills import quick_check
 from readers_bags import as_recorded, pose_messages, write_bag
-from reduced_pipeline import environment
+from reduced_pipeline import clone, environment
 
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
@@ -24,7 +27,6 @@ from structlearn.readers import read_recordings, synchronise, write_recordings
 from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.segmentation.segments import cut
-from structlearn.tasks.movement import skill_check
 from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
 from structlearn.tasks.task_entry import PARTS, read_checked, read_task, source_digests, write_task
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles
@@ -54,13 +56,20 @@ def write_reach(path: Path, duration: float, rest: float, repeats: int = 0) -> N
     write_bag(path, pose_messages(stamps, np.hstack([position, identity]), "/arm/pose"))
 
 
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory) -> Path:
+    """Three bags with a reach each."""
+    bags = tmp_path_factory.mktemp("bags")
+    for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
+        write_reach(bags / f"take_{number}.mcap", duration, rest)
+    return bags
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch) -> Path:
+def folder(bags, tmp_path, monkeypatch) -> Path:
     """An empty project with a task `reach` of three bags."""
     monkeypatch.chdir(tmp_path)
-    Path("bags").mkdir()
-    for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
-        write_reach(Path(f"bags/take_{number}.mcap"), duration, rest)
+    shutil.copytree(bags, "bags")
     own_tasks(tmp_path, QUICK, reach=REACH)
     return tmp_path
 
@@ -72,37 +81,29 @@ def readme(root: Path, language: str, place: int = 0) -> str:
 
 
 def test_a_task_goes_through_to_its_page(root, folder):
+    """There and back, once or several times in a recording: each is a demonstration of its own."""
+    for number, repeats in enumerate((3, 1, 2), start=1):
+        write_reach(Path(f"bags/take_{number}.mcap"), 1.0 + 0.1 * number, 0.6, repeats)
+    own_tasks(folder, QUICK, reach=REACH | {"repeats": "auto", "segment": {"primitives": ["reach", "back"]}})
     run_stages(root, "reach", *STAGES, "view", "report")
     report = Path("reports/tasks/reach")
     values = json.loads((report / "metrics.json").read_text())
-    assert values["cuts_demonstrations"] == 3
+    assert (values["cuts_demonstrations"], values["cuts_doubtful"]) == (6, 0)
     assert values["primitives_reach_left_out_mm"] < 5.0
     page = (report / "index.html").read_text()
     assert 'class="badge"' not in page  # nothing on it is simulated
     assert words_in_view(page) <= 1500
+    assert "6 repeats of the task were found in 3 recordings" in page
+    assert "take_1-03" in page
+    assert sorted(read_csv(report / "tables/quality.csv")["rank"]) == list(range(1, 7))
     linked = {link.split("#")[0] for link in re.findall(r'(?:src|href)="([^"]*)"', page)} - {""}
     beside = [one for one in linked if not one.startswith(("../..", "https://doi.org"))]
     assert all((report / one).exists() for one in beside)
     skill = read_skill("data/tasks/reach/skill/skill.safetensors")
-    assert [primitive.name for primitive in skill.primitives] == ["reach"]
+    assert [primitive.name for primitive in skill.primitives] == ["reach", "back"]
     assert (skill.workspace.high - skill.workspace.low > [0.39, 0.29, 0.1]).all()  # with 5 cm around
-    bags = read_provenance("data/tasks/reach/skill/skill.safetensors")["bags"]["demonstrations"]
-    assert list(bags) == [f"bags/take_{number}.mcap" for number in (1, 2, 3)]
-
-
-def test_repeats_in_a_recording_become_demonstrations_of_their_own(root, folder):
-    for number, repeats in enumerate((3, 1, 2), start=1):
-        write_reach(Path(f"bags/take_{number}.mcap"), 1.0 + 0.1 * number, 0.6, repeats)
-    own_tasks(folder, QUICK, reach=REACH | {"repeats": "auto", "segment": {"primitives": ["reach", "back"]}})
-    run_stages(root, "reach", *STAGES, "report")
-    values = values_by_key(read_findings(Path("reports/tasks/reach/findings.csv")))
-    assert (values["cuts_demonstrations"], values["cuts_doubtful"]) == (6, 0)
-    page = Path("reports/tasks/reach/index.html").read_text()
-    assert "6 repeats of the task were found in 3 recordings" in page
-    assert "take_1-03" in page
-    quality = read_csv(Path("reports/tasks/reach/tables/quality.csv"))
-    assert sorted(quality["rank"]) == list(range(1, 7))
-    assert "None is an outlier" in page or "by the measures named" in page
+    read = read_provenance("data/tasks/reach/skill/skill.safetensors")["bags"]["demonstrations"]
+    assert list(read) == [f"bags/take_{number}.mcap" for number in (1, 2, 3)]
 
 
 def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
@@ -198,7 +199,9 @@ def test_a_name_that_is_none_is_one_line(folder, name):
     Path("stages/tasks/own.yaml").write_text(yaml.safe_dump({"movement": {name: REACH}}))
     with pytest.raises(InputError, match=r"^stages/tasks/own\.yaml: movement: .*: a task's name has 1 to 60"):
         read_task("pick")
-    Path("stages/tasks/own.yaml").write_text(yaml.safe_dump({"movement": {"reach": REACH}}))
+
+
+def test_a_name_is_of_one_task(folder):
     Path("stages/tasks/public.yaml").write_text(yaml.safe_dump({"motion": {"reach": {}}}))
     with pytest.raises(InputError, match=r"movement\.reach: the name is taken: .*public\.yaml, motion"):
         read_task("reach")
@@ -210,35 +213,60 @@ EVIL = (
 )  # fmt: skip
 """Names that a shell, a program or a path would make something else of."""
 
+PYTHON = r"""#!/bin/sh
+printf '%s|%s\0' "$DVC_STAGE" "$*" >> "$ASKED"
+[ "$1" = stages/list_code.py ] || exit 1
+for script in stages/tasks/*.py; do
+    mkdir -p data/code/tasks && touch "data/code/tasks/$(basename "$script" .py).txt"
+done
+"""
+"""Stands in for `python` where DVC runs stages: notes what it is asked for, and fails for all tasks."""
+
 
 def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_path):
     """Also by a plain `dvc repro`, of all tasks at once and before any other check."""
-    shutil.copytree(root / "stages/tasks", tmp_path / "stages/tasks")
-    (tmp_path / "stages/tasks/dvc.lock").unlink(missing_ok=True)
-    shutil.copy(root / "stages/list_code.py", tmp_path / "stages")
-    (tmp_path / "src").symlink_to(root / "src")
-    evil = (EVIL[1], EVIL[-1])
-    own_tasks(tmp_path, **dict.fromkeys(evil, REACH))
-    kept = tmp_path / "kept/demonstrations/1.mcap"
+    project, asked, program = tmp_path / "project", tmp_path / "asked", tmp_path / "bin/python"
+    shutil.copytree(root / "stages/tasks", project / "stages/tasks")
+    (project / "stages/tasks/dvc.lock").unlink(missing_ok=True)
+    shutil.copy(root / "stages/list_code.py", project / "stages")
+    (project / "src/structlearn").mkdir(parents=True)
+    own_tasks(project, **dict.fromkeys(EVIL, REACH))
+    kept = project / "kept/recorded/1.mcap"
     kept.parent.mkdir(parents=True)
     kept.touch()
-    variables = environment() | {"PYTHONPATH": str(root / "src")}
+    program.parent.mkdir()
+    program.write_text(PYTHON)
+    program.chmod(0o755)
+    variables = environment() | {"ASKED": str(asked), "PATH": f"{program.parent}:{os.environ['PATH']}"}
     dvc = f"{Path(sys.executable).parent}/dvc"
-    subprocess.run([dvc, "init", "--quiet", "--no-scm"], cwd=tmp_path, env=variables, check=True)
-    done = subprocess.run(
-        [dvc, "repro", "--keep-going", "stages/tasks/dvc.yaml"],
-        cwd=tmp_path, env=variables, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode != 0
-    refused = {line for line in done.stderr.splitlines() if line.startswith("error: ")}
-    assert {f"error: {name!r}: {NAME_RULE}" for name in evil} <= refused
-    assert all(line.endswith(NAME_RULE) for line in refused)  # also that of the page over all sets
-    made = {path.name for path in tmp_path.iterdir()}
-    assert made - {"data", "reports"} == {".dvc", ".dvcignore", "stages", "src", "kept"}
+    subprocess.run([dvc, "init", "--quiet", "--no-scm"], cwd=project, env=variables, check=True)
+    command = [dvc, "repro", "--keep-going", "stages/tasks/dvc.yaml"]
+    assert subprocess.run(command, cwd=project, env=variables, capture_output=True).returncode != 0
+    stages, words = zip(*(line.split("|") for line in asked.read_text().split("\0")[:-1]), strict=True)
+    assert {f"stages/tasks/dvc.yaml:import_movement@{name}" for name in EVIL} <= set(stages)
+    assert all(re.fullmatch(r"stages/[a-z_/]+\.py( tasks)?", its) for its in words)
+    made = {path.name for path in project.iterdir()} - {"data", "reports"}
+    assert made == {".dvc", ".dvcignore", "stages", "src", "kept"}
     assert not list(tmp_path.rglob("*PWNED*"))
     assert kept.exists()
-    there, here = ({path.name for path in (one / "stages/tasks").iterdir()} for one in (tmp_path, root))
-    assert there - {"dvc.lock"} == here - {"dvc.lock"}
+    there, here = ({path.name for path in (one / "stages/tasks").iterdir()} for one in (project, root))
+    assert there | {"dvc.lock"} == here | {"dvc.lock"}
+
+
+@pytest.mark.parametrize("stage", ["import_task", "recorded_report"])
+def test_stages_refuse_a_name_that_is_none(root, tmp_path, monkeypatch, capsys, stage):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [f"{stage}.py"])
+    own_tasks(tmp_path)
+    for name in EVIL:
+        Path("stages/tasks/public.yaml").write_text(yaml.safe_dump({"movement": {name: REACH}}))
+        monkeypatch.setenv("DVC_STAGE", f"stages/tasks/dvc.yaml:import_movement@{name}")
+        with pytest.raises(SystemExit):
+            runpy.run_path(str(root / f"stages/tasks/{stage}.py"), run_name="__main__")
+        error = capsys.readouterr().err.strip()
+        assert error.startswith("error: ")
+        assert error.endswith(NAME_RULE)
+    assert not list(tmp_path.rglob("*PWNED*"))
 
 
 def test_commands_hold_nothing_that_a_user_named_and_stages_are_skipped_only_where_their_outs_are(root):
@@ -277,14 +305,16 @@ def test_a_view_without_recordings_or_without_a_screen_is_one_line(root, tmp_pat
     assert unseen.endswith("make view WEB=1 TASK=pick")
 
 
-def test_the_example_passes_its_own_check(monkeypatch):
-    """The whole way from its bags, without the stages between: its arm keeps all limits in every corner."""
-    monkeypatch.setattr(skill_check, "COLLISION_EVERY", 40)  # links are far apart, and looks at them slow
+def test_the_example_passes_its_own_check():
+    """The whole way from its bags, without the stages between: its arm keeps all limits in every corner.
+
+    Links are looked at every 0.1 s only: a touch between two looks would be missed.
+    """
     task = read_task("pick")
     demonstrations = [synchronise(as_recording(take), task.clock.rate_hz, 0.2) for take in takes(1, 3, 6)]
     primitives = learn_sequence(demonstrations, cut(demonstrations, task.segment).results, task.fit)
     box = demonstrated_workspace([one.position for one in demonstrations], task.skill.workspace_margin_m)
-    found = skill_check.check_skill(ReactiveSkill(primitives, workspace=box), task.robot)
+    found = quick_check(ReactiveSkill(primitives, workspace=box), task.robot)
     assert (found.verdict, len(found.failing)) == ("yes", 0)
     assert found.metrics()["check_runs"] == 33
 
@@ -324,21 +354,10 @@ def test_executions_and_corrections_give_feedback(root, reduced_project, tmp_pat
 
 def test_the_three_commands_of_the_readme_run_as_they_stand(root, tmp_path):
     """In a clone of their own, with an entry pasted; nothing that git keeps changes but what should."""
-    project, home = tmp_path / "project", tmp_path / "home"
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
-        cwd=root, check=True, capture_output=True, text=True,
-    ).stdout.split("\0")  # fmt: skip
-    for name in filter(None, listed):
-        if (root / name).is_file() and name.startswith(
-            (".dvc", ".gitignore", "Makefile", "src", "stages/tasks", "stages/list_code.py", "data/code")
-        ):
-            (project / name).parent.mkdir(parents=True, exist_ok=True)
-            (project / name).write_bytes((root / name).read_bytes())
-    (project / "stages/tasks/dvc.lock").unlink(missing_ok=True)
+    project, home = clone(root, tmp_path / "project"), tmp_path / "home"
+    (project / "dvc.yaml").unlink()  # of the simulated testbeds
     (home / "demonstrations").mkdir(parents=True)
     write_takes(takes(7, 3, 3), home / "demonstrations")
-    subprocess.run(["git", "init", "--quiet"], cwd=project, check=True)
     subprocess.run(["git", "add", "."], cwd=project, check=True)
     with (project / "stages/tasks/own.yaml").open("a") as file:
         file.write(readme(root, "yaml"))
@@ -357,4 +376,4 @@ def test_the_three_commands_of_the_readme_run_as_they_stand(root, tmp_path):
         ["git", "status", "--short"], cwd=project, check=True, capture_output=True, text=True
     ).stdout.splitlines()
     kept = {line[3:] for line in changed if not line.startswith("A ")}
-    assert kept == {"stages/tasks/own.yaml", "stages/tasks/dvc.lock", "reports/"}
+    assert kept == {"stages/tasks/own.yaml", "stages/tasks/dvc.lock", "reports/tasks/pour/"}

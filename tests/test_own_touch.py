@@ -6,7 +6,7 @@ import pytest
 import yaml
 from committed import NO_TOPICS, TASK_FILE, merged
 
-from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.user_tables import TouchLog, read_touch_table, touch_of, touch_tables
 from structlearn.tasks.touch.skin_protocol import learn_touch
@@ -78,34 +78,37 @@ def test_a_table_says_what_is_wrong_with_it(tmp_path):
     assert (x.name, y.name, x.channels, len(x.counts)) == ("x", "y", log.channels, 13)
     assert np.isnan(y.force).all()
     assert y.time.tolist() == [0.1] * 12
-    with pytest.raises(InputError, match=r"a 10\.csv: has no column other; its columns are c0, "):
-        read_touch_table(tmp_path / "a 10.csv", ["other"])
     frame.drop(columns="y_m").to_csv(tmp_path / "b.csv", index=False)
-    with pytest.raises(InputError, match=r"b\.csv: has no column y_m, but the other one of the place"):
-        read_touch_table(tmp_path / "b.csv", None)
     frame.assign(c1="soft").to_csv(tmp_path / "c.csv", index=False)
-    with pytest.raises(InputError, match=r"c\.csv: row 0, column c1: is not a finite number: soft"):
-        read_touch_table(tmp_path / "c.csv", None)
+    (tmp_path / "d.parquet").write_text("none")
+    for name, channels, message in (
+        ("a 10.csv", ["other"], r"a 10\.csv: has no column other; its columns are c0, "),
+        ("b.csv", None, r"b\.csv: has no column y_m, but the other one of the place"),
+        ("c.csv", None, r"c\.csv: row 0, column c1: is not a finite number: soft"),
+        ("d.parquet", None, r"d\.parquet: not a Parquet file"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read_touch_table(tmp_path / name, channels)
     with pytest.raises(InputError, match=r"nowhere: no such file or folder$"):
         touch_tables(tmp_path / "nowhere")
-    (tmp_path / "d.parquet").write_text("none")
-    with pytest.raises(InputError, match=r"d\.parquet: not a Parquet file"):
-        read_touch_table(tmp_path / "d.parquet", None)
 
 
 def test_what_cannot_be_learned_from_is_refused():
     log = made_up("a", 0)
     bare = TouchLog("a", log.channels, log.counts, None)
-    with pytest.raises(InputError, match=r"^a: has no columns x_m and y_m"):
-        gathered([bare], chosen())
-    with pytest.raises(InputError, match=r"^a: channels_mm names 0 places of 9 channels"):
-        gathered([bare], chosen(places="channels", channels_mm=None))
-    with pytest.raises(InputError, match=r"^touches: nothing touches: no pressure reaches 1000"):
-        gathered([log], chosen(touched=1000.0))
-    with pytest.raises(MissingInputError, match=r"^touches: no touches in two blocks of 50 mm"):
-        learn_touch([log], chosen(block_mm=50.0))
-    with pytest.raises(InputError, match=r"^b: its channels \(x\) are not those of a"):
-        gathered([log, TouchLog("b", ("x",), log.counts[:, :1], log.place)], chosen())
+    other = TouchLog("b", ("x",), log.counts[:, :1], log.place)
+    for logs, changes, message in (
+        ([bare], {}, r"^a: has no columns x_m and y_m"),
+        (
+            [bare],
+            {"places": "channels", "channels_mm": None},
+            r"^a: channels_mm names 0 places of 9 channels",
+        ),
+        ([log], {"touched": 1000.0}, r"^touches: nothing touches: no pressure reaches 1000"),
+        ([log, other], {}, r"^b: its channels \(x\) are not those of a"),
+    ):
+        with pytest.raises(InputError, match=message):
+            gathered(logs, chosen(**changes))
     still = Demonstration("run", np.arange(3.0), np.zeros((3, 3)))
     with pytest.raises(InputError, match=r"^run: has no tactile signal"):
         touch_of(still)

@@ -122,11 +122,10 @@ def identified(name: str, logs: list, folder, **changes) -> SimpleNamespace:
 
 @pytest.fixture(scope="module")
 def loaded(tmp_path_factory):
-    """Drives, the load and the URDF of the recorded UR10e; networks are hardly trained."""
-    networks = {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1}
-    load = {"batch": 200, "iterations": 60}  # 4 s
+    """Drives, the load and the URDF of the recorded UR10e, without networks."""
+    changes = {"rate_hz": 50.0, "structures": ["cov"], "iterations": 150, "body_draws": 0, "networks": None}
+    changes["load"] = {"batch": 200, "iterations": 60}  # 4 s
     logs = ur10e.read_motion(recorded_data("ur10e"))
-    changes = {"rate_hz": 50.0, "iterations": 150, "body_draws": 3, "networks": networks, "load": load}
     return identified("ur10e", logs, tmp_path_factory.mktemp("ur10e"), **changes)
 
 

@@ -72,6 +72,8 @@ def test_the_index_says_what_the_pages_of_the_sets_say(inside):
     assert page.index("figures/fit-1.svg") < page.index('id="verdicts"') < page.index("figures/space-1.svg")
     assert "Of 3 all." in page
     assert page.count("Not recorded here.") == 1
+    assert Path("data/tasks/arm/motion/absent.txt").exists()
+    assert "Not recorded here" in Path("reports/tasks/arm/index.html").read_text()
     assert "Of 1 statements that were also tested in simulation, 1 have the same verdict" in page
     assert words_in_view(page) < 1000
 

@@ -27,13 +27,15 @@ def walk(lengths=(120, 100, 40)) -> touch_dataset.TouchDataset:
     return replace(samples, **columns | {"orientation": turned, "split": split})
 
 
-def test_chains_never_leave_their_contact():
+def test_chains_never_leave_their_contact_nor_their_split():
     dataset = walk()
     found = touch_dataset.chains(dataset, 2, (30, 31))
     assert len(found) == 2 * (120 + 100) - 2 * (60 + 62)
     assert (dataset.contact[found.rows] == dataset.contact[found.rows[:, :1]]).all()
     steps = np.diff(found.rows, axis=1)
     np.testing.assert_allclose(steps / RATE_HZ, np.repeat(found.time_step[:, None], 2, axis=1))
+    tested = touch_dataset.chains(dataset, 1, (31,), touch_dataset.TEST)
+    assert (len(tested), set(dataset.contact[tested.rows].ravel())) == (100 - 31, {1})
 
 
 def test_chains_need_pressure_at_every_sample():
@@ -42,13 +44,6 @@ def test_chains_need_pressure_at_every_sample():
     found = touch_dataset.chains(dataset, 2, (20,))
     assert 60 not in found.rows
     assert len(found) == len(touch_dataset.chains(walk(), 2, (20,))) - 3
-
-
-def test_chains_of_a_split():
-    dataset = walk()
-    found = touch_dataset.chains(dataset, 1, (31,), touch_dataset.TEST)
-    assert len(found) == 100 - 31
-    assert (dataset.contact[found.rows] == 1).all()
 
 
 def test_an_action_is_the_mean_velocity_in_the_frame_of_the_finger():
@@ -62,12 +57,6 @@ def test_an_action_is_the_mean_velocity_in_the_frame_of_the_finger():
         mean = dataset.velocity[start:end].mean(axis=0)
         np.testing.assert_allclose(found.actions[place, step, :3], rotation.T @ mean[:3], atol=1e-6)
         np.testing.assert_allclose(found.actions[place, step, 3:], rotation.T @ mean[3:], atol=1e-6)
-
-
-def test_chains_longer_than_any_contact():
-    assert len(touch_dataset.chains(walk(), 10, (31,))) == 0
-    with pytest.raises(ValueError, match="positive lengths"):
-        touch_dataset.chains(walk(), 0)
 
 
 def test_files_give_back_the_dataset(tmp_path):

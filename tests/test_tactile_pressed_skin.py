@@ -4,12 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from committed import committed
 
 from structlearn.core.errors import InputError
-from structlearn.networks.torch_settings import seeded
-from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_parameters import NetworkParameters
 from structlearn.tactile.pressed_skin import (
     PressedSkin,
     TableRuns,
@@ -19,8 +15,7 @@ from structlearn.tactile.pressed_skin import (
     servo_on_table,
     walks,
 )
-from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TEST, TRAIN, touch_units
+from structlearn.tactile.touch_dataset import TEST, TRAIN
 
 
 @pytest.fixture
@@ -117,26 +112,3 @@ def test_arrival_is_when_a_trial_stays():
     runs = TableRuns(path, np.zeros((3, 2)))
     np.testing.assert_array_equal(runs.arrival(0.5), [[3, -1, -1]])
     assert runs.length_ratio(runs.arrival(0.5))[0, 0] == pytest.approx(3.0)  # 9 m of way for 3 m
-
-
-@pytest.mark.parametrize("axes", [2, 3])
-def test_models_take_actions_of_any_number_of_components(axes):
-    networks = committed(NetworkParameters, "defaults.touch.spaces.networks")
-    models = LatentModels.initial((0, 1), 5, networks, seeded(0), actions=axes).detached()
-    place = grid()
-    place[::2, 2] = 1e-3 * (axes - 2)
-    readings = seen(np.random.default_rng(0).normal(size=(64, 4)), "either", by_norm=True)
-    skin = PressedSkin(*readings, np.full(64, TRAIN), place)
-    chains = walks(skin, 50, 2e-3, np.random.default_rng(0))
-    units = touch_units(skin, chains, 1e-2)
-    assert units.action_scale.shape == (axes,)
-    for inverse in ("LL", "NG", "NJ"):
-        settings = ServoParameters(inverse=inverse)
-        for servo in (
-            TactileServo(models, units, True, settings, 1.0),
-            RestingServo(models, units, True, settings, 1.0, 1, Caution(True, 0.5, 1.0)),
-        ):
-            latent = servo.encode(skin.signals[:6].reshape(2, 3, 5))
-            action, _ = servo.act(latent, latent + 0.1, servo.start(latent))
-            assert action.shape == (2, 3, axes)
-            assert np.isfinite(action).all()

@@ -11,22 +11,19 @@ import pytest
 import yaml
 from committed import TASK_FILE
 from pydantic import ValidationError
-from readers_bags import STORE
 from rigid_body_robots import joint, link
 
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
-from structlearn.readers import panda
-from structlearn.readers.joint_log import JointLog, write_log_table
+from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.base_parameters import base_parameters
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
-from structlearn.tasks import task_import
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.motion.motion_parameters import MotionParameters, read_logs
+from structlearn.tasks.motion.motion_parameters import MotionParameters
 
 
 def parameters(**changes) -> MotionParameters:
@@ -196,47 +193,6 @@ def test_a_load_of_known_weight_is_weighed_with_torques_too(tmp_path):
     assert set(results.carried["stage"]) == {"empty, learned from", "empty, another motion", "with the load"}
     with pytest.raises(ValidationError, match="drives and load need logs that are named"):
         parameters(load=load)
-
-
-def as_db3(log: JointLog, folder: Path) -> None:
-    """The log as `ros2 bag record` left it before MCAP."""
-    from rosbags.rosbag2 import Writer
-
-    state = STORE.types["sensor_msgs/msg/JointState"]
-    header, time = STORE.types["std_msgs/msg/Header"], STORE.types["builtin_interfaces/msg/Time"]
-    with Writer(folder / log.name, version=9) as writer:
-        topic = writer.add_connection("/joint_states", state.__msgtype__, typestore=STORE)
-        for row, stamp in enumerate(log.stamps.tolist()):
-            its = (log.positions[row], log.velocities[row], log.torques[row])
-            message = state(header(time(stamp // 10**9, stamp % 10**9), ""), list(log.joints), *its)
-            writer.write(topic, stamp, STORE.serialize_cdr(message, state.__msgtype__))
-
-
-def test_a_labs_bag_and_a_public_log_become_tables_of_one_form(tmp_path):
-    """From an older bag by the reader of a lab, and from the Panda's text files by that of a public set."""
-    path, public = tmp_path / "arm.urdf", tmp_path / "public"
-    path.write_text(ARM)
-    log = made_up_log(arm()[0], "take", 5, seconds=4.0)
-    as_db3(log, tmp_path / "bags")
-    lab = parameters(urdf=str(path))
-    public.mkdir()
-    count = len(log.stamps)
-    np.savetxt(public / "run_time.txt", log.time)
-    for word in ("positions", "velocity", "torques"):
-        np.savetxt(public / f"run_{word}.txt", np.arange(7.0 * count))
-    tables = {}
-    for name, found in (
-        ("lab", task_import.read_motion(tmp_path / "bags", lab, {})),
-        ("panda", panda.read_motion(public)),
-    ):
-        write_log_table(found, tmp_path / f"{name}.parquet")
-        (tables[name],) = read_logs(tmp_path / f"{name}.parquet", lab).values()
-    assert type(tables["lab"]) is type(tables["panda"]) is JointLog
-    assert set(tables["lab"].joints) == set(JOINTS)  # the gripper is none of the URDF's
-    columns = [1 + JOINTS[::-1].index(joint) for joint in tables["lab"].joints]
-    for signal in ("positions", "velocities", "torques"):
-        assert getattr(tables["panda"], signal).shape == (count, 7)
-        np.testing.assert_array_equal(getattr(tables["lab"], signal), getattr(log, signal)[:, columns])
 
 
 def test_offsets_and_a_prior_are_options(tmp_path):

@@ -22,6 +22,7 @@ from structlearn.tasks.obstacles.representations_section import (
 )
 
 ROWS = 12
+KEYS = ["representation", "inputs", "axis"]
 
 
 def tables(rows=ROWS, seed=0):
@@ -60,17 +61,19 @@ def test_faults_name_the_file(tmp_path):
     with pytest.raises(InputError, match="holds no samples of obstacle avoidance"):
         coupling_samples.read_coupling_samples(tmp_path)
     found, _ = tables()
-    write(tmp_path, found | {"target": found["target"][:-1]})
-    with pytest.raises(InputError, match=r"Ct_target_obs_avoid\.txt: has 11 rows, .*X_raw.* has 12"):
-        coupling_samples.read_coupling_samples(tmp_path)
     wrong = found["features"].copy()
     wrong[3, 15] += 0.5
-    write(tmp_path, found | {"features": wrong})
-    with pytest.raises(InputError, match=r"X_raw_obs_avoid\.txt: row 3: distance to the centre"):
-        coupling_samples.read_coupling_samples(tmp_path)
-    write(tmp_path, found | {"modulation": found["modulation"] + np.eye(ROWS, 25)})
-    with pytest.raises(InputError, match=r"PSI_mult_phase_V_obs_avoid\.txt: row \d+: no time of a movement"):
-        coupling_samples.read_coupling_samples(tmp_path)
+    for changes, message in (
+        ({"target": found["target"][:-1]}, r"Ct_target_obs_avoid\.txt: has 11 rows, .*X_raw.* has 12"),
+        ({"features": wrong}, r"X_raw_obs_avoid\.txt: row 3: distance to the centre"),
+        (
+            {"modulation": found["modulation"] + np.eye(ROWS, 25)},
+            r"PSI_mult_phase_V_obs_avoid\.txt: row \d+: no time of a movement",
+        ),
+    ):
+        write(tmp_path, found | changes)
+        with pytest.raises(InputError, match=message):
+            coupling_samples.read_coupling_samples(tmp_path)
 
 
 def phase_dependent(count=120, seed=0):
@@ -92,13 +95,11 @@ def test_representations_are_compared_on_the_same_held_out_samples():
     with pytest.raises(InputError, match="too few for 2 folds"):
         coupling_representations.compare_representations(phase_dependent(3), parameters)
     results = coupling_representations.compare_representations(dataset, parameters)
-    scores = results["scores"].set_index(["representation", "inputs", "axis"])
+    scores = results["scores"].set_index(KEYS)
     assert list(scores.index.droplevel("axis").unique()) == list(coupling_representations.REPRESENTATIONS)
     # the pooled error is the mean over folds of the share of each, and ridge regression can be redone by hand
-    folds = results["folds"].groupby(["representation", "inputs", "axis"])["nmse"].mean()
-    np.testing.assert_allclose(
-        folds.loc["ridge", "features", "y"], scores.loc[("ridge", "features", "y"), "nmse"]
-    )
+    found = scores.loc[("ridge", "features", "y"), "nmse"]
+    assert results["folds"].groupby(KEYS)["nmse"].mean()["ridge", "features", "y"] == pytest.approx(found)
     squared, target = 0.0, dataset.target[:, 1]
     for block in np.array_split(np.arange(120), 2):
         rest = np.setdiff1d(np.arange(120), block)
@@ -107,9 +108,8 @@ def test_representations_are_compared_on_the_same_held_out_samples():
         normal = design[rest].T @ design[rest] + np.eye(17)
         weights = np.linalg.solve(normal, design[rest].T @ (target[rest] - offset))
         squared += np.square(design[block] @ weights + offset - target[block]).sum()
-    expected = squared / (120 * target.var())
-    assert scores.loc[("ridge", "features", "y"), "nmse"] == pytest.approx(expected)
-    worth = results["phase_worth"].set_index(["representation", "inputs", "axis"])
+    assert found == pytest.approx(squared / (120 * target.var()))
+    worth = results["phase_worth"].set_index(KEYS)
     assert worth.loc[("ensemble", "phase_velocity", "y"), "gain"] > 0.0
 
 
@@ -127,12 +127,9 @@ def made_up_scores():
         for axis in "xyz"
         for fold, noise in enumerate(0.002 * np.array([-1.0, 0.5, 0.0, -0.5, 1.0]))
     ]
-    folds = pd.DataFrame(folds, columns=["representation", "inputs", "axis", "fold", "nmse"]).assign(
-        samples=20
-    )
-    keys = ["representation", "inputs", "axis"]
-    scores = folds.groupby(keys, sort=False)["nmse"].mean().reset_index().assign(train=0.05)
-    worth = scores[(scores["inputs"] != "features") & (scores["representation"] != "pmnn")][keys]
+    folds = pd.DataFrame(folds, columns=[*KEYS, "fold", "nmse"]).assign(samples=20)
+    scores = folds.groupby(KEYS, sort=False)["nmse"].mean().reset_index().assign(train=0.05)
+    worth = scores[(scores["inputs"] != "features") & (scores["representation"] != "pmnn")][KEYS]
     return {"folds": folds, "scores": scores, "phase_worth": worth.assign(gain=0.1, half_width=0.02)}
 
 
@@ -143,7 +140,7 @@ def test_claims_follow_the_tables(root):
     find = representation_findings(made_up_scores())
     words = [claim.verdict(one, case) for claim in claims for case, one in find[claim.evidence].items()]
     assert set(words) == {"yes"}
-    best = made_up_scores()["scores"].set_index(["representation", "inputs", "axis"])["nmse"]
+    best = made_up_scores()["scores"].set_index(KEYS)["nmse"]
     assert find["nmse_x"].value == best["ensemble", "phase", "x"]
     assert representation_facts(made_up_scores())["best"]["name"] == "ensemble of networks"
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from committed import committed_entry
 from readers_bags import recorded_data
 
 from structlearn.core.errors import InputError, MissingInputError
@@ -12,7 +13,7 @@ from structlearn.rigid_body.dynamics_models import predicted_torques, rigid_body
 from structlearn.rigid_body.identification import fit_planar_arm, planar_tree
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import LinkInertias
-from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
+from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM
 from structlearn.tasks.motion.motion_section import parts_section
 from structlearn.tasks.motion.torque_parts import held_out, learn_parts
 
@@ -49,18 +50,10 @@ def test_lengths_and_torques_of_an_arm_are_found_from_its_motion():
 
 
 def test_every_model_is_scored_on_what_it_did_not_see(tmp_path):
-    published = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
-    parameters = PartsParameters(
-        left_out=("p",),
-        published=published,
-        seeds=2,
-        splits=3,
-        hidden={"mlp": (4,), "delan": (4,)},
-        epochs=2,
-        rate=0.01,
-        batch=64,
-        second_moment_decay=0.999,
-    )
+    quick = {"left_out": ("p",), "seeds": 2, "splits": 3, "epochs": 2, "batch": 64}
+    quick |= {"hidden": {"mlp": (4,), "delan": (4,)}}
+    quick["published"] = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
+    parameters = committed_entry("delan_characters", parts=quick).parts
     logs = {name: log(name, seed) for seed, name in enumerate("pqr")}
     choices = held_out(list(logs), parameters)
     assert [its[0] for its in choices] == [AUTHORS] * 2 + [RANDOM] * 3

@@ -14,15 +14,6 @@ from structlearn.tactile.electrodes import biotac
 from structlearn.tactile.touch_dataset import TEST, TRAIN
 from structlearn.tasks.touch import touch_names as names
 from structlearn.tasks.touch import touch_transfer
-from structlearn.tasks.touch.touch_names import (
-    MAGNITUDES,
-    NEW_MATERIAL,
-    NEW_SET,
-    NEW_TRIALS,
-    SIMULATED,
-    SLIDES,
-    UNSCREWING,
-)
 from structlearn.tasks.touch.touch_transfer import TouchSet
 
 SKIN = biotac()
@@ -44,10 +35,10 @@ def touch_set(name, groups, seed=0, scale=1.0):
 def results():
     """Slides and their partner are the same touches in other counts, the other two sets are not."""
     sets = [
-        touch_set(SLIDES, ("a", "a", "b", "b")),
-        touch_set(MAGNITUDES, ("c",) * 4, scale=0.25),
-        touch_set(UNSCREWING, ("1", "2", "3")),
-        touch_set(SIMULATED, ("c",) * 4, seed=3),
+        touch_set(names.SLIDES, ("a", "a", "b", "b")),
+        touch_set(names.MAGNITUDES, ("c",) * 4, scale=0.25),
+        touch_set(names.UNSCREWING, ("1", "2", "3")),
+        touch_set(names.SIMULATED, ("c",) * 4, seed=3),
     ]
     return touch_transfer.learn_transfer(sets, SKIN, FEW)
 
@@ -85,17 +76,17 @@ def test_magnitudes_forget_the_direction_of_a_change():
 
 
 def test_every_trial_is_left_out_once_and_every_material_once():
-    slides = touch_set(SLIDES, ("a", "b", "a", "b", "b"))
+    slides = touch_set(names.SLIDES, ("a", "b", "a", "b", "b"))
     parts = touch_transfer.parts_left_out(slides, 2)
     for found in parts.values():
         np.testing.assert_array_equal(np.sort(np.concatenate(found)), np.arange(5))
-    assert [part.tolist() for part in parts[NEW_MATERIAL]] == [[0, 2], [1, 3, 4]]
-    held_out = slides.without(parts[NEW_MATERIAL][0])
+    assert [part.tolist() for part in parts[names.NEW_MATERIAL]] == [[0, 2], [1, 3, 4]]
+    held_out = slides.without(parts[names.NEW_MATERIAL][0])
     np.testing.assert_array_equal(held_out.split == TEST, np.isin(held_out.trial, [0, 2]))
     assert (slides.without(()).split == TRAIN).all()
-    logs = touch_set(UNSCREWING, ("1", "2", "3"))
-    assert list(touch_transfer.parts_left_out(logs, 5)) == [NEW_TRIALS]
-    assert len(touch_transfer.parts_left_out(logs, 5)[NEW_TRIALS]) == 3
+    logs = touch_set(names.UNSCREWING, ("1", "2", "3"))
+    assert list(touch_transfer.parts_left_out(logs, 5)) == [names.NEW_TRIALS]
+    assert len(touch_transfer.parts_left_out(logs, 5)[names.NEW_TRIALS]) == 3
     with pytest.raises(InputError, match="unscrewing: of a single trial none can be left out"):
         touch_transfer.parts_left_out(replace(logs, groups=("1",)), 2)
 
@@ -103,10 +94,10 @@ def test_every_trial_is_left_out_once_and_every_material_once():
 def test_all_is_asked_of_all_models(results):
     counts = results["errors"].groupby(["learned_from", "asked_about", "new", "model"])["part"].nunique()
     for model in (names.STRUCTURED, names.PLAIN, names.COMPONENTS):
-        for new, parts in ((NEW_TRIALS, 2), (NEW_MATERIAL, 2), (names.OWN_UNITS, 2)):
-            assert counts[SLIDES, SLIDES, new, model] == parts
+        for new, parts in ((names.NEW_TRIALS, 2), (names.NEW_MATERIAL, 2), (names.OWN_UNITS, 2)):
+            assert counts[names.SLIDES, names.SLIDES, new, model] == parts
         for source, target in names.PARTNERS.items():
-            assert counts[source, target, NEW_SET, model] >= 1
+            assert counts[source, target, names.NEW_SET, model] >= 1
     assert results["errors"]["reconstruction"].notna().all()
 
 
@@ -114,18 +105,18 @@ def test_a_partner_in_other_counts_is_as_good_as_the_set_itself(results):
     """All samples of the set are those learned from and those left out."""
     errors = results["errors"][results["errors"]["model"] == names.COMPONENTS]
     by = errors.groupby(["learned_from", "new"])["reconstruction"].mean()
-    slides = by[SLIDES]
-    low, high = sorted(slides[[touch_transfer.LEARNED, NEW_TRIALS]])
-    assert 0.9 * low < slides[NEW_SET] < 1.1 * high
+    slides = by[names.SLIDES]
+    low, high = sorted(slides[[touch_transfer.LEARNED, names.NEW_TRIALS]])
+    assert 0.9 * low < slides[names.NEW_SET] < 1.1 * high
 
 
 def test_likeness_is_one_for_the_same_touches(results):
     its = results["likeness"].set_index(["first", "second"])["correlation"]
-    assert its[SLIDES, MAGNITUDES] == pytest.approx(1.0, abs=1e-6)
-    assert its[UNSCREWING, SIMULATED] < 0.999
-    assert its[UNSCREWING, UNSCREWING] < 0.999
+    assert its[names.SLIDES, names.MAGNITUDES] == pytest.approx(1.0, abs=1e-6)
+    assert its[names.UNSCREWING, names.SIMULATED] < 0.999
+    assert its[names.UNSCREWING, names.UNSCREWING] < 0.999
     sets = results["sets"].set_index("set")
-    ratio = sets.loc[SLIDES, "counts"] / sets.loc[MAGNITUDES, "counts"]
+    ratio = sets.loc[names.SLIDES, "counts"] / sets.loc[names.MAGNITUDES, "counts"]
     assert ratio == pytest.approx(4.0, rel=1e-5)
     diagonal = results["correlations"].query("electrode == other")["correlation"]
     np.testing.assert_allclose(diagonal, 1.0)
@@ -135,7 +126,9 @@ def sets_of(slides, logs, faulty=(), **changes):
     """Sets of recorded trials beside simulated touches, with distances on the skin."""
     few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0} | changes)
     simulated = toy_dataset(contacts=4, samples=130)
-    return touch_transfer.touch_sets({SLIDES: slides, UNSCREWING: logs}, simulated, SKIN, 1.0, faulty, few)
+    return touch_transfer.touch_sets(
+        {names.SLIDES: slides, names.UNSCREWING: logs}, simulated, SKIN, 1.0, faulty, few
+    )
 
 
 def wandering(*trials, samples=150):
@@ -157,10 +150,12 @@ def test_a_faulty_trial_is_left_out_altogether():
 def test_a_set_goes_on_without_the_other(capsys):
     """What is learned from slides needs no logs; a set too small for a map of the skin is left aside."""
     found = touch_transfer.learn_transfer(
-        [touch_set(SLIDES, ("a", "a", "b", "b")), touch_set(MAGNITUDES, ("c",) * 4)], SKIN, FEW
+        [touch_set(names.SLIDES, ("a", "a", "b", "b")), touch_set(names.MAGNITUDES, ("c",) * 4)], SKIN, FEW
     )
-    assert set(found["sets"]["set"]) == set(found["errors"]["learned_from"]) == {SLIDES, MAGNITUDES}
-    assert list(found["likeness"]["first"]) == [SLIDES] * 2
+    assert (
+        set(found["sets"]["set"]) == set(found["errors"]["learned_from"]) == {names.SLIDES, names.MAGNITUDES}
+    )
+    assert list(found["likeness"]["first"]) == [names.SLIDES] * 2
     sets = sets_of(wandering("a", "b"), wandering("a", "b", samples=20), neighbours=45)
     assert [one.name for one in sets] == ["slides", "simulated, magnitudes"]
     assert "unscrewing left aside: touch: 40 points in a bin" in capsys.readouterr().out

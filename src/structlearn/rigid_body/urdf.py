@@ -135,13 +135,14 @@ def counterparts(path: str | Path, joints: Sequence[str]) -> dict[str, str]:
     found = _joints(path)
     carried = {child: (name, kind, parent) for name, (kind, parent, child) in found.items()}
     wanted = sorted(joints, key=natural_order)
+    numbers = list(map(_number, wanted))
     for tip in tips(path, moving_joints(path)):
         chain, at = list[str](), tip
         while at in carried and len(chain) <= len(found):
             name, kind, at = carried[at]
             chain += [name] if kind != "fixed" else []
-        chain = chain[::-1][: len(wanted)]
-        if list(map(_number, chain)) == list(map(_number, wanted)) and set(chain).isdisjoint(wanted):
+        chain.reverse()
+        if None not in numbers and list(map(_number, chain)) == numbers:
             return dict(zip(wanted, chain, strict=True))
     return {}
 

@@ -12,15 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from pydantic import Field
 
 from structlearn.core.artefacts import write_csv
 from structlearn.core.errors import InputError
 from structlearn.core.stage import stage_parameters
-from structlearn.palette import BLUE, CATEGORICAL_COLOURS, GREY
 from structlearn.reporting.document import Document, Source
-from structlearn.reporting.figure_style import Drawing, legend, panel, styled
+from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.excitation import (
@@ -39,6 +37,7 @@ from structlearn.rigid_body.self_collision import LinkShapes, link_distances, re
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks import project
+from structlearn.tasks.motion.motion_figures import gain_panel, share_panels
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_entry import read_task
@@ -203,34 +202,3 @@ def publish_excitation(
         "gains": gain_panel(gains),
     }
     publish_report(folder, {"index": page}, drawn, page.tables, find)
-
-
-@styled
-def share_panels(joints: pd.DataFrame, times: np.ndarray, motion: Motion) -> list[Figure]:
-    """Positions within their range, velocities and torques over their limits."""
-    lower, upper = joints["lower"].replace(-np.inf, -np.pi), joints["upper"].replace(np.inf, np.pi)
-    middle, half = 0.5 * (upper + lower), 0.5 * (upper - lower)
-    shares = {
-        "position": (motion.q - middle.to_numpy()) / half.to_numpy(),
-        "velocity": motion.qd / joints["velocity_limit"].to_numpy(),
-        "torque of the URDF": motion.torque / joints["torque_limit_n_m"].to_numpy(),
-    }
-    figures = []
-    for name, values in shares.items():
-        figure, axes = panel(name, xlabel="time (s)", ylabel="share of the limit", ylim=(-1.05, 1.05))
-        for place, joint in enumerate(joints["joint"]):
-            colour = CATEGORICAL_COLOURS[place % len(CATEGORICAL_COLOURS)]
-            axes.plot(times, values[:, place], color=colour, linewidth=1.2, label=joint)
-        figures.append(legend(figure, 3))
-    return figures
-
-
-@styled
-def gain_panel(gains: pd.DataFrame) -> Figure:
-    """Errors after random trajectories over those after the designed one."""
-    figure, axes = panel(
-        "Errors after random trajectories", xlabel="random trajectory", ylabel="times larger"
-    )
-    axes.bar(gains["random_trajectory"], np.sort(gains["gain"])[::-1], color=BLUE)
-    axes.axhline(1.0, color=GREY, linewidth=1.5)
-    return figure

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE, PINK, Look
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
+from structlearn.rigid_body.motion import Motion
 from structlearn.tasks.motion.motion_parameters import CARRYING, DELAY, EMPTY, LEARNED
 from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults, chosen
 
@@ -123,3 +124,34 @@ def parts_panel(parts: pd.DataFrame, published: Mapping[str, float]) -> Figure:
     axes.hlines(list(published.values()), places - 0.4, places + 0.4, color=BLACK, label="DeLaN, published")
     axes.set_xticks(places, list(published))
     return legend(figure)
+
+
+@styled
+def share_panels(joints: pd.DataFrame, times: np.ndarray, motion: Motion) -> list[Figure]:
+    """Positions within their range, velocities and torques over their limits."""
+    lower, upper = joints["lower"].replace(-np.inf, -np.pi), joints["upper"].replace(np.inf, np.pi)
+    middle, half = 0.5 * (upper + lower), 0.5 * (upper - lower)
+    shares = {
+        "position": (motion.q - middle.to_numpy()) / half.to_numpy(),
+        "velocity": motion.qd / joints["velocity_limit"].to_numpy(),
+        "torque of the URDF": motion.torque / joints["torque_limit_n_m"].to_numpy(),
+    }
+    figures = []
+    for name, values in shares.items():
+        figure, axes = panel(name, xlabel="time (s)", ylabel="share of the limit", ylim=(-1.05, 1.05))
+        for place, joint in enumerate(joints["joint"]):
+            colour = CATEGORICAL_COLOURS[place % len(CATEGORICAL_COLOURS)]
+            axes.plot(times, values[:, place], color=colour, linewidth=1.2, label=joint)
+        figures.append(legend(figure, 3))
+    return figures
+
+
+@styled
+def gain_panel(gains: pd.DataFrame) -> Figure:
+    """Errors after random trajectories over those after the designed one."""
+    figure, axes = panel(
+        "Errors after random trajectories", xlabel="random trajectory", ylabel="times larger"
+    )
+    axes.bar(gains["random_trajectory"], np.sort(gains["gain"])[::-1], color=BLUE)
+    axes.axhline(1.0, color=GREY, linewidth=1.5)
+    return figure
