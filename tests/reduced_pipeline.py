@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import yaml
-from committed import merged
+from committed import merged, read_yaml
 
 from structlearn.core.parallel import BACKEND
 
@@ -121,7 +121,7 @@ def clone(root: Path, target: Path) -> Path:
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(root / name, target / name)
     for name, changes in (("params.yaml", REDUCED), ("stages/tasks/public.yaml", REDUCED_TASKS)):
-        parameters = merged(yaml.safe_load((target / name).read_text()), changes)
+        parameters = merged(read_yaml(target / name), changes)
         if "other_skins" in parameters:
             parameters["other_skins"]["skins"].pop("flat_pad")
         (target / name).write_text(yaml.safe_dump(parameters, sort_keys=False))
@@ -142,8 +142,8 @@ def by_hand(
 
     Stages of tasks run for every public one. `spread`: over processes; `variables`: of the environment.
     """
-    listed = yaml.safe_load((project / file).read_text())["stages"]
-    public = yaml.safe_load((project / "stages/tasks/public.yaml").read_text())
+    listed = read_yaml(project / file)["stages"]
+    public = read_yaml(project / "stages/tasks/public.yaml")
     commands = []
     for name, stage in listed.items():
         if stages is None or name in stages:

@@ -13,7 +13,6 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from importlib.resources import files
 from itertools import chain, product
-from pathlib import Path
 from typing import Any
 
 import motion_tables
@@ -25,7 +24,7 @@ import test_servoing_page
 import test_tasks_obstacles
 import test_tasks_representations
 import test_touch_page
-from committed import committed_entry
+from committed import ROOT, committed_entry
 from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, people
 from reporting_refinement import refinement_results
@@ -62,26 +61,21 @@ LABELS = ("structure", "with_loss", "resting", "blocked", "payload", "assumed", 
 MOST_LABELS = 20
 """Columns of text with more than so many values name runs, not methods."""
 
-Tables = Mapping[str, pd.DataFrame]
+Tables = dict[str, pd.DataFrame]
 
 
 @dataclass(frozen=True)
 class Page:
-    """A file of claims in a package, results with tables anywhere in them, and what finds evidence in these.
+    """Claims, results with tables anywhere in them, by pytest's `getfixturevalue`, and what finds evidence.
 
     Tables at places that are not `chosen` stay; `known` names further columns that are not measured.
     """
 
-    package: str
-    file: str
+    claims: Sequence[Claim]
     results: Callable[[Callable[[str], Any]], Sequence[Any]]
     evidence: Callable[[Any], Mapping[str, Found]]
     chosen: Callable[[str], bool] = lambda place: True
     known: Callable[[], Mapping[str, set[str]]] = dict
-
-    @property
-    def claims(self) -> Sequence[Claim]:
-        return read_claims(files(f"structlearn.{self.package}") / self.file)
 
 
 def dynamics() -> list[Any]:
@@ -154,90 +148,99 @@ def deaf_to_phase(results: Any) -> Any:
 FOLLOWS = {"links": {"positive_mass", "positive_definite", "triangle"}, "gravity": {"limit_n_m"}}
 """Columns of tables of arms that follow from how Cov writes a link, or from the URDF: not measured."""
 
-SCRAPING, TASKS, OWN = "testbeds.scraping.page", "tasks", Path(__file__).parents[1] / "stages/tasks/claims"
-OBSTACLES = partial(obstacles_findings, published=obstacles_published())
+FEWER_DRAWS = 100  # of blocks, for intervals
+
+
+def of_package(name: str, file: str = "claims.yaml") -> list[Claim]:
+    return read_claims(files(f"structlearn.{name}") / file)
+
+
+def of_task(name: str) -> list[Claim]:
+    return read_claims(ROOT / f"stages/tasks/claims/{name}.yaml")
+
+
+def motion_page(name: str) -> Page:
+    parameters = committed_entry(name, draws=FEWER_DRAWS)
+    return Page(
+        of_task(name),
+        lambda get: [motion_tables.made_up(name)],
+        lambda its: motion_findings(MotionResults(its, parameters)),
+        known=lambda: FOLLOWS,
+    )
+
+
+SCRAPING = "testbeds.scraping.page"
+MADE_UP = {
+    "boxes": (test_tasks_obstacles.made_up_ways, lambda its: scene_findings(SceneWays(its))),
+    "avoidance": (test_tasks_representations.made_up_scores, representation_findings),
+} | {name: (made, test_touch_page.FIND[name]) for name, made in test_touch_page.MADE_UP.items()}
 PAGES = {
-    "dynamics": Page("testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_findings),
+    "dynamics": Page(of_package("testbeds.dynamics.page"), lambda get: dynamics(), dynamics_findings),
     "obstacles": Page(
-        "testbeds.obstacles.page", "claims.yaml", lambda get: [get("obstacles_results")], OBSTACLES
+        of_package("testbeds.obstacles.page"),
+        lambda get: [get("obstacles_results")],
+        partial(obstacles_findings, published=obstacles_published()),
     ),
     "servoing": Page(
-        "testbeds.servoing.page",
-        "claims.yaml",
-        lambda get: servoing(get("servoing_results")),
-        over_people,
+        of_package("testbeds.servoing.page"), lambda get: servoing(get("servoing_results")), over_people
     ),
     "segmentation": Page(
-        SCRAPING,
-        "segmentation_claims.yaml",
+        of_package(SCRAPING, "segmentation_claims.yaml"),
         lambda get: [get("segmentation")],
         segmentation_of_people,
         known=arithmetic,
     ),
     "feedback": Page(
-        SCRAPING,
-        "feedback_claims.yaml",
+        of_package(SCRAPING, "feedback_claims.yaml"),
         lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
         test_scraping_page.feedback_evidence,
     ),
     "refinement": Page(
-        SCRAPING,
-        "refinement_claims.yaml",
+        of_package(SCRAPING, "refinement_claims.yaml"),
         lambda get: [refinement_results()],
         test_scraping_page.refinement_evidence,
     ),
     "calibration": Page(
-        "tasks.touch",
-        "calibration_claims.yaml",
+        of_package("tasks.touch", "calibration_claims.yaml"),
         lambda get: [test_touch_page.calibration(1.0)],
         find_calibration,
-        lambda place: place == "comparison",
+        chosen=lambda place: place == "comparison",
     ),
+    **{
+        name: Page(of_task(name), lambda get, made=made: [made()], find)
+        for name, (made, find) in MADE_UP.items()
+    },
+    **{name: motion_page(name) for name in motion_tables.JOINTS},
 }
-PUBLIC = {
-    "boxes": (test_tasks_obstacles.made_up_ways, lambda its: scene_findings(SceneWays(its))),
-    "avoidance": (test_tasks_representations.made_up_scores, representation_findings),
-} | {name: (made, test_touch_page.FIND[name]) for name, made in test_touch_page.MADE_UP.items()}
-for name, (made, find) in PUBLIC.items():
-    PAGES[name] = Page(TASKS, f"{OWN}/{name}.yaml", lambda get, made=made: [made()], find)
-for name in motion_tables.JOINTS:
-    PAGES[name] = Page(
-        TASKS,
-        f"{OWN}/{name}.yaml",
-        lambda get, name=name: [motion_tables.made_up(name)],
-        lambda its, name=name: motion_findings(MotionResults(its, committed_entry(name))),
-        known=partial(dict, FOLLOWS),
-    )
 
 
-def tables(results: Any, place: str = "") -> dict[str, pd.DataFrame]:
+def parts(results: Any) -> Mapping[str, Any]:
+    """What dataclasses and mappings hold by name."""
+    if is_dataclass(results):
+        return {one.name: getattr(results, one.name) for one in fields(results)}
+    return results if isinstance(results, Mapping) else {}
+
+
+def tables(results: Any, place: str = "") -> Tables:
     """All tables anywhere in results, by their place: `models.forward`."""
     if isinstance(results, pd.DataFrame):
         return {place: results}
-    parts: Mapping[str, Any] = {}
-    if is_dataclass(results):
-        parts = {one.name: getattr(results, one.name) for one in fields(results)}
-    elif isinstance(results, Mapping):
-        parts = results
     found = {}
-    for name, part in parts.items():
+    for name, part in parts(results).items():
         found |= tables(part, f"{place}.{name}".strip("."))
     return found
 
 
-def with_tables(results: Any, changed: Tables) -> Any:
+def with_tables(results: Any, changed: Tables, place: str = "") -> Any:
     """The same results with some tables replaced, by their place."""
-    if isinstance(results, pd.DataFrame):
-        return changed.get("", results)
-    heads: dict[str, dict[str, pd.DataFrame]] = {}
-    for place, table in changed.items():
-        head, _, rest = place.partition(".")
-        heads.setdefault(head, {})[rest] = table
-    if isinstance(results, Mapping):
-        return {**results, **{head: with_tables(results[head], rest) for head, rest in heads.items()}}
-    return replace(
-        results, **{head: with_tables(getattr(results, head), rest) for head, rest in heads.items()}
-    )
+    if place in changed:
+        return changed[place]
+    new = {}
+    for name, part in parts(results).items():
+        below = f"{place}.{name}".strip(".")
+        if any(f"{one}.".startswith(f"{below}.") for one in changed):
+            new[name] = with_tables(part, changed, below)
+    return replace(results, **new) if is_dataclass(results) else {**results, **new}
 
 
 def permuted(values: pd.Series) -> pd.Series:
@@ -292,13 +295,10 @@ def labels(table: pd.DataFrame) -> dict[str, list[object]]:
     return found
 
 
-Change = dict[str, pd.DataFrame]
-
-
-def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[Change]:
+def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[Tables]:
     """A table with methods exchanged, or with one of them or one of the measured columns `names` changed."""
 
-    def change(how: Callable, names: Sequence[str], rows: pd.Series | None = None) -> Change:
+    def change(how: Callable, names: Sequence[str], rows: pd.Series | None = None) -> Tables:
         new = {name: how(table[name]) for name in names}
         if rows is not None:
             new = {name: table[name].where(~rows, values) for name, values in new.items()}
@@ -315,7 +315,7 @@ def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[C
     yield from (change(how, [name]) for how, name in product(HOW[::-1], names))
 
 
-def with_other(how: Callable, every: Tables, columns: Mapping[str, Sequence[str]]) -> Change:
+def with_other(how: Callable, every: Tables, columns: Mapping[str, Sequence[str]]) -> Tables:
     """Tables with all that is measured changed in one way; `columns` by table."""
     return {
         place: table.assign(**{name: how(table[name]) for name in columns[place]})
@@ -335,7 +335,7 @@ def never_no(page: Page, get: Callable[[str], Any]) -> dict[str, tuple[set[str],
         every = {place: table for place, table in tables(results).items() if page.chosen(place)}
         columns = {place: measured(table, known.get(place, set())) for place, table in every.items()}
 
-        def found(changed: Change, results: Any = results) -> Mapping[str, Found]:
+        def found(changed: Tables, results: Any = results) -> Mapping[str, Found]:
             try:
                 with np.errstate(all="ignore"):
                     its = page.evidence(with_tables(results, changed))

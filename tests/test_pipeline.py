@@ -11,6 +11,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 import yaml
+from committed import read_yaml
 from reduced_pipeline import artefacts, by_hand, clone, environment, repro
 from viewer_files import contents, values, view_names
 
@@ -52,7 +53,7 @@ def copied(reduced_project, tmp_path) -> Path:
 
 
 def test_everything_is_there(reduced_project):
-    stages = yaml.safe_load((reduced_project / "dvc.yaml").read_text())["stages"]
+    stages = read_yaml(reduced_project / "dvc.yaml")["stages"]
     for stage in stages.values():
         for out in [*stage.get("outs", []), *stage.get("metrics", [])]:
             path = reduced_project / (out if isinstance(out, str) else next(iter(out)))
@@ -80,11 +81,11 @@ def test_recordings_are_sound_and_say_what_is_simulated(reduced_project, testbed
 def test_pages_are_short_and_name_only_files_that_are_there(reduced_project, testbed):
     """And those of a testbed name every figure and table beside them, and load nothing from elsewhere."""
     folder = reduced_project / "reports" / testbed
-    stages = yaml.safe_load((reduced_project / "dvc.yaml").read_text())["stages"]
+    stages = read_yaml(reduced_project / "dvc.yaml")["stages"]
     linked = set()
     for page in folder.glob("*.html"):
         text = page.read_text()
-        assert words_in_view(text) <= 1500
+        assert words_in_view(text) <= (1500 if testbed else 1000)
         assert set(re.findall(r"dvc repro -s ([a-z_]+)<", text)) <= set(stages)
         assert not re.search(r'src="(https?:)?//|<link\b', text)
         assert not re.search(
@@ -111,7 +112,7 @@ def test_more_processes_give_the_same_bytes(reduced_project, copied):
 
 def test_another_feedback_network_is_a_key(root, copied):
     """It is trained, runs on the board and stands in the skill; the page leaves out its phase kernels."""
-    parameters = yaml.safe_load((copied / "params.yaml").read_text())
+    parameters = read_yaml(copied / "params.yaml")
     parameters["train_feedback"]["network"] = "linear_feedback"
     (copied / "params.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
     stages = [f"scraping_{one}" for one in ("train_feedback", "evaluate_feedback", "write_skill", "report")]
@@ -124,7 +125,7 @@ def test_another_feedback_network_is_a_key(root, copied):
 def test_dvc_makes_the_same_and_keeps_the_times(watched, reduced_project):
     made, by_hand = artefacts(watched), artefacts(reduced_project)
     assert {path: data for path, data in made.items() if path.startswith("data")}.items() <= by_hand.items()
-    stages = yaml.safe_load((watched / "dvc.yaml").read_text())["stages"]
+    stages = read_yaml(watched / "dvc.yaml")["stages"]
     assert set(read_times(watched / TIMES)) == {stages[n]["cmd"].removeprefix("python ") for n in CUTTING}
 
 
