@@ -45,7 +45,7 @@ REDUCED = {
         "phase_modulated": {"steps": 40, "evaluate_every": 20, "chunk_samples": 8},
         "phase_modulated_hidden": [8],
     },
-    "obstacle_evaluation": {"rate_hz": 50.0, "kept_every": 2, "speeds_m_s": [0.1], "pairs": 4},
+    "obstacle_evaluation": {"rate_hz": 25.0, "kept_every": 1, "speeds_m_s": [0.1], "pairs": 4},
     "inspect_obstacles": {"scenarios": ["sphere/01", "cylinder/02"]},
     "dynamics_robots": {"test": [11, 12]},
     "arm_motion": {"test": {"duration_s": 24.0}},
@@ -159,6 +159,9 @@ ONE_BY_ONE = """
 import runpy, sys
 for command in sys.argv[1:]:
     sys.argv = command.split()[1:]
+    if "loop.py" in command:  # the film of the front page, with a tenth of its frames
+        from structlearn.testbeds.scraping.world import scene_still
+        scene_still.FRAMES_PER_S /= 10
     runpy.run_path(sys.argv[0], run_name="__main__")
 """
 

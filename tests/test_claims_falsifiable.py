@@ -272,7 +272,7 @@ inverted = either(lambda its: ~its, lambda its: 1.0 / its)
 falling = either(lambda its: its & (place(its) < 0.5), lambda its: its * np.exp(-2.0 * place(its)))
 raised = either(lambda its: its | True, lambda its: 1e3 * (1.0 + its.abs()))  # which differ as they did
 lowered = either(lambda its: its & False, lambda its: 1e-3 * its)
-HOW = (negated, inverted, noise, permuted, falling, raised, lowered)
+HOW = (noise, lowered, raised, falling, permuted, inverted, negated)
 """Ways to change what was measured; yes and no are changed as the first function of each says."""
 
 
@@ -318,7 +318,7 @@ def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[I
         yield from (
             [change(how, names, table[label] == value)] for value, how in product(values, (raised, lowered))
         )
-    yield from (map(partial(change, names=[name]), (noise, *HOW[::-1])) for name in names)
+    yield from (map(partial(change, names=[name]), HOW) for name in names)
 
 
 def with_other(how: Callable, every: Tables, columns: Mapping[str, Sequence[str]]) -> Tables:
@@ -373,9 +373,9 @@ def search(page: Page, results: Any, left: set[Case]) -> None:
         for group in chain(whole, changes(place, table, columns[place])):
             if not left & rest_on_it:
                 break
-            for changed in group:
+            for number, changed in enumerate(group):
                 its = found(changed)
-                if its and not resting(its) & rest_on_it:
+                if number == 0 and its and not resting(its) & rest_on_it:
                     break
 
 
