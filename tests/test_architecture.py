@@ -104,6 +104,7 @@ def modules() -> dict[Path, frozenset[str]]:
     return {path.relative_to(PACKAGE): imported(path) for path in sorted(PACKAGE.rglob("*.py"))}
 
 
+@cache
 def files(name: str) -> list[Path]:
     """The project's files that importing a dotted name runs: the module, and the packages above it."""
     parts = name.split(".")
