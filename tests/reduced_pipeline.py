@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import yaml
-from committed import merged
+from committed import merged, read_yaml
 
 from structlearn.core.parallel import BACKEND
 
@@ -45,7 +45,7 @@ REDUCED = {
         "phase_modulated": {"steps": 40, "evaluate_every": 20, "chunk_samples": 8},
         "phase_modulated_hidden": [8],
     },
-    "obstacle_evaluation": {"rate_hz": 50.0, "kept_every": 2, "speeds_m_s": [0.1], "pairs": 4},
+    "obstacle_evaluation": {"rate_hz": 25.0, "kept_every": 1, "speeds_m_s": [0.1], "pairs": 4},
     "inspect_obstacles": {"scenarios": ["sphere/01", "cylinder/02"]},
     "dynamics_robots": {"test": [11, 12]},
     "arm_motion": {"test": {"duration_s": 24.0}},
@@ -121,7 +121,7 @@ def clone(root: Path, target: Path) -> Path:
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(root / name, target / name)
     for name, changes in (("params.yaml", REDUCED), ("stages/tasks/public.yaml", REDUCED_TASKS)):
-        parameters = merged(yaml.safe_load((target / name).read_text()), changes)
+        parameters = merged(read_yaml(target / name), changes)
         if "other_skins" in parameters:
             parameters["other_skins"]["skins"].pop("flat_pad")
         (target / name).write_text(yaml.safe_dump(parameters, sort_keys=False))
@@ -142,8 +142,8 @@ def by_hand(
 
     Stages of tasks run for every public one. `spread`: over processes; `variables`: of the environment.
     """
-    listed = yaml.safe_load((project / file).read_text())["stages"]
-    public = yaml.safe_load((project / "stages/tasks/public.yaml").read_text())
+    listed = read_yaml(project / file)["stages"]
+    public = read_yaml(project / "stages/tasks/public.yaml")
     commands = []
     for name, stage in listed.items():
         if stages is None or name in stages:
@@ -159,6 +159,9 @@ ONE_BY_ONE = """
 import runpy, sys
 for command in sys.argv[1:]:
     sys.argv = command.split()[1:]
+    if "loop.py" in command:  # the film of the front page, with a tenth of its frames
+        from structlearn.testbeds.scraping.world import scene_still
+        scene_still.FRAMES_PER_S /= 10
     runpy.run_path(sys.argv[0], run_name="__main__")
 """
 

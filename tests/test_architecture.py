@@ -9,12 +9,11 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-import yaml
+from committed import ROOT, read_yaml
 
 from structlearn.core.source_closure import SourceTree
 from structlearn.reporting.claims import QUOTED
 
-ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "structlearn"
 FLOORS = (
     ("core",),
@@ -31,7 +30,7 @@ PROGRAMS = {path.stem for path in PACKAGE.glob("*.py") if "__main__" in path.rea
 
 ROOMS = {
     "rerun": ("viewer", "views", "view"),
-    "matplotlib": ("reporting", "page", "section", "figures"),
+    "matplotlib": ("reporting", "page", "section", "figures", "excite"),
     "pybullet": ("simulation", "world"),
     "pinocchio": ("simulation", "world", "rigid_body", "readers"),
     "torch": ("networks", "feedback", "rigid_body", "tactile"),
@@ -62,7 +61,7 @@ COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "fi
 """What `make recorded` puts aside of the report on recorded data."""
 
 PIPELINES = ("dvc.yaml", "stages/tasks/dvc.yaml", "stages/studies/dvc.yaml")
-LISTED = [yaml.safe_load((ROOT / pipeline).read_text())["stages"] for pipeline in PIPELINES]
+LISTED = [read_yaml(ROOT / pipeline)["stages"] for pipeline in PIPELINES]
 CODE = {stages["code"]["cmd"].split()[2]: stages.pop("code") for stages in LISTED}
 """The stages that list the code of all others, by pipeline."""
 
@@ -105,6 +104,7 @@ def modules() -> dict[Path, frozenset[str]]:
     return {path.relative_to(PACKAGE): imported(path) for path in sorted(PACKAGE.rglob("*.py"))}
 
 
+@cache
 def files(name: str) -> list[Path]:
     """The project's files that importing a dotted name runs: the module, and the packages above it."""
     parts = name.split(".")
@@ -157,19 +157,6 @@ def test_big_libraries_stay_in_their_rooms():
                 assert set(rooms) & room, f"{path} imports {library}"
 
 
-def test_a_module_name_means_one_thing():
-    """Modules of one name are the same part of different testbeds."""
-    places: dict[str, list[Path]] = {}
-    for path in modules():
-        if path.name not in ("__init__.py", "findings.py"):  # of a page, and the kit for them in `reporting`
-            places.setdefault(path.name, []).append(path)
-    for paths in places.values():
-        parts = {
-            ("testbeds", *path.parts[2:]) if path.parts[0] == "testbeds" else path.parts for path in paths
-        }
-        assert len(parts) == 1, paths
-
-
 @pytest.mark.parametrize("name", STAGES)
 def test_a_stage_depends_on_its_script_and_on_its_list_of_code(name):
     place = Path(name).relative_to("stages").with_suffix(".txt")
@@ -207,7 +194,7 @@ def test_the_stages_of_code_depend_on_every_script():
 def test_every_data_dependency_is_the_output_of_some_stage():
     outputs = {f"reports/studies/{folder.name}" for folder in (ROOT / "reports/studies").iterdir()}
     outputs |= {"params.yaml", *((QUOTED / name).as_posix() for name in COPIED)}
-    public = yaml.safe_load((ROOT / "stages/tasks/public.yaml").read_text())
+    public = read_yaml(ROOT / "stages/tasks/public.yaml")
     for stage in (stage for stages in LISTED for stage in stages.values()):
         tasks = public[stage["foreach"][2:-1]] if isinstance(stage.get("foreach"), str) else ()
         for out in [*stage.get("do", stage).get("outs", []), *stage.get("metrics", [])]:
@@ -231,22 +218,9 @@ def test_stages_start_without_what_they_do_not_need():
         place = script.removeprefix("stages/").removesuffix(".py")
         allowed = {library for library, its in STARTS.items() if place in its.split()}
         assert loaded <= allowed, f"{script} loads {loaded - allowed}"
-
-
-def test_no_stage_hands_a_function_of_its_own_to_other_processes():
-    """Processes may outlive a stage, and find functions by their module."""
-    for script in (ROOT / "stages").rglob("*.py"):
-        tree = ast.parse(script.read_text())
-        own = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
-        calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
-        handed = {
-            argument.id
-            for call in calls
-            if getattr(call.func, "id", "") in ("partial", "parallel_map")
-            for argument in call.args[:1]
-            if isinstance(argument, ast.Name)
-        }
-        assert not own & handed, f"{script.name} hands over {own & handed}"
+    assert "pandas" not in {
+        name for file in loaded_at_start(PACKAGE / "core/stage.py") for name in at_start(file)
+    }
 
 
 FACES = """

@@ -2,13 +2,11 @@
 
 import importlib.util
 import re
-import subprocess
-from pathlib import Path
 
 import pytest
 import yaml
+from committed import ROOT, read_yaml
 
-ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 MADE = {"docs/dissertation.md", "docs/api/index.md"}
 """By `docs/hooks.py`, when the site is built."""
@@ -30,7 +28,7 @@ def test_links_lead_to_files(page):
 
 
 def test_every_page_stands_in_the_navigation():
-    navigation = yaml.dump(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])
+    navigation = yaml.dump(read_yaml(ROOT / "mkdocs.yml")["nav"])
     assert all(page.name in navigation for page in (ROOT / "docs").glob("*.md"))
 
 
@@ -54,12 +52,3 @@ def test_the_index_finds_what_is_numbered(hooks):
     for one in citations:  # its place is a line of the source
         line = lines[one.path][one.line - 1]
         assert one.line == 1 or one.name in line or line.startswith("@") or "def" in line or "#" in line
-
-
-def test_make_alone_lists_every_target():
-    phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split()
-    told = subprocess.run(
-        ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    listed = {target for line in told.stdout.splitlines() for target in line[:18].split()}
-    assert listed == set(phony) - {"help"}

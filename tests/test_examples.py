@@ -17,8 +17,6 @@ from structlearn.primitives.sequence import default_start, sequence_table, unrol
 from structlearn.tasks.pick_and_place_world import takes, write_takes
 
 ROOT = Path(__file__).parents[1]
-LONGEST = 75
-"""Lines of an example."""
 
 
 def example(name):
@@ -36,11 +34,6 @@ def short_skill(tmp_path_factory):
     skill = pick_skill()
     write_skill(slower(replace(skill, primitives=skill.primitives[:1]), 0.4), path, {})
     return str(path)
-
-
-@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)
-def test_examples_are_short(path):
-    assert len(path.read_text().splitlines()) <= LONGEST
 
 
 def test_learning_from_bags(tmp_path, monkeypatch, capsys):

@@ -26,9 +26,8 @@ import test_tasks_obstacles
 import test_touch_skin
 import test_touch_transfer
 import torch
-import yaml
 from board_rollouts import small_board
-from committed import TASK_FILE, committed, committed_entry
+from committed import ROOT, TASK_FILE, committed, committed_entry, read_yaml
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
@@ -102,8 +101,6 @@ from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scen
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 
-ROOT = Path(__file__).parents[1]
-
 HOLDS_NOTHING_OUT = {
     "simulates": "engines studies/cell scraping/record_nominal scraping/record_corrections "
     "obstacles/demonstrate dynamics/record_motion dynamics/track servoing/record_touch servoing/servo",
@@ -147,10 +144,22 @@ def of_stage(*stages: str) -> Callable[[Callable[..., Case]], Callable[..., Case
     return registered
 
 
+def once(learn: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """The same function, which learns once from the same data: for cases that share them."""
+    known: dict[int, tuple[Any, Any]] = {}
+
+    def learned(data):
+        if id(data) not in known:
+            known[id(data)] = data, learn(data)
+        return known[id(data)][1]
+
+    return learned
+
+
 def each(
     monkeypatch: pytest.MonkeyPatch, module: Any, name: str, run: Callable[[Any], object]
 ) -> Callable[[Any], list]:
-    """From data to what every call of a module's function returned while `run` ran on them."""
+    """From data to what every call of a module's function returned while `run` ran on them, once."""
     real, found = getattr(module, name), []
 
     def remembered(*arguments, **others):
@@ -163,7 +172,7 @@ def each(
         return list(found)
 
     monkeypatch.setattr(module, name, remembered)
-    return learn
+    return once(learn)
 
 
 def wobbling(values: np.ndarray, rows: Any = slice(None), share: float = 0.2) -> np.ndarray:
@@ -255,10 +264,9 @@ def slid(changed: str = "") -> list[Demonstration]:
 
 @of_stage("tasks/touch")
 def expected_of_slides(monkeypatch, tmp_path):
-    return [
-        Case(lambda its: deviations_from_expected(its, SLIDES)[0], slid(), slid(held_out), slid("mat_2"))
-        for held_out in ("mat_3", "cork_1")
-    ]
+    learn = once(lambda its: deviations_from_expected(its, SLIDES)[0])
+    data, taught = slid(), slid("mat_2")
+    return [Case(learn, data, slid(held_out), taught) for held_out in ("mat_3", "cork_1")]
 
 
 @of_stage("tasks/touch")
@@ -307,8 +315,9 @@ def final_feedback(monkeypatch, tmp_path):
         )
         own = np.flatnonzero(kept)
         tested, taught = (own[part[part < len(own)]] for part in (fold.test, fold.train[:1]))
+        learned, changed = once(partial(learn, model=model)), corrected(whole, taught)
         for rows in (tested, whole.setting == NEW):
-            yield Case(partial(learn, model=model), whole, corrected(whole, rows), corrected(whole, taught))
+            yield Case(learned, whole, corrected(whole, rows), changed)
 
 
 @of_stage("scraping/train_feedback")
@@ -335,13 +344,15 @@ def representations(monkeypatch, tmp_path):
     data = toy_dataset(samples=(30, 35))
     fold = leave_one_out(data, FRACTIONS, TRAINING.chunk_samples, TRAINING.seed)[LEFT_OUT]
 
+    @once
     def learn(dataset):
         found = compare_representations({"turn": dataset}, TRAINING)["turn"]
         chosen = (found["fold"] == LEFT_OUT) & (found["stopping"] == "validation")
         return found.loc[chosen, ["step", "train", "validation", "dimensions"]]
 
+    taught = corrected(data, fold.train[:1])
     for rows in (fold.generalization, fold.test):
-        yield Case(learn, data, corrected(data, rows), corrected(data, fold.train[:1]))
+        yield Case(learn, data, corrected(data, rows), taught)
 
 
 @of_stage("scraping/refine")
@@ -364,7 +375,7 @@ def refinement(monkeypatch, tmp_path):
 
 
 OWN_FEEDBACK = TaskFeedbackParameters.model_validate(
-    yaml.safe_load(TASK_FILE.read_text())["defaults"]["movement"]["feedback"]
+    read_yaml(TASK_FILE)["defaults"]["movement"]["feedback"]
     | {"executions": "runs", "corrections": "corrected", "settings": ("a", "b"), "primitives": ("scrape",)}
     | {"axes": ("x",), "hidden": (4,), "training": TRAINING}
 )
@@ -401,13 +412,9 @@ def feedback_of_a_task(monkeypatch, tmp_path):
         "_trained",
         lambda its: feedback_learning.learn_feedback(runs, its, learned, CUTTING, OWN_FEEDBACK),
     )
+    data, taught = corrections(), corrections("b")
     for network, left_out in enumerate(("only tests", "a")):
-        yield Case(
-            lambda its, network=network: learn(its)[network],
-            corrections(),
-            corrections(left_out),
-            corrections("b"),
-        )
+        yield Case(lambda its, network=network: learn(its)[network], data, corrections(left_out), taught)
 
 
 # --- obstacles ---------------------------------------------------------------------------------------------
@@ -658,9 +665,9 @@ def recorded_touch(monkeypatch, tmp_path):
 
     (first, *_), *_ = touch_transfer.parts_left_out(data[0], toy.FEW.folds)[NEW_TRIALS]
     spaces = each(monkeypatch, touch_transfer, "learn_spaces", learn)
-    yield Case(lambda its: spaces(its)[0], data, changed(first), changed(first + 1))
-    units = each(monkeypatch, touch_transfer, "own_units", learn)
-    yield Case(lambda its: units(its)[0], data, changed(first), changed(first + 1))
+    units = each(monkeypatch, touch_transfer, "own_units", spaces)
+    sets = data, changed(first), changed(first + 1)
+    return [Case(lambda its, learned=learned: learned(its)[0], *sets) for learned in (units, spaces)]
 
 
 SKIN = committed_entry(
@@ -691,9 +698,10 @@ def recorded_skin(monkeypatch, tmp_path):
         return swapped(data, run, with_wobbling(data[run], rows, "counts"))
 
     learn = each(monkeypatch, skin_readings, "learn_skin", lambda logs: skin_protocol.learn_touch(logs, SKIN))
-    yield Case(lambda its: learn(its)[0], data, changed(0, fold == 0), changed(0, fold == 1))
-    whole = each(monkeypatch, skin_protocol, "learn_skin", lambda logs: skin_protocol.learn_touch(logs, SKIN))
-    yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), changed(0, fold == 0))
+    whole = each(monkeypatch, skin_protocol, "learn_skin", learn)
+    one_block = changed(0, fold == 0)
+    yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), one_block)
+    yield Case(lambda its: learn(its)[0], data, one_block, changed(0, fold == 1))
 
 
 # --- the tests ---------------------------------------------------------------------------------------------
@@ -757,7 +765,7 @@ def stage_scripts() -> dict[str, Path]:
     """Scripts of all pipelines by folder and name, e.g. `scraping/refine`."""
     found = {}
     for path in (ROOT / "dvc.yaml", *sorted(ROOT.glob("stages/*/dvc.yaml"))):
-        for stage in yaml.safe_load(path.read_text())["stages"].values():
+        for stage in read_yaml(path)["stages"].values():
             command = stage.get("do", stage)["cmd"]
             (name,) = re.findall(r"stages/(\S+)\.py", command)
             found[name] = ROOT / f"stages/{name}.py"

@@ -1,7 +1,6 @@
 """Verdicts of two processors: other digits are no other verdict, undecided is none either."""
 
 import subprocess
-import sys
 from dataclasses import replace
 
 import pandas as pd
@@ -17,6 +16,7 @@ from structlearn.reporting.verdicts import (
     SAME,
     changes,
     compared,
+    main,
     other_processor_page,
 )
 
@@ -82,25 +82,26 @@ def test_rows_are_held_against_their_likes_and_changed_words_are_named_one_by_on
     assert set(table["outcome"]) == {SAME}
 
 
-def test_verdicts_of_the_working_tree_are_held_against_the_commit(tmp_path):
+def test_verdicts_of_the_working_tree_are_held_against_the_commit(tmp_path, monkeypatch, capsys):
     """Other digits are no news; another word is, and so is a row that is gone."""
+
+    def printed():
+        main()
+        return capsys.readouterr().out.splitlines()
+
+    monkeypatch.chdir(tmp_path)
     file = tmp_path / "reports/toy/tables/claims.csv"
     file.parent.mkdir(parents=True)
     HERE.to_csv(file, index=False)
     git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]
     for words in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "--message", "tables"]):
-        subprocess.run([*git, *words], cwd=tmp_path, check=True)
-    assert printed(tmp_path) == ["no verdict changed"]
+        subprocess.run([*git, *words], check=True)
+    capsys.readouterr()
+    assert printed() == ["no verdict changed"]
     HERE.assign(here=["1.1", "2.1", "3.1", "4.1"]).to_csv(file, index=False)
-    assert printed(tmp_path) == ["no verdict changed"]
+    assert printed() == ["no verdict changed"]
     HERE.assign(verdict=["undecided", "yes", "no", "yes"])[:3].to_csv(file, index=False)
-    assert printed(tmp_path) == [
+    assert printed() == [
         "toy: a: yes -> undecided (1.0 -> 1.0)",
         "toy: c: y: yes -> no such row (4 -> no such row)",
     ]
-
-
-def printed(folder):
-    command = [sys.executable, "-m", "structlearn.reporting.verdicts"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
-    return done.stdout.splitlines()

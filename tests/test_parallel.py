@@ -64,7 +64,7 @@ def on_cluster(chosen, cluster):
         yield
 
 
-def test_processes_give_what_a_loop_gives(count):
+def test_processes_give_what_a_loop_gives_and_stay_for_the_next_work(count):
     """To the bit, in the order of the items, whoever finishes first, of any iterable."""
     seeds = range(4)
     assert parallel_map(work.noisy_matrix, seeds, "matrices") == [work.noisy_matrix(seed) for seed in seeds]
@@ -73,17 +73,15 @@ def test_processes_give_what_a_loop_gives(count):
     assert parallel_map(abs, [], "nothing") == []
     with pytest.raises(TypeError, match="unsupported operand"):  # an error is no death
         parallel_map(work.square, ["text"], "squares", lost=work.missing)
-
-
-def test_processes_stay_for_the_next_work(count):
     first, second = (parallel_map(work.process_of, range(20), "processes") for _ in range(2))
     assert len(set(first + second)) <= count
     for process, inner in parallel_map(work.processes_within, range(2), "processes"):
         assert set(inner) == {process}  # what is shared within a process is not shared again
 
 
-def test_torch_works_after_this_process_has_used_its_threads(count):
+def test_torch_works_after_this_process_has_used_its_threads(monkeypatch):
     """Threads do not survive a fork; a process that waited for them would wait for ever."""
+    monkeypatch.setenv("STRUCTLEARN_PROCESSES", "2")
     expected_sums = [work.product_of_ones(item) for item in range(4)]
     parallel._end_processes()
     assert parallel_map(work.product_of_ones, range(4), "products") == expected_sums

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
+from committed import read_yaml
 from reduced_pipeline import by_hand, clone, repro
 
 from structlearn.reporting.document import words_in_view
@@ -22,7 +22,7 @@ ARRIVED = "servo_length_ratio"
 @pytest.fixture(scope="module")
 def sets(root) -> list[str]:
     """Names of all public sets."""
-    public = yaml.safe_load((root / "stages/tasks/public.yaml").read_text())
+    public = read_yaml(root / "stages/tasks/public.yaml")
     return [name for tasks in public.values() for name in tasks]
 
 

@@ -47,6 +47,10 @@ def claim(test="above", bound=0.0, **entries):
     return Claim(statement="s", source="IV", evidence="e", test=test, bound=bound, **entries)
 
 
+def judged(claims, found):
+    return judge(claims, found, ENVIRONMENT, {})
+
+
 def within(low, high):
     return Evidence(0.5 * (low + high), low, high, 9)
 
@@ -84,7 +88,7 @@ def test_no_difference_needs_the_whole_interval_within_the_margin():
 
 def test_what_holds_by_construction_is_no_yes_and_says_why():
     marked = claim(by_construction="it is written so")
-    words = judge([marked], {"e": {"a": exact(1.0, 3), "b": exact(2.0, 3)}}, ENVIRONMENT, {})
+    words = judged([marked], {"e": {"a": exact(1.0, 3), "b": exact(2.0, 3)}})
     assert words[0].verdict == BY_CONSTRUCTION
     assert claim_metrics(words)["claims_yes"] == 0
     assert set(claims_table(words)["by_construction"]) == {"it is written so"}
@@ -92,9 +96,9 @@ def test_what_holds_by_construction_is_no_yes_and_says_why():
 
 
 def test_a_row_says_why_it_is_not_tested():
-    (judged,) = judge([claim()], {"e": unknown("nobody was there")}, ENVIRONMENT, {})
-    assert judged.verdict == NOT_TESTED
-    assert judged.cases[0][1] == "not tested: nobody was there"
+    (row,) = judged([claim()], {"e": unknown("nobody was there")})
+    assert row.verdict == NOT_TESTED
+    assert row.cases[0][1] == "not tested: nobody was there"
 
 
 def test_zero_means_none_at_all():
@@ -128,16 +132,16 @@ def test_numbers_in_words():
 
 def test_each_case_has_its_bound_and_test():
     both = claim({"near": "at most", "far": "above"}, {"near": 1.0, "far": 2.0})
-    (judged,) = judge([both], {"e": {"near": exact(1.0, 2), "far": exact(2.0, 2)}}, ENVIRONMENT, {})
-    assert [case[-1] for case in judged.cases] == [YES, NO]
-    assert judged.verdict == NO
+    (row,) = judged([both], {"e": {"near": exact(1.0, 2), "far": exact(2.0, 2)}})
+    assert [case[-1] for case in row.cases] == [YES, NO]
+    assert row.verdict == NO
 
 
 def test_what_a_claim_names_must_have_been_found():
     with pytest.raises(ValueError, match="nothing was found for \\['e'\\]"):
-        judge([claim()], {"other": exact(1.0, 1)}, ENVIRONMENT, {})
+        judged([claim()], {"other": exact(1.0, 1)})
     with pytest.raises(UndefinedError):
-        judge([claim(note="{{ unknown }}")], {"e": exact(1.0, 1)}, ENVIRONMENT, {})
+        judged([claim(note="{{ unknown }}")], {"e": exact(1.0, 1)})
 
 
 @pytest.mark.parametrize(
@@ -157,10 +161,10 @@ def test_a_wrong_entry_is_refused(tmp_path, entry, message):
 
 def test_metrics_count_what_the_dissertation_states():
     claims = [claim(), claim(by="ours"), claim("at most", 0.5)]
-    judged = judge(claims, {"e": exact(1.0, 3)}, ENVIRONMENT, {})
-    counts = {word: count for word, count in claim_metrics(judged).items() if count}
+    rows = judged(claims, {"e": exact(1.0, 3)})
+    counts = {word: count for word, count in claim_metrics(rows).items() if count}
     assert counts == {"claims_yes": 1, "claims_no": 1}
-    assert list(claims_table(judged)["verdict"]) == [YES, YES, NO]
+    assert list(claims_table(rows)["verdict"]) == [YES, YES, NO]
 
 
 def covered(rate, correlation, people=8, trials=63, draws=400):
@@ -229,7 +233,7 @@ def test_cases_of_every_maker_are_widened():
 
 
 def test_what_recordings_say_of_a_simulated_statement_stands_beside_it():
-    own = judge([claim(), claim("below", by="ours")], {"e": exact(1.0, 3)}, ENVIRONMENT, {})
+    own = judged([claim(), claim("below", by="ours")], {"e": exact(1.0, 3)})
     like = {"testbed": "reaching", "statement": "s"}
     told = [
         claim(simulated=like | {"by": "text"}),
@@ -239,7 +243,7 @@ def test_what_recordings_say_of_a_simulated_statement_stands_beside_it():
         claim(),
     ]
     told = [one.model_copy(update={"statement": name}) for one, name in zip(told, "abcde", strict=True)]
-    recorded = [replace(one, heading="People") for one in judge(told, {"e": exact(2.0, 5)}, ENVIRONMENT, {})]
+    recorded = [replace(one, heading="People") for one in judged(told, {"e": exact(2.0, 5)})]
     both = on_recordings(claims_table(recorded), "reaching", claims_table(own))
     assert [(one.statement, one.simulated, one.recorded, one.found, one.heading) for one in both] == [
         ("a", YES, YES, ("2.00",), "People"),

@@ -42,20 +42,7 @@ def test_each_command_keeps_its_own_and_leaves_the_others(tmp_path):
     }
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"broken": 0}, "<strong>The rule held."),
-        ({"broken": 1}, "<strong>The rule was broken 1 time."),
-        ({"broken": 2}, "<strong>The rule was broken 2 times."),
-        ({}, "<code>x</code>, unknown commit"),
-        ({"commit": "a1b2c3d"}, "commit a1b2c3d"),
-    ],
-)
-def test_the_page_says_whether_the_rule_held_and_of_which_commit_numbers_are(changes, words):
-    metrics = {f"faults_{key}": value for key, value in (COUNTS | {"command": "x"} | changes).items()}
-    page = reliability_page({"faults": FAULTS}, metrics)
-    assert words in page
-    table = page[page.index("<thead>") : page.index("</table>")]
-    assert "hangs" not in table  # it never came
-    assert ">other<" in table
+@pytest.mark.parametrize(("broken", "words"), [(0, "The rule held."), (2, "The rule was broken 2 times.")])
+def test_the_page_says_whether_the_rule_held(broken, words):
+    metrics = {f"faults_{key}": value for key, value in (COUNTS | {"command": "x", "broken": broken}).items()}
+    assert f"<strong>{words}" in reliability_page({"faults": FAULTS}, metrics)

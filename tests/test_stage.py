@@ -8,7 +8,6 @@ import pytest
 
 from structlearn.core import stage
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.core.params import Parameters
 
 
 @pytest.mark.parametrize(
@@ -31,14 +30,6 @@ def test_bad_input_and_an_interruption_are_one_line_on_standard_error(capsys, er
         stage.run(main)
     stage.run(lambda: None)
     assert capsys.readouterr() == ("", "")
-
-
-def test_parameters_come_from_the_working_directory(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=r"^params\.yaml: no such parameter file$"):
-        stage.stage_parameters("fit", Parameters)
-    (tmp_path / "params.yaml").write_text("fit: {}")
-    assert stage.stage_parameters("fit", Parameters) == Parameters()
 
 
 def test_a_stage_without_its_data_leaves_an_empty_folder_and_says_why(tmp_path, capsys):

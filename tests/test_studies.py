@@ -1,16 +1,19 @@
 """Studies: cells run the stages of a testbed with other seeds; tables say with which parameters and code."""
 
+import runpy
 import subprocess
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from committed import ROOT, read_yaml
 
 from structlearn.core.artefacts import write_csv
 from structlearn.core.errors import InputError
-from structlearn.reporting import study_tables
+from structlearn.reporting import study_cells, study_tables
 from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
 from structlearn.reporting.studies import (
     RESULTS,
@@ -71,8 +74,12 @@ Path('reports/toy/tables/rows.csv').write_text('seed,note\\n' + people)
 """
 
 
+MORE_STEPS = ("learn['steps'])", "learn['steps'] + 1)")  # a mutant in a method
+
+
 @pytest.fixture
-def toy(tmp_path):
+def scripts(tmp_path):
+    """A project of two stages."""
     for name, text in (("learn", LEARN), ("report", REPORT)):
         path = tmp_path / f"stages/toy/{name}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -82,6 +89,18 @@ def toy(tmp_path):
     values = {"learn": {"steps": 4, "seed": 1}, "report": {"factor": 1}, "people": {"test": [1, 2]}}
     (tmp_path / "params.yaml").write_text(yaml.safe_dump(values))
     return tmp_path
+
+
+@pytest.fixture
+def toy(scripts, monkeypatch):
+    """The same, with stages that run in this process, which starts none."""
+
+    def run_stage(script, folder, root, cell):
+        with chdir(folder):
+            runpy.run_path(script)
+
+    monkeypatch.setattr(study_cells, "run_stage", run_stage)
+    return scripts
 
 
 def run(toy, *cells):
@@ -101,15 +120,15 @@ def test_a_cell_is_named_by_its_seeds(cell, fault):
         seeds_of(cell)
 
 
-def test_a_cell_runs_all_stages_with_its_seeds_and_a_variant_those_that_it_changes(toy):
-    tables = run_cell(NAME, DESCRIPTION, "5-7", toy)
+def test_a_cell_runs_all_stages_with_its_seeds_and_a_variant_those_that_it_changes(scripts):
+    tables = run_cell(NAME, DESCRIPTION, "5-7", scripts)
     found = tables["findings"]
     assert list(found) == ["variant", "cell", "cost", "cost_runs"]
     assert found.to_numpy().tolist() == [["ours", "5-7", 20, 1], ["text", "5-7", 200, 1]]
     assert tables["rows"]["seed"].tolist() == [5, 6, 7] * 2  # a list gets all seeds
-    assert sorted(path.name for path in toy.iterdir()) == ["dvc.yaml", "params.yaml", "stages"]
+    assert sorted(path.name for path in scripts.iterdir()) == ["dvc.yaml", "params.yaml", "stages"]
     with pytest.raises(InputError, match=r"cell 66: stages/toy/learn\.py: no such person"):
-        run_cell(NAME, DESCRIPTION, "66", toy)
+        run_cell(NAME, DESCRIPTION, "66", scripts)
     with pytest.raises(InputError, match=r"params\.yaml: key 'learn\.pace' is missing"):
         changed({"learn": {"steps": 4}}, {"learn.pace": 1})
 
@@ -120,7 +139,7 @@ def test_cells_are_joined_with_those_in_git(toy):
     assert list(study.made.cells) == ["9", "10"]
     np.testing.assert_array_equal(study.values("ours", "cost"), [36, 40])
     np.testing.assert_array_equal(study.values("text", "cost"), [360, 400])
-    (toy / "stages/toy/learn.py").write_text(LEARN.replace("learn['steps'])", "learn['steps'] + 1)"))
+    (toy / "stages/toy/learn.py").write_text(LEARN.replace(*MORE_STEPS))
     assert run(toy, "10").values("ours", "cost").tolist() == [36, 41]  # run anew by other code
     more = {"8": (run_cell(NAME, DESCRIPTION, "8", toy), ORIGIN)}
     assert list(joined(study, more, study.made.parameters, DESCRIPTION).made.cells) == ["8", "9", "10"]
@@ -179,12 +198,10 @@ def test_a_cell_that_was_run_again_is_held_against_the_table(toy):
         moved = found | {"findings": found["findings"].assign(cost=found["findings"]["cost"] * factor)}
         check = compare(moved, of, "9", toy)
         assert (check.different, check.exact, check.processor) == (different, of is study, processor())
-    assert compare(found | {"rows": found["rows"][:1]}, study, "9", toy).different == [
-        "rows.seed",
-        "rows.note",
-    ]
-    (toy / "stages/toy/learn.py").write_text(LEARN.replace("learn['steps'])", "learn['steps'] + 1)"))
-    assert check_study(NAME, DESCRIPTION, toy) == ["toy/people: findings.cost"]  # a mutant in a method
+    shorter = compare(found | {"rows": found["rows"][:1]}, study, "9", toy)
+    assert shorter.different == ["rows.seed", "rows.note"]
+    (toy / "stages/toy/learn.py").write_text(LEARN.replace(*MORE_STEPS))
+    assert check_study(NAME, DESCRIPTION, toy) == ["toy/people: findings.cost"]
 
 
 ORIGIN, LATER = (Origin(commit=commit, processor="here") for commit in ("a1b2c3d", "e4f5a6b"))
@@ -234,14 +251,15 @@ def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monk
     assert source_commit(["src"], tmp_path) == UNKNOWN_COMMIT
 
 
+DESCRIPTIONS = read_descriptions(ROOT / study_cells.DESCRIPTIONS)
 POPULATIONS = {"obstacles": "obstacle_people", "dynamics": "dynamics_robots", "servoing": "servo_people"}
 
 
-@pytest.mark.parametrize("name", read_descriptions())
+@pytest.mark.parametrize("name", DESCRIPTIONS)
 def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chosen(name, root: Path):
-    description, testbed = read_descriptions()[name], name.partition("/")[0]
-    planned = yaml.safe_load((root / "stages/studies/dvc.yaml").read_text())["stages"][name.replace("/", "_")]
-    parameters = yaml.safe_load((root / "params.yaml").read_text())
+    description, testbed = DESCRIPTIONS[name], name.partition("/")[0]
+    planned = read_yaml(root / "stages/studies/dvc.yaml")["stages"][name.replace("/", "_")]
+    parameters = read_yaml(root / "params.yaml")
     for variant in description.variants.values():
         changed(parameters, dict.fromkeys(description.seeds, 1) | variant.parameters)
         assert variant.first in description.stages
@@ -267,7 +285,7 @@ def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chose
 
 def test_the_page_lists_every_study(root, monkeypatch):
     monkeypatch.chdir(root)
-    page = study_tables.studies_page(read_descriptions())
+    page = study_tables.studies_page(DESCRIPTIONS)
     for made in root.glob(f"{RESULTS}/*/*/study.json"):
         name = made.parent.relative_to(root / RESULTS).as_posix()
         assert name in page
@@ -275,8 +293,8 @@ def test_the_page_lists_every_study(root, monkeypatch):
         assert provenance(stored_study(made.parent))[5:30] in page
 
 
-def test_a_study_that_was_run_without_numbers_says_so(toy, monkeypatch):
-    write_csv(pd.DataFrame({"variant": ["ours"], "cell": ["1"]}), toy / RESULTS / NAME / "findings.csv")
-    (toy / RESULTS / NAME / "study.json").write_text('{"parameters": {}}')
+def test_a_study_that_was_run_without_numbers_says_so(tmp_path):
+    write_csv(pd.DataFrame({"variant": ["ours"], "cell": ["1"]}), tmp_path / "findings.csv")
+    (tmp_path / "study.json").write_text('{"parameters": {}}')
     with pytest.raises(InputError, match=r"study\.json: .*cells: Field required"):
-        stored_study(toy / RESULTS / NAME)
+        stored_study(tmp_path)

@@ -5,7 +5,6 @@ import subprocess
 import sys
 from contextlib import chdir, redirect_stdout
 from io import StringIO
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,9 +25,8 @@ def project(tmp_path_factory):
     """A pipeline that DVC has run."""
     folder = tmp_path_factory.mktemp("project")
     (folder / "dvc.yaml").write_text(STAGE)
-    dvc = Path(sys.executable).with_name("dvc")
-    for command in (["init", "--no-scm", "--quiet"], ["repro", "--quiet"]):
-        subprocess.run([dvc, *command], cwd=folder, check=True)
+    program = "from dvc.repo import Repo; Repo.init(no_scm=True).reproduce()"
+    subprocess.run([sys.executable, "-c", program], cwd=folder, check=True, stdout=subprocess.DEVNULL)
     return folder
 
 
