@@ -30,7 +30,7 @@ PROGRAMS = {path.stem for path in PACKAGE.glob("*.py") if "__main__" in path.rea
 
 ROOMS = {
     "rerun": ("viewer", "views", "view"),
-    "matplotlib": ("reporting", "page", "section", "figures", "excite"),
+    "matplotlib": ("reporting", "page", "section", "figures"),
     "pybullet": ("simulation", "world"),
     "pinocchio": ("simulation", "world", "rigid_body", "readers"),
     "torch": ("networks", "feedback", "rigid_body", "tactile"),

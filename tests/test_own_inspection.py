@@ -106,7 +106,7 @@ def test_hesitations_and_twitches_are_no_further_runs_and_a_missing_one_is_named
 
 def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):
     source = rewritten(example, tmp_path / "joints", ["/joint_states"])
-    found = find_out(str(source), PANDA)
+    found = find_out(str(source), URDF)  # a file that PyBullet ships
     assert found.motion.number == 3
     assert found.proposal.entry["topics"]["pose"] == {"urdf": PANDA, "tip": TIP, "topic": "/joint_states"}
     task = as_task("\n".join(as_yaml(found.proposal)), tmp_path)

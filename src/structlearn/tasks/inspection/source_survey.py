@@ -4,6 +4,7 @@ Files are opened one after another; what cannot be read is remembered by its rea
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from itertools import product
 from typing import NamedTuple
 
@@ -94,6 +95,8 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
     Raises:
         InputError: the source is missing or empty, none of its files can be opened, or the URDF is no robot.
     """
+    if urdf and not local_path(urdf).is_file():
+        urdf = _shipped(urdf)
     if urdf:
         moving_joints(local_path(urdf))  # a wrong file is told of before any bag is opened
     files, damaged = [], {}
@@ -106,6 +109,15 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
         first, *others = damaged.values()
         raise InputError(f"{first}{f'; nor can the {len(others)} others be read' if others else ''}")
     return SourceSeen(source, urdf, tuple(files), damaged)
+
+
+def _shipped(urdf: str) -> str:
+    """Path of a file of `pybullet_data`, which entries may name; any other name as it is."""
+    from structlearn.simulation.arm import urdf_path  # loads PyBullet's data alone where it is asked for
+
+    with suppress(InputError):
+        return str(urdf_path(urdf))
+    return urdf
 
 
 def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
