@@ -25,15 +25,15 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """First the pipeline, which takes longest; what waits for it where another process gets when it is done.
+    """First the pipeline; what waits for it, recorded data first, where another process gets when it is done.
 
     So the last that are given out are short, and all processes end together.
     """
     waiting = {item.path for item in items if "reduced_project" in item.fixturenames}
-    pipeline = ROOT / "tests/test_pipeline.py"
+    pipeline, recorded = ROOT / "tests/test_pipeline.py", ROOT / "tests/test_pipeline_recorded.py"
     others = list(dict.fromkeys(item.path for item in items if item.path not in waiting))
-    half = len(others) // 2
-    order = [pipeline, *others[:half], *sorted(waiting - {pipeline}), *others[half:]]
+    third = len(others) // 3
+    order = [pipeline, *others[:third], recorded, *sorted(waiting - {pipeline, recorded}), *others[third:]]
     rank = {path: place for place, path in enumerate(order)}
     items.sort(key=lambda item: rank[item.path])
 
