@@ -157,6 +157,19 @@ def test_big_libraries_stay_in_their_rooms():
                 assert set(rooms) & room, f"{path} imports {library}"
 
 
+def test_a_module_name_means_one_thing():
+    """Modules of one name are the same part of different testbeds."""
+    places: dict[str, list[Path]] = {}
+    for path in modules():
+        if path.name not in ("__init__.py", "findings.py"):  # of a page, and the kit for them in `reporting`
+            places.setdefault(path.name, []).append(path)
+    for paths in places.values():
+        parts = {
+            ("testbeds", *path.parts[2:]) if path.parts[0] == "testbeds" else path.parts for path in paths
+        }
+        assert len(parts) == 1, paths
+
+
 @pytest.mark.parametrize("name", STAGES)
 def test_a_stage_depends_on_its_script_and_on_its_list_of_code(name):
     place = Path(name).relative_to("stages").with_suffix(".txt")
@@ -221,6 +234,22 @@ def test_stages_start_without_what_they_do_not_need():
     assert "pandas" not in {
         name for file in loaded_at_start(PACKAGE / "core/stage.py") for name in at_start(file)
     }
+
+
+def test_no_stage_hands_a_function_of_its_own_to_other_processes():
+    """Processes may outlive a stage, and find functions by their module."""
+    for script in (ROOT / "stages").rglob("*.py"):
+        tree = ast.parse(script.read_text())
+        own = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+        handed = {
+            argument.id
+            for call in calls
+            if getattr(call.func, "id", "") in ("partial", "parallel_map")
+            for argument in call.args[:1]
+            if isinstance(argument, ast.Name)
+        }
+        assert not own & handed, f"{script.name} hands over {own & handed}"
 
 
 FACES = """

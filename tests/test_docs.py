@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import subprocess
 
 import pytest
 import yaml
@@ -52,3 +53,12 @@ def test_the_index_finds_what_is_numbered(hooks):
     for one in citations:  # its place is a line of the source
         line = lines[one.path][one.line - 1]
         assert one.line == 1 or one.name in line or line.startswith("@") or "def" in line or "#" in line
+
+
+def test_make_alone_lists_every_target():
+    phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split()
+    told = subprocess.run(
+        ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    listed = {target for line in told.stdout.splitlines() for target in line[:18].split()}
+    assert listed == set(phony) - {"help"}

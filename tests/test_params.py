@@ -4,6 +4,7 @@ import importlib
 import operator
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import get_args
 
@@ -190,12 +191,41 @@ def test_no_parameter_has_a_second_value_in_the_code(models):
     assert defaults == []
 
 
+EXPLAINED = r"as(?: of)? `|by primitive|in order of time|and the joint"
+"""In the comment of a group: it says what all its values are, or where they are explained."""
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_every_value_has_a_line_of_its_own_with_a_comment(root, file):
+    """Beside or above it; or the comment of its group says what all are, or where they are explained."""
+    lines = (root / file).read_text().splitlines()
+    assert max(map(len, lines)) <= 100
+    groups: list[tuple[int, str]] = []  # the keys above, with their indentation
+    bare = []
+    for before, line in pairwise(["", *lines]):
+        if key := re.match(r"((?: |- )*)[\w.]+:( +[^ #].*?)?(  # .*)?$", line):
+            groups = [group for group in groups if group[0] < len(key[1])]
+            above = before if before.lstrip().startswith("#") else ""
+            groups.append((len(key[1]), f"{above}{key[3] or ''}"))
+            if key[2] and not groups[-1][1] and not any(re.search(EXPLAINED, its) for _, its in groups[:-1]):
+                bare.append(line)
+        else:
+            assert re.match(r" *(#|- [^{:]*$|$)", line), line
+    assert bare == []
+
+
 def test_experiments_that_the_documentation_shows_change_keys_that_are_there(root):
     shown = re.findall(r"-S ([\w.]+)=", (root / "docs/parameters.md").read_text())
     parameters = read_yaml(root / "params.yaml")
     assert shown
     for key in shown:
         assert functools.reduce(operator.getitem, key.split("."), parameters) is not None
+
+
+def test_nobody_is_told_to_let_dvc_write_the_parameters_anew(root):
+    found = [*(root / "docs").glob("*.md"), *(root / "src").rglob("*.jinja")]
+    for path in (root / "README.md", root / "params.yaml", *found):
+        assert not re.search(r"dvc exp run(?! --temp)", path.read_text()), path
 
 
 @pytest.mark.parametrize(

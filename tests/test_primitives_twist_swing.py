@@ -1,6 +1,12 @@
 import numpy as np
 import pytest
-from primitives_movements import for_rngs, random_orientations, random_vectors, wobbly_turn
+from primitives_movements import (
+    for_rngs,
+    random_orientations,
+    random_twist_swing,
+    random_vectors,
+    wobbly_turn,
+)
 
 from structlearn.core import quaternion
 from structlearn.primitives import twist_swing as chart
@@ -89,7 +95,22 @@ def test_the_dominant_axis_is_the_one_turned_about(rng):
     assert chart.largest_turn(taught) == pytest.approx(turn, abs=0.1)
 
 
-@pytest.mark.parametrize("turns", [0.3, -1.0, 1.7, -3.2])
+TURNS = pytest.mark.parametrize("turns", [0.3, -1.0, 1.7, -3.2])
+
+
+@TURNS
+@for_rngs
+def test_one_demonstration_of_full_turns_is_reproduced(turns, rng):
+    taught = wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))
+    path = chart.fit_twist_swing([taught]).unroll(DT)
+    error = np.degrees(quaternion.angle_between(path.orientation, taught.orientation))
+    assert error.max() < 0.5
+    assert error[-1] < 0.1
+    scale = np.abs(taught.angular_velocity).max()
+    np.testing.assert_allclose(path.angular_velocity, taught.angular_velocity, atol=0.05 * scale)
+
+
+@TURNS
 @for_rngs
 def test_several_recordings_with_sign_flips_are_one_primitive(turns, rng):
     seed, base, axis = rng.integers(2**32), random_orientations(rng), rng.normal(size=3)
@@ -108,6 +129,16 @@ def test_several_recordings_with_sign_flips_are_one_primitive(turns, rng):
         assert error.max() < 5.0
         assert error[-1] < 0.5
         turned = chart.largest_turn([path])
-        assert turned == pytest.approx(
-            chart.largest_turn([demonstration]), abs=0.2
-        )  # not a turn fewer or more
+        taught_turn = chart.largest_turn([demonstration])
+        assert turned == pytest.approx(taught_turn, abs=0.2)  # not a turn fewer or more
+
+
+@for_rngs
+def test_the_reported_rates_are_those_of_the_path(rng):
+    path = random_twist_swing(rng).unroll(0.0005)
+    found = quaternion.angular_velocity(path.orientation, 0.0005)
+    scale = np.abs(path.angular_velocity).max()
+    np.testing.assert_allclose(found[1:-1], path.angular_velocity[1:-1], atol=1e-3 * scale)
+    change = np.gradient(path.angular_velocity, 0.0005, axis=0)[1:-1]
+    scale = np.abs(path.angular_acceleration).max()
+    np.testing.assert_allclose(change, path.angular_acceleration[1:-1], atol=1e-2 * scale)

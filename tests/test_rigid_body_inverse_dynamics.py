@@ -11,6 +11,7 @@ from structlearn.rigid_body import compiled_chain, compiled_dynamics, friction
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
 from structlearn.rigid_body.newton_euler import agreement_with_pinocchio, inverse_dynamics
 from structlearn.rigid_body.regressor import link_parameters, torque_factors, torque_regressor
+from structlearn.rigid_body.tree import LinkInertias
 
 TERMS = ("viscous", "coulomb", "offset", "stiffness")
 
@@ -190,3 +191,18 @@ def test_a_step_leaves_the_workspace_of_the_new_state(arm, body, work):
     compiled_chain.dynamics(body, q, qd, again)
     np.testing.assert_array_equal(work.mass_matrix, again.mass_matrix)
     np.testing.assert_array_equal(work.bias, again.bias)
+
+
+def test_an_inertia_need_not_be_symmetric():
+    """The last link alone spins about z: n = I dw + w x (I w), so Izx and Ixz do not act alike."""
+    arm = robot("iiwa")
+    inertias, motion = arm.inertias.tensors(), as_tensors(*states(arm, 5))
+    extra = torch.zeros(7, 3, 3, dtype=torch.float64)
+    extra[6, 2, 0] = 0.5  # with its mirror image zero
+
+    def change(tensor):
+        odd = LinkInertias(inertias.mass, inertias.first_moment, inertias.inertia + tensor)
+        return inverse_dynamics(arm.tree, odd, *motion) - inverse_dynamics(arm.tree, inertias, *motion)
+
+    assert (change(extra) - change(extra.mT)).abs().max() > 1e-2
+    torch.testing.assert_close(change(extra) + change(extra.mT), change(extra + extra.mT))

@@ -5,19 +5,20 @@ import numpy as np
 import pytest
 import torch
 from committed import committed
-from rigid_body_motions import arm, rubbing_motion, sine_motion
+from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
 from rigid_body_robots import carrying
 
 from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import AdamParameters, seeded
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body import dynamics_training as training
+from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.network_models import SCALING, NetworkLearner
 from structlearn.rigid_body.newton_euler import inverse_dynamics
-from structlearn.rigid_body.payload import PayloadLearningParameters, follow_payload, learn_payload
+from structlearn.rigid_body.payload import PayloadLearningParameters, follow_payload, identify_empty
 from structlearn.simulation.arm import Payload
 from structlearn.testbeds.dynamics.protocol import trainings as protocol
 
@@ -313,11 +314,14 @@ def test_online_learning_sees_every_batch_once():
     assert cov.iloc[-1] < 0.5 * cov.iloc[0]
 
 
-def test_an_arm_that_carries_nothing_is_identified_with_its_friction():
+def test_an_empty_robot_is_identified_with_its_friction():
+    motion = rubbing_motion(arm())
     parameters = committed(PayloadLearningParameters, "online.payload", empty_s=20.0)
-    table = learn_payload((rubbing_motion(arm()), 0.02), arm().tree, arm().inertias, parameters)
-    assert table["nmse_fixed"].max() < 3e-3  # also after the samples it was fitted to
-    np.testing.assert_allclose(table["mass_kg"], 0.0, atol=0.05)
+    links, friction = identify_empty(arm().tree, arm().inertias, motion, 0.02, parameters)
+    expected = friction_columns(motion.q, motion.qd, ("viscous", "coulomb")) @ [VISCOUS, COULOMB]
+    np.testing.assert_allclose(friction, expected, atol=0.1)
+    torques = rigid_body_torques(arm().tree, links, motion) + friction
+    assert nmse(torques, motion.torque).max() < 1e-3  # also of what came after
 
 
 def test_a_payload_is_found_after_it_was_picked_up():

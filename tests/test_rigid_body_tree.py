@@ -244,3 +244,14 @@ def test_another_robots_source_is_refused(tmp_path):
     robot = known_robot("iiwa")
     with pytest.raises(InputError, match="lacks the joints lbr_iiwa_joint_1"):
         write_urdf(source("panda", tmp_path), tmp_path / "a.urdf", robot.tree, robot.inertias)
+
+
+def test_a_chain_that_ends_in_a_circle_of_links_has_an_end(tmp_path):
+    links = ("a1", "revolute", "one", "two"), ("f", "fixed", "three", "one"), ("g", "fixed", "one", "three")
+    joints = [
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
+        for name, kind, parent, child in links
+    ]
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="arm">{"".join(joints)}</robot>')
+    assert counterparts(path, ["b1"]) == {"b1": "a1"}

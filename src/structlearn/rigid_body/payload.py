@@ -61,17 +61,24 @@ def learn_payload(
     in which nothing is carried yet.
     """
     motion, dt = log
-    empty = motion.part(slice(0, round(parameters.empty_s / dt)))
-    triangle = normalised_triangle(MotionRegressor(tree, empty, True, EMPTY_FRICTION).factors)
-    free, rubbing = fit_structure(
-        parameters.structure, triangle, EMPTY_FRICTION, inertias, parameters.iterations
-    )
-    links = link_inertias(parameters.structure, torch.from_numpy(free[0])).arrays()
-    coefficients = friction_coefficients(torch.from_numpy(rubbing), EMPTY_FRICTION)[0].numpy()
-    columns = friction_columns(motion.q, motion.qd, EMPTY_FRICTION)
-    friction = np.einsum("tjk,jk->tj", columns, coefficients)
+    links, friction = identify_empty(tree, inertias, motion, dt, parameters)
     rigid = Motion(motion.q, motion.qd, motion.qdd, motion.torque - friction)
     return follow_payload(tree, links, rigid, dt, parameters)
+
+
+def identify_empty(
+    tree: KinematicTree, urdf: LinkInertias, motion: Motion, dt: float, parameters: PayloadLearningParameters
+) -> tuple[LinkInertias[np.ndarray], np.ndarray]:
+    """Inertias of an arm's links, and the friction torques (N, n) in N m that it had in a motion.
+
+    Both are fitted to the first `empty_s` of the motion, in which nothing is carried yet.
+    """
+    empty = motion.part(slice(0, round(parameters.empty_s / dt)))
+    triangle = normalised_triangle(MotionRegressor(tree, empty, True, EMPTY_FRICTION).factors)
+    free, rubbing = fit_structure(parameters.structure, triangle, EMPTY_FRICTION, urdf, parameters.iterations)
+    links = link_inertias(parameters.structure, torch.from_numpy(free[0])).arrays()
+    coefficients = friction_coefficients(torch.from_numpy(rubbing), EMPTY_FRICTION)[0].numpy()
+    return links, np.einsum("tjk,jk->tj", friction_columns(motion.q, motion.qd, EMPTY_FRICTION), coefficients)
 
 
 def follow_payload(

@@ -109,21 +109,9 @@ def tips(path: str | Path, joints: Collection[str]) -> list[str]:
     Those with the name of a hand come first, then those behind more joints. Links moved by other joints, e.g.
     fingers, are left out. Raises InputError: the file is missing or no URDF.
     """
-    found = _joints(path)
-    carried = {child: (name, kind, parent) for name, (kind, parent, child) in found.items()}
-    depths: dict[str, int] = {}
-    for link in carried:
-        depth, at, passed = 0, link, set()
-        while at in carried and at not in passed:  # a circle of links has no root
-            passed.add(at)
-            name, kind, at = carried[at]
-            if kind != "fixed" and name not in joints:
-                depth = 0
-                break
-            depth += kind != "fixed"
-        if depth:
-            depths[link] = depth
-    inner = {carried[link][2] for link in depths}
+    chains = _chains(path)
+    depths = {link: len(its) for link, its in chains.items() if its and set(its) <= set(joints)}
+    inner = {parent for _, parent, child in _joints(path).values() if child in depths}
     return sorted(depths.keys() - inner, key=lambda link: (not HANDS.search(link), -depths[link], link))
 
 
@@ -132,24 +120,31 @@ def counterparts(path: str | Path, joints: Sequence[str]) -> dict[str, str]:
 
     Order is that of the numbers at the ends of the names: `fer_joint1` is `panda_joint1`. Else empty.
     """
-    found = _joints(path)
-    carried = {child: (name, kind, parent) for name, (kind, parent, child) in found.items()}
-    wanted = sorted(joints, key=natural_order)
+    wanted, chains = sorted(joints, key=natural_order), _chains(path)
     numbers = list(map(_number, wanted))
     for tip in tips(path, moving_joints(path)):
-        chain, at = list[str](), tip
-        while at in carried and len(chain) <= len(found):
-            name, kind, at = carried[at]
-            chain += [name] if kind != "fixed" else []
-        chain.reverse()
-        if None not in numbers and list(map(_number, chain)) == numbers:
-            return dict(zip(wanted, chain, strict=True))
+        if None not in numbers and list(map(_number, chains[tip])) == numbers:
+            return dict(zip(wanted, chains[tip], strict=True))
     return {}
 
 
 def _number(name: str) -> str | None:
     found = re.search(r"\d+$", name)
     return found and found.group()
+
+
+def _chains(path: str | Path) -> dict[str, list[str]]:
+    """Names of the joints that move each link, from the root on; a circle of links has no root."""
+    carried = {child: (name, kind, parent) for name, (kind, parent, child) in _joints(path).items()}
+    chains = {}
+    for link in carried:
+        chain, at, passed = list[str](), link, set[str]()
+        while at in carried and at not in passed:
+            passed.add(at)
+            name, kind, at = carried[at]
+            chain += [name] if kind != "fixed" else []
+        chains[link] = chain[::-1]
+    return chains
 
 
 def _joints(path: str | Path) -> dict[str, tuple[str, str, str]]:

@@ -1,4 +1,4 @@
-"""Start and end of every primitive by zero-velocity crossing, before refinement.
+"""Start and end of every primitive by zero-velocity crossing, or from there at its onset, before refinement.
 
 If each primitive has a different axis and a threshold, it is the largest movement along its axis after the
 previous one, demonstration by demonstration, and the first demonstration is the reference. Otherwise runs of

@@ -70,6 +70,7 @@ def cuts_section(files: TaskFiles) -> Section:
         "given": own.given,
         "drawn": len(drawn),
         "reference": segmentation.reference,
+        "onsets": own.segment is not None and own.segment.at_onsets,
         "left_out": len(segmentation.left_out),
         "doubts": len(segmentation.doubts),
         "doubtful": [name for name in cut if name in flagged],
