@@ -17,7 +17,7 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Panel, Source, render
-from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
+from structlearn.rigid_body.arm_kinematics import JointPath, read_arm
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.movement import check_results, check_section, skill_check
 from structlearn.tasks.movement.movement_parameters import Placement

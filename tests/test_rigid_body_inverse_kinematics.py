@@ -11,11 +11,21 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
 from structlearn.rigid_body import compiled_chain
-from structlearn.rigid_body.inverse_kinematics import Follower, follow, read_arm, rest_for
-from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference, tool_motion
-from structlearn.rigid_body.self_collision import link_distances, read_shapes
+from structlearn.rigid_body.arm_kinematics import (
+    Follower,
+    follow,
+    link_distances,
+    read_arm,
+    read_shapes,
+    rest_for,
+)
 from structlearn.rigid_body.tree import configuration
 from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.dynamics.world.operational_space import (
+    VelocityControl,
+    joint_reference,
+    tool_motion,
+)
 
 DT = 0.005
 BENT = np.array([0.2, -0.4, 0.1, -2.1, -0.1, 1.8, 0.7])  # rad, an easy configuration of the Panda

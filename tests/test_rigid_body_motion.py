@@ -6,9 +6,9 @@ from rigid_body_robots import carrying, pinocchio_torques, robot_with
 
 from structlearn.core.errors import InputError
 from structlearn.rigid_body import identification, payload
-from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import friction_columns
+from structlearn.rigid_body.log_fitness import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.motion import Motion, excited, measured_motion
 from structlearn.rigid_body.regressor import MotionRegressor
 from structlearn.simulation.arm import Payload

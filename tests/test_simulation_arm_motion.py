@@ -16,7 +16,6 @@ from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
-from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, known, learned, track
 from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
@@ -30,6 +29,7 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_path,
 )
 from structlearn.testbeds.dynamics.world.controlled_arm import Feedback, ReferencePath, SimulatedArm, run
+from structlearn.testbeds.dynamics.world.operational_space import tool_motion
 
 SHORT = committed_motion(duration_s=4.0)
 

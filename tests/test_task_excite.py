@@ -8,8 +8,7 @@ from test_rigid_body_excitation import two_joints
 
 from structlearn import command
 from structlearn.core.errors import InputError
-from structlearn.rigid_body.inverse_kinematics import read_arm
-from structlearn.rigid_body.self_collision import read_shapes
+from structlearn.rigid_body.arm_kinematics import read_arm, read_shapes
 from structlearn.tasks.motion import excite
 
 

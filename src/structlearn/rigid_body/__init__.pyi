@@ -6,7 +6,7 @@ from .dynamics_models import (
 )
 from .identification import fit_structure as fit_structure, least_squares as least_squares
 from .inertia_parameters import draw as draw, link_inertias as link_inertias
-from .inverse_kinematics import Arm as Arm, Follower as Follower, follow as follow, read_arm as read_arm
+from .arm_kinematics import Arm as Arm, Follower as Follower, follow as follow, read_arm as read_arm
 from .motion import Motion as Motion, measured_motion as measured_motion
 from .network_models import (
     StackedLagrangianNetworks as StackedLagrangianNetworks,

@@ -1,4 +1,9 @@
-"""Fitness of a log for identification, checked before a model learns from it.
+"""What a log tells before a model learns from it: gains and delays of its drives, and whether it is fit.
+
+    tau = k i(t + d)        k: gain in N m/A, d: delay of the measured current in s
+
+At rest the controller commands a current for the torque of its model, so k is their ratio. In motion the
+current covers friction as well, which a smooth function of the velocity accounts for.
 
 A log can be sampled too slowly, have gaps, hold torques that lag the positions, run into torque limits, or
 move too little; then some parameters are not determined, whatever the model. How well each combination of
@@ -11,11 +16,17 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core import signals
+from structlearn.core.metrics import block_count, block_sums, drawn_counts
 from structlearn.rigid_body.base_parameters import BaseFit
-from structlearn.rigid_body.drives import current_delays
-from structlearn.rigid_body.friction import FrictionTerm
+from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import Robot
+from structlearn.rigid_body.regressor import torque_regressor
+from structlearn.rigid_body.tree import KinematicTree, Robot
+
+LEAST_CURRENT_A = 0.01  # below it a joint shows no gain: the axis is vertical, or nothing hangs on it
+TURNING_RAD_S = 0.02  # below it the sign of the velocity, and with it of the friction, is not certain
+STRIBECK_RAD_S = 0.1  # where friction falls from its value at rest
+INDEPENDENT = 1e-7  # directions of a regressor with less than this share of the strongest are rounding
 
 YES, DOUBTFUL, NO = "yes", "doubtful", "no"
 
@@ -26,10 +37,11 @@ MOST_SAMPLES = 20_000  # of a motion whose delays are estimated; more would not 
 SATURATED = 0.99  # share of its limit from which a torque may be cut off
 STILL_RAD = 0.1  # range in which a joint hardly moves
 
+DELAY = "delay of the torque (% of its std)"
 BOUNDS = {
     "samples per period of the fastest signal kept": (4.0, 2.0),
     "largest gap (periods of it)": (0.5, 1.0),
-    "delay of the torque (% of its std)": (5.0, 20.0),
+    DELAY: (5.0, 20.0),
     "torque at its limit (% of samples)": (0.1, 2.0),
     "range (rad)": (2.0 * STILL_RAD, STILL_RAD),
     "condition number": (100.0, 1000.0),
@@ -61,24 +73,22 @@ def log_fitness(
     effort = np.where(robot.model.effortLimit > 0.0, robot.model.effortLimit, np.inf)
     delay, effect = torque_delays(robot, motion, rate_hz, friction)
     undetermined = parameter_percent(fit) > DETERMINED_PERCENT
-    values = {
-        "samples per period of the fastest signal kept": 1.0 / float(np.median(steps)) / cutoff_hz,
-        "largest gap (periods of it)": float(steps.max()) * cutoff_hz,
-        "delay of the torque (% of its std)": effect,
-        "torque at its limit (% of samples)": 100.0
-        * (np.abs(motion.torque) >= SATURATED * effort).mean(axis=0),
-        "range (rad)": np.ptp(motion.q, axis=0),
-        "condition number": fit.condition,
-        "parameters not determined (%)": 100.0 * float(undetermined.mean()),
-    }
+    values = (
+        1.0 / float(np.median(steps)) / cutoff_hz,
+        float(steps.max()) * cutoff_hz,
+        effect,
+        100.0 * (np.abs(motion.torque) >= SATURATED * effort).mean(axis=0),
+        np.ptp(motion.q, axis=0),
+        fit.condition,
+        100.0 * float(undetermined.mean()),
+    )
     rows = [
-        (question, joint if np.ndim(values[question]) else 0, value, _verdict(value, *BOUNDS[question]))
-        for question in BOUNDS
-        for joint, value in enumerate(np.atleast_1d(values[question]), start=1)
+        (question, joint if np.ndim(asked) else 0, value, _verdict(value, *bounds))
+        for (question, bounds), asked in zip(BOUNDS.items(), values, strict=True)
+        for joint, value in enumerate(np.atleast_1d(asked), start=1)
     ]
     table = pd.DataFrame(rows, columns=["question", "joint", "value", "verdict"])
-    own = table["question"] == "delay of the torque (% of its std)"
-    table.loc[own, "delay_ms"] = 1e3 * delay
+    table.loc[table["question"] == DELAY, "delay_ms"] = 1e3 * delay
     return table
 
 
@@ -127,3 +137,92 @@ def _verdict(value: float, doubtful: float, wrong: float) -> str:
     if wrong < doubtful:
         value, doubtful, wrong = -value, -doubtful, -wrong
     return YES if value <= doubtful else DOUBTFUL if value <= wrong else NO
+
+
+def resting_gains(
+    current: np.ndarray, torque: np.ndarray, length: int, draws: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gains of drives that hold an arm at rest: torque over current, by least squares through zero.
+
+    Currents (N, n) A are those the controller commands, torques (N, n) N m those of its model. The bootstrap
+    draws blocks of `length` samples. Returns (n,) N m/A and (draws, n); NaN where no current flows.
+    """
+    products = block_sums(np.stack([current * torque, current**2], axis=1), length)  # (B, 2, n)
+    counts = drawn_counts(len(products), draws, seed)
+    flowing = np.abs(current).max(axis=0) > LEAST_CURRENT_A
+
+    def ratio(sums: np.ndarray) -> np.ndarray:
+        safe = np.where(flowing, sums[..., 1, :], 1.0)
+        return np.where(flowing, sums[..., 0, :] / safe, np.nan)
+
+    return ratio(products.sum(axis=0)), ratio(np.tensordot(counts, products, 1))
+
+
+def moving_gains(
+    current: np.ndarray, torque: np.ndarray, velocity: np.ndarray, length: int, draws: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gains of drives that move an arm at (N, n) rad/s, beside friction as a smooth function of the velocity.
+
+    Otherwise as `resting_gains`; torques are those of the links.
+    """
+    drawn_blocks = drawn_counts(block_count(len(current), length), draws, seed)
+    counts = np.vstack([np.ones_like(drawn_blocks[:1]), drawn_blocks])  # the first is the whole
+    gains, drawn = [], []
+    for its_current, its_torque, speed in zip(current.T, torque.T, velocity.T, strict=True):
+        sign, turning = np.sign(speed), np.abs(speed) > TURNING_RAD_S
+        columns = [its_torque, speed, speed * np.abs(speed), speed**3, sign]
+        columns += [sign * np.exp(-np.abs(speed) / STRIBECK_RAD_S), its_current]
+        rows = np.stack(columns, axis=1) * turning[:, None]
+        size = np.sqrt((rows**2).sum(axis=0))  # columns of one size keep the digits of normal equations
+        products = block_sums(np.einsum("np,nq->npq", rows / size, rows / size), length)
+        sums = np.tensordot(counts, products, 1)
+        found = np.linalg.solve(sums[:, :-1, :-1], sums[:, :-1, -1:])[:, 0, 0] * size[-1] / size[0]
+        gains.append(1.0 / found[0])
+        drawn.append(1.0 / found[1:])
+    return np.array(gains), np.array(drawn).T
+
+
+def current_delays(
+    tree: KinematicTree,
+    states: Motion,
+    torques: np.ndarray,
+    delays_s: np.ndarray,
+    friction: Sequence[FrictionTerm],
+    length: int,
+    draws: int,
+    seed: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Delays of measured currents against the motion they drive, each joint for itself.
+
+    Every joint is fitted with its own parameters by least squares at every delay (K,) s of an even grid, to
+    torques (K, N, n) of the currents shifted back by it. The delay is where the squares are least, between
+    grid points by the parabola through three of them. The bootstrap draws blocks of `length` squares with the
+    parameters held. The torques of `states` are not used.
+
+    Returns:
+        Delays (n,) and (draws, n) in s, and the squares (K, n) over those of the least.
+    """
+    columns = torque_regressor(tree, states.q, states.qd, states.qdd)
+    rubbing = friction_columns(states.q, states.qd, friction)
+    counts = drawn_counts(block_count(len(states), length), draws, seed)
+    delays, drawn, curves = [], [], []
+    for joint in range(states.joints):
+        rows = np.column_stack([columns[:, joint], rubbing[:, joint]])
+        basis, strength, _ = np.linalg.svd(rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-12), False)
+        basis = basis[:, strength > INDEPENDENT * strength[0]]
+        measured = torques[:, :, joint].T  # (N, K)
+        squares = block_sums((measured - basis @ (basis.T @ measured)) ** 2, length)  # (B, K)
+        whole = squares.sum(axis=0)
+        delays.append(_least(delays_s, whole[None])[0])
+        drawn.append(_least(delays_s, counts @ squares))
+        curves.append(whole / whole.min())
+    return np.array(delays), np.array(drawn).T, np.array(curves).T
+
+
+def _least(grid: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Where each row (M, K) is least, by a parabola; at the end of the grid where it falls to there."""
+    place = np.clip(values.argmin(axis=1), 1, len(grid) - 2)
+    before, here, after = (values[np.arange(len(values)), place + step] for step in (-1, 0, 1))
+    bend = before - 2.0 * here + after
+    shift = np.where(bend > 0.0, 0.5 * (before - after) / np.where(bend > 0.0, bend, 1.0), 0.0)
+    return grid[place] + np.clip(shift, -1.0, 1.0) * (grid[1] - grid[0])

@@ -13,10 +13,10 @@ from structlearn.core.parallel import parallel_map
 from structlearn.readers.clock import MAX_GAP_S, on_one_clock
 from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_log import DriveLog
-from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.identification import drawn_fits
+from structlearn.rigid_body.log_fitness import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.motion import Motion, excited, joined, smoothed_motion
 from structlearn.rigid_body.payload import PayloadLearningParameters, identify_load, learn_payload
 from structlearn.rigid_body.regressor import (

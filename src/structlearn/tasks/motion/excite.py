@@ -21,6 +21,7 @@ from structlearn.reporting.document import Document, Source
 from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
+from structlearn.rigid_body.arm_kinematics import Arm, LinkShapes, link_distances, read_shapes
 from structlearn.rigid_body.excitation import (
     Arena,
     ExcitationParameters,
@@ -31,9 +32,7 @@ from structlearn.rigid_body.excitation import (
     written,
 )
 from structlearn.rigid_body.friction import FRICTIONS
-from structlearn.rigid_body.inverse_kinematics import Arm
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.self_collision import LinkShapes, link_distances, read_shapes
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks import project

@@ -29,8 +29,16 @@ from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
 from structlearn.primitives.vector import sample_count
-from structlearn.rigid_body.inverse_kinematics import Arm, JointPath, follow, read_arm, rest_for
-from structlearn.rigid_body.self_collision import LinkShapes, link_distances, read_shapes
+from structlearn.rigid_body.arm_kinematics import (
+    Arm,
+    JointPath,
+    LinkShapes,
+    follow,
+    link_distances,
+    read_arm,
+    read_shapes,
+    rest_for,
+)
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.movement.check_results import (
     CORRECTIONS,

@@ -18,7 +18,6 @@ from structlearn.rigid_body.compiled_dynamics import (
 )
 from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
-from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.testbeds.dynamics.protocol.trainings import Form
 from structlearn.testbeds.dynamics.world.arm_motion import (
     ReachingParameters,
@@ -31,6 +30,7 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_path,
 )
 from structlearn.testbeds.dynamics.world.controlled_arm import Feedback, ReferencePath, Run, SimulatedArm, run
+from structlearn.testbeds.dynamics.world.operational_space import tool_motion
 
 SHOWN_RATE_HZ = 25.0  # of the paths that are kept to be looked at
 KNOWN = ""  # form of a model that is known instead of learned

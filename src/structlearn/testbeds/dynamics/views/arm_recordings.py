@@ -16,11 +16,11 @@ from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.rigid_body.tree import KinematicTree, Robot
 from structlearn.testbeds.dynamics.names import PAYLOAD, REFERENCE, colour
 from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
+from structlearn.testbeds.dynamics.world.operational_space import tool_motion
 from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_plots, send_arm, send_followed
 from structlearn.viewer.rrd import (
     entity,

@@ -17,13 +17,13 @@ from structlearn.core import minimum_jerk
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, inverse_dynamics
-from structlearn.rigid_body.operational_space_velocity import (
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.testbeds.dynamics.world.controlled_arm import Controller, Feedback, ReferencePath
+from structlearn.testbeds.dynamics.world.operational_space import (
     VelocityControl,
     VelocityControlParameters,
     tool_motion,
 )
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias
-from structlearn.testbeds.dynamics.world.controlled_arm import Controller, Feedback, ReferencePath
 
 
 class FeedbackParameters(Parameters):

@@ -11,10 +11,10 @@ import numpy as np
 from structlearn.core.compilation import compiled_inside, numba
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, model_torques
-from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference
 from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Mechanics, Payload, carrying
 from structlearn.simulation.compiled_arm import step
+from structlearn.testbeds.dynamics.world.operational_space import VelocityControl, joint_reference
 
 OVERSPEED = 1.5  # multiple of its speed limit at which a joint counts as run away; overshoot stays below
 
@@ -196,7 +196,7 @@ def _tick(
 def _command(
     controller: Controller, own: Body, work: Workspace, k: int, q: np.ndarray, qd: np.ndarray
 ) -> np.ndarray:
-    """The laws in the headers of `arm_motion` and `operational_space_velocity`."""
+    """The laws in the headers of `arm_motion` and `operational_space`."""
     path, feedback = controller.path, controller.feedback
     wanted, rate, change = path.position[k], path.velocity[k], path.acceleration[k]
     if controller.of_tool:
