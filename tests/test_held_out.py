@@ -547,9 +547,9 @@ def learned_motion(folder: Path, robot, logs, parameters):
     source, target = folder / "arm.urdf", folder / "out"
     source.write_text(test_task_motion.ARM)
     target.mkdir(exist_ok=True)
-    identified, tables = learn_motion(robot, {log.name: log for log in logs}, parameters, source, target)
+    models, tables = learn_motion(robot, {log.name: log for log in logs}, parameters, source, target)
     learned = [tables[name] for name in ("base", "gravity", "choice", "gains", "bodies") if name in tables]
-    return identified.models, learned, (target / "identified.urdf").read_text()
+    return models, learned, (target / "identified.urdf").read_text()
 
 
 @of_stage("tasks/motion")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.core.metrics import nmse
+from structlearn.core.metrics import block_count, block_sums, nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.base_parameters import link_table
@@ -56,81 +56,109 @@ class NetworkTraining:
     epochs: int
 
 
-@dataclass(frozen=True)
-class Fitting:
-    """How structures are fitted."""
-
-    iterations: int  # of L-BFGS
-    limits: np.ndarray | None = None  # see `identification.normalised_triangle`; of least squares too
-    prior: float = 0.0  # weight of the divergence from the URDF, of consistent structures (`fit_structure`)
-
-
-@dataclass(frozen=True)
-class Identified:
-    """Models of an arm by kind and friction."""
-
-    models: Mapping[ModelKey, DynamicsModels]
-    torques: Mapping[ModelKey, Mapping[str, np.ndarray]]  # (M, N, n) N m of each model on each part
+Models = Mapping[ModelKey, DynamicsModels]
+Torques = Mapping[ModelKey, Mapping[str, np.ndarray]]
+"""(M, N, n) N m of the models of each key on each part."""
 
 
 def identify_arm(
     robot: Robot,
     parts: Mapping[str, Motion],
-    fitting: Fitting,
+    structures: Sequence[Structure],
+    frictions: Sequence[str],
     networks: Mapping[Kind, NetworkTraining],
-    structures: Sequence[Structure] = STRUCTURES,
-    frictions: Sequence[str] = LEARNED_FRICTIONS,
-) -> Identified:
+    *,
+    iterations: int,
+    limits: np.ndarray | None,
+    prior: float,
+) -> tuple[Models, Torques]:
     """Train every model on the part `TRAIN`, and predict the torques of all parts.
 
     Identification starts from the URDF's inertias; structures are learned with each of the frictions,
     networks with those of `NETWORKS`.
+
+    Args:
+        robot: as in its URDF.
+        parts: motions by name.
+        structures: that are identified.
+        frictions: of structures and least squares, keys of `FRICTIONS`.
+        networks: those that are trained.
+        iterations: of L-BFGS, at most.
+        limits: see `identification.normalised_triangle`; of least squares too.
+        prior: weight of the divergence from the URDF, of consistent structures (`fit_structure`).
     """
     kinds = [kind for kind in NETWORKS if kind in networks]
     work: list[tuple[Kind, str]] = [(kind, name) for kind in kinds for name in NETWORKS[kind]]
     work.sort(key=lambda item: item[0] != "delan")  # the longest first
     work += [(kind, friction) for friction in frictions for kind in structures]
-    learn = partial(_learned, robot=robot, motion=parts[TRAIN], fitting=fitting, networks=networks)
-    models: dict[ModelKey, DynamicsModels] = dict(
-        zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True)
-    )
+    learned_from = partial(_learned, robot=robot, motion=parts[TRAIN], networks=networks)
+    learn = partial(learned_from, iterations=iterations, limits=limits, prior=prior)
+    models: Models = dict(zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True))
     tree = robot.tree
     urdf = {name: rigid_body_torques(tree, robot.inertias, part)[None] for name, part in parts.items()}
     torques: dict[ModelKey, dict[str, np.ndarray]] = {(URDF, "none"): urdf}
     for friction in frictions:
         its = {name: MotionRegressor(tree, part, True, FRICTIONS[friction]) for name, part in parts.items()}
-        theta = least_squares(normalised_triangle(its[TRAIN].factors, fitting.limits))
+        theta = least_squares(normalised_triangle(its[TRAIN].factors, limits))
         torques[LEAST_SQUARES, friction] = {name: (one.columns @ theta)[None] for name, one in its.items()}
     for key, learned in models.items():
         torques[key] = {name: predicted_torques(learned, tree, part) for name, part in parts.items()}
-    return Identified(models, torques)
+    return models, torques
 
 
-def error_table(identified: Identified, parts: Mapping[str, Motion]) -> pd.DataFrame:
+def error_table(torques: Torques, parts: Mapping[str, Motion]) -> pd.DataFrame:
     """`model`, `friction`, `seed`, `part`, `joint` (from 1), `nmse`."""
     rows = [
         (model, friction, seed, name, joint, error)
-        for (model, friction), torques in identified.torques.items()
+        for (model, friction), found in torques.items()
         for name, part in parts.items()
-        for seed, values in enumerate(torques[name])
+        for seed, values in enumerate(found[name])
         for joint, error in enumerate(nmse(values, part.torque), start=1)
     ]
     return pd.DataFrame(rows, columns=["model", "friction", "seed", "part", "joint", "nmse"])
 
 
-def body_table(identified: Identified, robot: Robot) -> pd.DataFrame:
+def block_table(torques: Torques, parts: Mapping[str, Motion], length: int) -> pd.DataFrame:
+    """Sums over blocks of `length` samples, from which errors on each part and their intervals follow.
+
+    Columns `part`, `block`, `joint`, `samples`, sums `torque` and `torque_squared`, and one of summed squared
+    errors, mean over seeds, per model: `KIND/FRICTION`. `motion.drawn_nmse` reads them.
+    """
+    tables = []
+    for name, part in parts.items():
+        count = block_count(len(part), length)
+        sums = {"samples": np.ones_like(part.torque), "torque": part.torque, "torque_squared": part.torque**2}
+        sums |= {"/".join(key): ((its[name] - part.torque) ** 2).mean(axis=0) for key, its in torques.items()}
+        columns = {key: block_sums(values, length).ravel() for key, values in sums.items()}
+        block, joint = (places.ravel() for places in np.indices((count, part.joints)))
+        tables.append(pd.DataFrame({"part": name, "block": block, "joint": joint + 1} | columns))
+    return pd.concat(tables, ignore_index=True)
+
+
+def block_norms(torques: Torques, parts: Mapping[str, Motion], length: int) -> pd.DataFrame:
+    """As `block_table`, over all joints: `part`, `block`, `samples`, and sums of the errors' norms in N m."""
+    tables = []
+    for name, part in parts.items():
+        samples = block_sums(np.ones(len(part)), length)
+        columns = {"part": name, "block": np.arange(len(samples)), "samples": samples}
+        for key, its in torques.items():
+            norms = np.linalg.norm(its[name] - part.torque, axis=-1).mean(axis=0)
+            columns["/".join(key)] = block_sums(norms, length)
+        tables.append(pd.DataFrame(columns))
+    return pd.concat(tables, ignore_index=True)
+
+
+def body_table(models: Models, robot: Robot) -> pd.DataFrame:
     """`link_table` with `model` and `friction`; the URDF's values are `true_*`."""
     tables = [
         link_table(robot.tree, learned.inertias(), robot.inertias).assign(model=kind, friction=friction)
-        for (kind, friction), learned in identified.models.items()
+        for (kind, friction), learned in models.items()
         if learned.structured
     ]
     return pd.concat(tables, ignore_index=True)
 
 
-def trace_table(
-    identified: Identified, part: str, motion: Motion, rate_hz: float, stride: int
-) -> pd.DataFrame:
+def trace_table(torques: Torques, part: str, motion: Motion, rate_hz: float, stride: int) -> pd.DataFrame:
     """Torques of the first seeds on a part, every `stride`-th sample, in N m.
 
     Columns `time_s`, `joint`, `measured` and one per model, `KIND` or `KIND_FRICTION`.
@@ -142,21 +170,18 @@ def trace_table(
         "joint": np.repeat(np.arange(1, motion.joints + 1), len(time)),
         "measured": motion.torque[kept].T.ravel(),
     }
-    for (model, friction), torques in identified.torques.items():
+    for (model, friction), found in torques.items():
         name = model if friction == "none" else f"{model}_{friction}"
-        columns[name] = torques[part][0][kept].T.ravel()
+        columns[name] = found[part][0][kept].T.ravel()
     return pd.DataFrame(columns)
 
 
-def write_identified(
-    source: Path, target: Path, robot: Robot, identified: Identified, friction: str
-) -> pd.DataFrame:
-    """Write the model Cov as a URDF, which cannot hold an offset of friction, and check the file.
+def write_identified(source: Path, target: Path, robot: Robot, model: DynamicsModels) -> pd.DataFrame:
+    """Write the first model of a structure as a URDF, without an offset of friction, and check the file.
 
     Returns `joint`, `difference_n_m`: largest difference at random states between torques of the model and
     those of Pinocchio's recursive Newton-Euler with the file.
     """
-    model = identified.models["cov", friction]
     inertias = model.inertias().of(0)
     viscous, coulomb = model.friction_coefficients()[0].T[:2]
     write_urdf(source, target, robot.tree, inertias, viscous, coulomb)
@@ -168,8 +193,10 @@ def _learned(
     item: tuple[Kind, str],
     robot: Robot,
     motion: Motion,
-    fitting: Fitting,
     networks: Mapping[Kind, NetworkTraining],
+    iterations: int,
+    limits: np.ndarray | None,
+    prior: float,
 ) -> DynamicsModels:
     kind, terms, tree = item[0], FRICTIONS[item[1]], robot.tree
     with one_thread():
@@ -179,8 +206,7 @@ def _learned(
             for _ in shuffled_epochs(models, training.epochs):
                 pass
             return DynamicsModels(kind, tree.names, terms, training.learning.hidden, models.state())
-        regressor = MotionRegressor(tree, motion, kind != "nostr", terms)
-        triangle = normalised_triangle(regressor.factors, fitting.limits)
-        prior = fitting.prior if kind in CONSISTENT else 0.0
-        free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, fitting.iterations, prior=prior)
+        triangle = normalised_triangle(MotionRegressor(tree, motion, kind != "nostr", terms).factors, limits)
+        prior = prior if kind in CONSISTENT else 0.0
+        free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, iterations, prior=prior)
         return DynamicsModels(kind, tree.names, terms, (), {"inertia": free, "friction": rubbing})

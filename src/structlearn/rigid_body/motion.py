@@ -1,6 +1,6 @@
 """Motions to learn dynamics from: joint states and torques, filtered and cut, and errors by block."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ import pandas as pd
 
 from structlearn.core import signals
 from structlearn.core.errors import InputError
-from structlearn.core.metrics import block_count, block_sums, drawn_counts
+from structlearn.core.metrics import drawn_counts
 
 SMALLEST_VARIANCE = 1e-12  # (N m)^2; a joint whose torque varies less was not measured
 
@@ -117,41 +117,6 @@ def excited(name: str, velocities: np.ndarray, slow: float, rest: int) -> slice:
     pieces = np.split(moving, np.flatnonzero(np.diff(moving) > rest) + 1)
     longest = max(pieces, key=lambda piece: piece[-1] - piece[0])
     return slice(int(longest[0]), int(longest[-1]) + 1)
-
-
-def block_table(
-    torques: Mapping[tuple[str, str], Mapping[str, np.ndarray]], parts: Mapping[str, Motion], length: int
-) -> pd.DataFrame:
-    """Sums over blocks of `length` samples, from which errors on each part and their intervals follow.
-
-    Torques are (M, N, n) of each model (kind and friction) on each part. Columns `part`, `block`, `joint`,
-    `samples`, sums `torque` and `torque_squared`, and one of summed squared errors, mean over seeds, per
-    model: `KIND/FRICTION`.
-    """
-    tables = []
-    for name, part in parts.items():
-        count = block_count(len(part), length)
-        sums = {"samples": np.ones_like(part.torque), "torque": part.torque, "torque_squared": part.torque**2}
-        sums |= {"/".join(key): ((its[name] - part.torque) ** 2).mean(axis=0) for key, its in torques.items()}
-        columns = {key: block_sums(values, length).ravel() for key, values in sums.items()}
-        block, joint = (places.ravel() for places in np.indices((count, part.joints)))
-        tables.append(pd.DataFrame({"part": name, "block": block, "joint": joint + 1} | columns))
-    return pd.concat(tables, ignore_index=True)
-
-
-def block_norms(
-    torques: Mapping[tuple[str, str], Mapping[str, np.ndarray]], parts: Mapping[str, Motion], length: int
-) -> pd.DataFrame:
-    """As `block_table`, over all joints: `part`, `block`, `samples`, and sums of the errors' norms in N m."""
-    tables = []
-    for name, part in parts.items():
-        samples = block_sums(np.ones(len(part)), length)
-        columns = {"part": name, "block": np.arange(len(samples)), "samples": samples}
-        for key, its in torques.items():
-            norms = np.linalg.norm(its[name] - part.torque, axis=-1).mean(axis=0)
-            columns["/".join(key)] = block_sums(norms, length)
-        tables.append(pd.DataFrame(columns))
-    return pd.concat(tables, ignore_index=True)
 
 
 def drawn_nmse(

@@ -27,12 +27,11 @@ from structlearn.rigid_body.regressor import (
 )
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.tasks.motion import motion_parameters as names
-from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.motion.motion_parameters import CENTRE, MotionParameters
 
 # Of least squares that look at a log: sensors of torque or current need not be zeroed.
 FRICTION = FRICTIONS["offset"]
 PAYLOAD_COLUMNS = 4  # mass and first moment of a link
-CENTRE = [f"centre_{axis}_m" for axis in "xyz"]
 
 
 def longest_motion(name: str, velocities: np.ndarray, parameters: MotionParameters) -> slice:

@@ -1,7 +1,7 @@
 """Identify an arm from logs of its joints: models learned from some motion and tested on other (III.4)."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -37,11 +37,10 @@ from structlearn.rigid_body.model_comparison import (
     LEARNED_FRICTIONS,
     NETWORKS,
     TRAIN,
-    Fitting,
-    Identified,
+    Models,
     NetworkTraining,
 )
-from structlearn.rigid_body.motion import Motion, block_norms, block_table, joined, measured_motion
+from structlearn.rigid_body.motion import Motion, joined, measured_motion
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.motion import drives_and_load
@@ -79,15 +78,15 @@ def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
 
 def learn_motion(
     robot: Robot, logs: Mapping[str, Any], parameters: MotionParameters, source: Path, folder: Path
-) -> tuple[Identified | None, dict[str, pd.DataFrame]]:
+) -> tuple[Models, dict[str, pd.DataFrame]]:
     """Identify an arm, and write models, its URDF and tables into a folder.
 
     Without structures nothing is learned: the torques of all logs together are checked against the URDF.
     `logs`: `JointLog` by name, or `DriveLog` where the parameters name drives; `source`: the robot's URDF.
 
-    Returns what was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
-    `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `links`, `traces`, `written`:
-    of `model_comparison`. `blocks`, `norms`: of `rigid_body.motion`. `gravity`: of `gravity_check`. `base`:
+    Returns the models by kind and friction, and tables by name; `joint` counts from 1. `motions`: `log`,
+    `part`, `start_s`, `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `blocks`,
+    `norms`, `links`, `traces`, `written`: of `model_comparison`. `gravity`: of `gravity_check`. `base`:
     `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`; `fitness` and `determined`: of
     `rigid_body.log_fitness`. `excitation`: one row, `condition` and `parameters`. `choice`: of
     `choose_networks`. `bodies` and what is found of drives and loads: of `drives_and_load`. Without
@@ -97,23 +96,24 @@ def learn_motion(
     MissingInputError: logs are named, and there are no two motions without a load.
     """
     logs = {name: in_order(robot.tree, log) for name, log in logs.items()}
+    models: Models = {}
     if parameters.structures:
-        identified, tables = _identified(robot, logs, parameters, source, folder)
+        models, tables = _identified(robot, logs, parameters, source, folder)
     else:
         motion = joined([cut_motion(log, parameters)[0] for log in logs.values()])
-        identified, tables = None, {"gravity": gravity_check(robot, motion, parameters)}
+        tables = {"gravity": gravity_check(robot, motion, parameters)}
         tables |= drives_and_load.payload_check(robot, motion)
     write_tables(tables, folder)
-    return identified, tables
+    return models, tables
 
 
 def _identified(
     robot: Robot, logs: Mapping[str, Any], parameters: MotionParameters, source: Path, folder: Path
-) -> tuple[Identified, dict[str, pd.DataFrame]]:
-    tables: dict[str, pd.DataFrame] = {}
+) -> tuple[Models, dict[str, pd.DataFrame]]:
     if parameters.train is not None:
         parameters = logs_that_are_there(logs, parameters)
     asked = logs if parameters.train is None else moving_logs(logs, parameters)
+    tables: dict[str, pd.DataFrame] = {}
     gains = {FOUND: np.ones(len(robot.tree.names))}
     if parameters.drives is None:
         cuts = {name: cut_motion(log, parameters) for name, log in asked.items()}
@@ -123,54 +123,72 @@ def _identified(
         cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in asked.items()}
     motions = {name: motion for name, (motion, _) in cuts.items()}
     pieces = held_out(motions, parameters)
-    every = {name: [piece for found in its.values() for piece in found] for name, its in pieces.items()}
-    parts = {name: joined(its) if len(its) > 1 else its[0] for name, its in every.items()}
-    first = next(name for name in parts if name != TRAIN)
-    if min(len(parts[TRAIN]), len(parts[first])) < parameters.block:
-        learned_s, tested_s = (len(parts[name]) / parameters.rate_hz for name in (TRAIN, first))
-        raise InputError(
-            f"{', '.join(logs)}: {learned_s:.1f} s to learn from and {tested_s:.1f} s to test on are too "
-            f"short for blocks of {parameters.block_s:g} s"
-        )
+    parts = joined_parts(", ".join(logs), pieces, parameters)
+    tables["motions"] = _motion_table(
+        asked, {name: its for name, (_, its) in cuts.items()}, pieces, parameters
+    )
     networks: dict[Kind, NetworkTraining] = {}
     if parameters.networks is not None:
         networks, tables["choice"] = choose_networks(robot.tree, parts[TRAIN], parameters.networks)
-    limits = robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None
-    fitting = Fitting(parameters.iterations, limits, parameters.prior)
-    frictions = tuple(dict.fromkeys((*LEARNED_FRICTIONS, parameters.judged_friction)))
-    identified = model_comparison.identify_arm(
-        robot, parts, fitting, networks, parameters.structures, frictions
+    models, torques = model_comparison.identify_arm(
+        robot,
+        parts,
+        parameters.structures,
+        tuple(dict.fromkeys((*LEARNED_FRICTIONS, parameters.judged_friction))),
+        networks,
+        iterations=parameters.iterations,
+        limits=robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None,
+        prior=parameters.prior,
     )
     if parameters.load is not None:
         tables |= drives_and_load.weighed_loads(robot.tree, motions, gains, parameters)
         tables["carried"] = drives_and_load.followed_loads(robot, motions, parameters)
-    judged = identified.models["cov", parameters.judged_friction]
+    judged = models["cov", parameters.judged_friction]
+    stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
+    first = list(parts)[1]
+    tables |= fitness_tables(robot, parts[TRAIN], [log.time for log in asked.values()], parameters) | {
+        "errors": model_comparison.error_table(torques, parts),
+        "blocks": model_comparison.block_table(torques, parts, parameters.block),
+        "norms": model_comparison.block_norms(torques, parts, parameters.block),
+        "bodies": drives_and_load.body_intervals(robot, parts[TRAIN], judged, parameters),
+        "links": model_comparison.body_table(models, robot),
+        "traces": model_comparison.trace_table(torques, first, parts[first], parameters.rate_hz, stride),
+        "written": model_comparison.write_identified(source, folder / "identified.urdf", robot, judged),
+    }
+    for (kind, friction), its in models.items():
+        write_dynamics_models(its, folder / f"models/{kind}_{friction}.safetensors")
+    return models, tables
+
+
+def joined_parts(logs: str, pieces: Pieces, parameters: MotionParameters) -> dict[str, Motion]:
+    """Motion of each part, `TRAIN` and then the one that verdicts are about first; InputError: too short."""
+    every = {name: [piece for found in its.values() for piece in found] for name, its in pieces.items()}
+    parts = {name: joined(its) if len(its) > 1 else its[0] for name, its in every.items()}
+    learned_s, tested_s = (len(its) / parameters.rate_hz for its in list(parts.values())[:2])
+    if min(map(len, list(parts.values())[:2])) < parameters.block:
+        raise InputError(
+            f"{logs}: {learned_s:.1f} s to learn from and {tested_s:.1f} s to test on are too short for "
+            f"blocks of {parameters.block_s:g} s"
+        )
+    return parts
+
+
+def fitness_tables(
+    robot: Robot, motion: Motion, stamps: Sequence[np.ndarray], parameters: MotionParameters
+) -> dict[str, pd.DataFrame]:
+    """Base parameters of the motion that is learned from, and whether its logs are fit to learn from."""
     base = base_parameters(robot.tree)
-    fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *parameters.drawing)
+    fit = fit_base(robot.tree, base, motion, FRICTION, *parameters.drawing)
     formulas, values = base.formulas(robot.tree), base.values(robot.inertias)
     bounds = {"value": fit.parameters, "low": fit.low, "high": fit.high, "urdf": values}
-    stamps, clock_hz = [log.time for log in asked.values()], (parameters.rate_hz, parameters.smoothing_hz)
-    stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
-    tables |= {
-        "motions": _motion_table(asked, {name: its for name, (_, its) in cuts.items()}, pieces, parameters),
-        "errors": model_comparison.error_table(identified, parts),
-        "blocks": block_table(identified.torques, parts, parameters.block),
-        "norms": block_norms(identified.torques, parts, parameters.block),
-        "bodies": drives_and_load.body_intervals(robot, parts[TRAIN], judged, parameters),
-        "links": model_comparison.body_table(identified, robot),
-        "traces": model_comparison.trace_table(identified, first, parts[first], parameters.rate_hz, stride),
-        "gravity": gravity_check(robot, parts[TRAIN], parameters),
+    clock_hz = (parameters.rate_hz, parameters.smoothing_hz)
+    return {
+        "gravity": gravity_check(robot, motion, parameters),
         "base": pd.DataFrame({"parameter": formulas} | bounds),
-        "fitness": log_fitness(robot, stamps, parts[TRAIN], clock_hz, fit, FRICTION),
+        "fitness": log_fitness(robot, stamps, motion, clock_hz, fit, FRICTION),
         "determined": parameter_table(formulas, fit),
         "excitation": pd.DataFrame({"condition": [fit.condition], "parameters": [len(base.columns)]}),
-        "written": model_comparison.write_identified(
-            source, folder / "identified.urdf", robot, identified, parameters.judged_friction
-        ),
     }
-    for (kind, friction), models in identified.models.items():
-        write_dynamics_models(models, folder / f"models/{kind}_{friction}.safetensors")
-    return identified, tables
 
 
 def in_order(tree: KinematicTree, log: Log) -> Log:

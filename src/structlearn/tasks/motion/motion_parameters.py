@@ -17,6 +17,7 @@ AUTHORS, RANDOM = "authors", "random"
 AT_REST, IN_MOTION, DELAY = "gain at rest", "gain in motion", "delay"  # quantities of drives, in N m/A and s
 FOUND, QUOTED = "found", "quoted"  # gains that a load is weighed with
 ALL_PAIRS = "all pairs"  # of the load from all pairs of logs at once
+CENTRE = [f"centre_{axis}_m" for axis in "xyz"]  # columns with a centre of mass
 
 # What the arm does while the load is followed, in their order.
 LEARNED, EMPTY, CARRYING = "empty, learned from", "empty, another motion", "with the load"

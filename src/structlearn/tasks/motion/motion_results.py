@@ -10,6 +10,8 @@ from structlearn.core.metrics import block_count, block_sums, drawn_counts, perc
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, Look
 from structlearn.reporting.claims import Evidence, Found, confidence, counted, exact, mean, unknown
 from structlearn.reporting.findings import Findings
+from structlearn.reporting.prose import interval, rounded
+from structlearn.rigid_body import friction
 from structlearn.rigid_body.model_names import DEFAULT, NAMES, STRICT
 from structlearn.rigid_body.motion import drawn_nmse
 from structlearn.tasks.motion.motion_parameters import (
@@ -27,13 +29,7 @@ from structlearn.tasks.motion.motion_parameters import (
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
 MODELS = {"urdf": NAMES[DEFAULT]} | NAMES | {BOUNDS: "least squares"}
-FRICTIONS = {
-    "none": "",
-    "viscous": "viscous",
-    "coulomb": "viscous, Coulomb",
-    "offset": "viscous, Coulomb, offset",
-    "stiffness": "viscous, Coulomb, offset, stiffness",
-}
+FRICTIONS = {name: ", ".join(its).replace("coulomb", "Coulomb") for name, its in friction.FRICTIONS.items()}
 LOOKS = {  # models with their friction as figures show them; keys are those of the protocol's tables
     URDF: Look(MODELS["urdf"], GREY),
     ("mlp", "none"): Look("MLP", ORANGE),
@@ -41,9 +37,9 @@ LOOKS = {  # models with their friction as figures show them; keys are those of 
     ("delan", "viscous"): Look("DeLaN", PINK),
     (BEST, "viscous"): Look("Cov, viscous", LIGHT_BLUE),
 } | {
-    (kind, friction): Look(f"{words}, {FRICTIONS[friction].removeprefix('viscous, ')}", colour or its)
-    for kind, words, colour in ((BEST, "Cov", ""), (BOUNDS, "least squares", BLACK))
-    for friction, its in (("coulomb", BLUE), ("offset", GREEN), ("stiffness", OCHRE))
+    (kind, its): Look(f"{words}, {FRICTIONS[its].removeprefix('viscous, ')}", black or colour)
+    for kind, words, black in ((BEST, "Cov", ""), (BOUNDS, "least squares", BLACK))
+    for its, colour in (("coulomb", BLUE), ("offset", GREEN), ("stiffness", OCHRE))
 }
 FEWEST_BLOCKS = 3  # an interval over fewer blocks is not reliable
 HEADLINES = ("nmse", "nmse_urdf", "limit_percent", "relative_percent", "norm_n_m", "load_kg", "load_carried")
@@ -52,6 +48,11 @@ UNITS = dict.fromkeys(("assumed_gains", *PERCENTS), "%") | {
     "delays": "ms",
     "load_kg": "kg",
     "norm_n_m": "N m",
+}
+MISSING = dict.fromkeys(("over_networks", "over_networks_by_seed"), "no networks were trained") | {
+    "further_errors": "no further motion is long enough",
+    "assumed_gains": "every gain is found at rest, or none is",
+    "load_carried": "nowhere is the load carried long enough",
 }
 
 
@@ -66,17 +67,26 @@ class Drawn(NamedTuple):
         """The number itself."""
         return float(self.samples[0])
 
+    def over(self, reference: float) -> "Drawn":
+        """By how many percent it exceeds a reference."""
+        return Drawn(100.0 / reference * self.samples - 100.0, self.n)
+
     def evidence(self, comparisons: int = 1) -> Evidence:
         """The number with its interval."""
         low, high = percentiles(self.samples[1:], confidence(comparisons))
         return Evidence(self.value, float(low), float(high), self.n)
 
+    def text(self, number: str) -> str:
+        """The number with its interval, or `none`."""
+        return "none" if np.isnan(self.value) else stated(self.evidence(), number)
 
-def drawn(
-    value: float, draws: pd.Series | np.ndarray, n: int, scale: float = 1.0, shift: float = 0.0
-) -> Drawn:
-    """A number with its draws (D,), in another unit."""
-    return Drawn(scale * np.append(value, draws) + shift, n)
+
+Row = Drawn | Found | Mapping[str, Drawn]  # of the findings, before it has intervals
+
+
+def stated(found: Evidence, number: str) -> str:
+    """`0.12 [0.1, 0.2]`: a number with its interval."""
+    return f"{rounded(found.value, number)} {interval(found.low, found.high, number)}"
 
 
 def chosen(table: pd.DataFrame, **keys: object) -> pd.DataFrame:
@@ -94,9 +104,9 @@ class MotionResults(dict[str, pd.DataFrame]):
 
     def __init__(self, tables: Mapping[str, pd.DataFrame], parameters: MotionParameters) -> None:
         super().__init__(tables)
-        self.parameters, friction = parameters, parameters.judged_friction
+        self.parameters, its = parameters, parameters.judged_friction
         # the model that verdicts are about, and least squares with the same friction
-        self.best, self.bounds = (BEST, friction), (BOUNDS, friction)
+        self.best, self.bounds = (BEST, its), (BOUNDS, its)
         # `train`, the part that verdicts are about, and further ones
         self.parts: list[str] = self["blocks"]["part"].unique().tolist()
         self.tested = self.parts[1]
@@ -106,8 +116,7 @@ class MotionResults(dict[str, pd.DataFrame]):
         # by part, NMSE by model, friction and joint, mean over seeds
         keys, models, frictions = ["part", "model", "friction"], list(MODELS), list(FRICTIONS)
         wide = self["errors"].pivot_table(index=keys, columns="joint", values="nmse", sort=False)
-        order = sorted(wide.index, key=lambda key: (frictions.index(key[2]), models.index(key[1])))
-        wide = wide.loc[order]
+        wide = wide.loc[sorted(wide.index, key=lambda key: (frictions.index(key[2]), models.index(key[1])))]
         self.errors = {part: wide.loc[part] for part in self.parts}
         self.test = self.errors[self.tested]
 
@@ -149,16 +158,14 @@ class MotionResults(dict[str, pd.DataFrame]):
         }
         return {name: Drawn(values, len(sums)) for name, values in found.items()}
 
-    def load_kg(self, pair: str, gains: str, scale: float = 1.0, shift: float = 0.0) -> Drawn:
-        """Mass of the load in kg, or in another unit."""
-        whole = chosen(self["loads"], pair=pair, gains=gains).iloc[0]
-        draws = chosen(self["load_draws"], pair=pair, gains=gains)["mass_kg"]
-        return drawn(whole["mass_kg"], draws, whole["blocks"], scale, shift)
+    def load_kg(self, pair: str, gains: str) -> Drawn:
+        """Mass of the load in kg."""
+        return self._drawn("load", "mass_kg", pair=pair, gains=gains)
 
     def load_error(self, pair: str, gains: str) -> Drawn:
         """Error of the load's mass in percent."""
         assert self.parameters.load is not None
-        return self.load_kg(pair, gains, 100.0 / self.parameters.load.known_kg, -100.0)
+        return self.load_kg(pair, gains).over(self.parameters.load.known_kg)
 
     def carried(self, log: str) -> tuple[pd.Series, Drawn]:
         """Masses in kg found while the load was carried, after the wait, and their mean absolute error in %.
@@ -176,42 +183,46 @@ class MotionResults(dict[str, pd.DataFrame]):
             return masses, Drawn(np.array([error.mean() if len(error) else np.nan, np.nan]), count)
         sums = block_sums(np.stack([error, np.ones_like(error)], axis=1), length)
         errors, samples = (drawn_counts(count, own.draws, own.seed) @ sums).T
-        return masses, drawn(error.mean(), errors / samples, count)
+        return masses, Drawn(np.append(error.mean(), errors / samples), count)
 
-    def drive(
-        self, quantity: str, joint: int, log: str = "", scale: float = 1.0, shift: float = 0.0
-    ) -> Drawn:
+    def drive(self, quantity: str, joint: int, log: str = "") -> Drawn:
         """A gain in N m/A, or a delay in ms, of one joint; by default in the log that was learned from."""
-        keys = {"quantity": quantity, "joint": joint, "log": log or self.train_log}
-        whole, draws = chosen(self["drives"], **keys).iloc[0], chosen(self["drive_draws"], **keys)["value"]
-        return drawn(whole["value"], draws, whole["blocks"], 1e3 if quantity == DELAY else scale, shift)
+        its = self._drawn("drive", "value", quantity=quantity, joint=joint, log=log or self.train_log)
+        return Drawn(1e3 * its.samples, its.n) if quantity == DELAY else its
 
     def rest_log(self) -> str | None:
         """The log of the arm at rest that gave the drives' gains."""
         return next(iter(chosen(self["drives"], quantity=AT_REST)["log"]), None)
 
+    def _drawn(self, table: str, column: str, **keys: object) -> Drawn:
+        """A row of a table with its draws."""
+        whole, draws = chosen(self[f"{table}s"], **keys).iloc[0], chosen(self[f"{table}_draws"], **keys)
+        return Drawn(np.append(whole[column], draws[column]), whole["blocks"])
+
 
 def motion_findings(results: MotionResults) -> Findings:
     """Every number of the page that is no table's; what the logs cannot decide is unknown."""
     find = Findings("blocks of motion")
-    rows = _models(results) | _drives(results) | _load(results)
-    rows |= {name: its.evidence() for name, its in results.whole_errors(results.best).items()}
-    for name, found in rows.items():
+    rows = _models(results) | _drives(results) | _load(results) | results.whole_errors(results.best)
+    for name, its in rows.items():
+        found = _evidence(its) or unknown(MISSING.get(name, ""))
         find.add(name, found, unit=UNITS.get(name, ""), headline=name in HEADLINES)
     written = results["written"]["difference_n_m"]
     find.among("joints").exact("written_torques", float(written.max()), len(written), unit="N m")
-    links = chosen(results["links"], model=BEST, friction=results.parameters.judged_friction)
+    links = chosen(results["links"], model=BEST, friction=results.best[1])
     possible = links[["positive_mass", "positive_definite", "triangle"]].all(axis=1)
     find.among("links").counted("possible_bodies", int(possible.sum()), len(possible))
     return find
 
 
-def _cases(found: Mapping[str, Drawn], missing: str = "") -> Found:
-    """Intervals that hold together, or why there are none."""
-    return {name: one.evidence(len(found)) for name, one in found.items()} or unknown(missing)
+def _evidence(row: Row) -> Found:
+    """What was found, of draws with intervals that hold together over all cases."""
+    if isinstance(row, Mapping):
+        return {case: one.evidence(len(row)) if isinstance(one, Drawn) else one for case, one in row.items()}
+    return row.evidence() if isinstance(row, Drawn) else row
 
 
-def _models(results: MotionResults) -> dict[str, Found]:
+def _models(results: MotionResults) -> dict[str, Row]:
     test, part = results.test, results.tested
     structures = [key for name in ("symm", *STRICT) if (key := (name, "viscous")) in test.index]
     better = test.loc[structures].max() < test.loc[URDF]
@@ -219,39 +230,39 @@ def _models(results: MotionResults) -> dict[str, Found]:
     worst = levels[max(structures, key=lambda key: levels[key].value)]
     by_seed = chosen(results["errors"], part=part).groupby(["model", "friction", "seed"])["nmse"].mean()
     own, bounds = (results.joint_nmse(part, key) for key in (results.best, results.bounds))
-    further = {
-        f"{log}: {joint}": found
-        for log in results.parts[2:]
-        for joint, found in results.joint_nmse(log, results.best).items()
-        if found.n >= FEWEST_BLOCKS
-    }
-    rivals, none = [key for key in levels if key in RIVALS], "no networks were trained"
-    over = {MODELS[key[0]]: Drawn(levels[key].samples - worst.samples, worst.n) for key in rivals}
-    of_seeds = {MODELS[key[0]]: mean(by_seed[key] - worst.value) for key in RIVALS[::2] if key in levels}
-    factors = {
-        MODELS[kind]: Drawn(levels[kind, "viscous"].samples / levels[kind, "coulomb"].samples, worst.n)
-        for kind in STRICT
-        if (kind, "viscous") in levels
-    }
-    consistent = [kind for kind in ("tri", "cov") if (kind, "coulomb") in test.index]
+    strict = [kind for kind in STRICT if (kind, "viscous") in levels]
+    consistent = [kind for kind in ("tri", "cov") if (kind, "coulomb") in levels]
     with_coulomb, last = test.loc[[(kind, "coulomb") for kind in consistent]], test.columns[-1]
     count, above = len(consistent), {}
-    for friction, words in FRICTIONS.items():
-        if (BOUNDS, friction) in test.index:
-            ratios = [test.loc[kind, friction] / test.loc[BOUNDS, friction] for kind in consistent]
-            largest = max(its.max() for its in ratios)
-            above[words] = exact(largest, count * len(better))
+    for its, words in FRICTIONS.items():
+        if (BOUNDS, its) in levels:
+            ratios = [test.loc[kind, its] / test.loc[BOUNDS, its] for kind in consistent]
+            above[words] = exact(max(ratio.max() for ratio in ratios), count * len(better))
     return {
-        "nmse": levels[results.best].evidence(),
-        "nmse_urdf": levels[URDF].evidence(),
+        "nmse": levels[results.best],
+        "nmse_urdf": levels[URDF],
         "mean_nmse": {model_words(key): its.evidence() for key, its in levels.items()},
         "better_joints": counted(int(better.sum()), len(better)),
-        "over_networks": _cases(over, none),
-        "over_networks_by_seed": of_seeds or unknown(none),
-        "coulomb_factor": _cases(factors),
-        "errors": _cases(own),
-        "further_errors": _cases(further, "no further motion is long enough"),
-        "level": _cases({key: Drawn(its.samples / bounds[key].samples, its.n) for key, its in own.items()}),
+        "over_networks": {
+            MODELS[key[0]]: Drawn(levels[key].samples - worst.samples, worst.n)
+            for key in levels
+            if key in RIVALS
+        },
+        "over_networks_by_seed": {
+            MODELS[key[0]]: mean(by_seed[key] - worst.value) for key in RIVALS[::2] if key in levels
+        },
+        "coulomb_factor": {
+            MODELS[kind]: Drawn(levels[kind, "viscous"].samples / levels[kind, "coulomb"].samples, worst.n)
+            for kind in strict
+        },
+        "errors": own,
+        "further_errors": {
+            f"{log}: {joint}": found
+            for log in results.parts[2:]
+            for joint, found in results.joint_nmse(log, results.best).items()
+            if found.n >= FEWEST_BLOCKS
+        },
+        "level": {key: Drawn(its.samples / bounds[key].samples, its.n) for key, its in own.items()},
         "over_least_squares": above,
         "coulomb_errors": {
             f"joints 1 to {last - 1}": exact(with_coulomb.drop(columns=last).mean(axis=1).max(), count),
@@ -260,29 +271,26 @@ def _models(results: MotionResults) -> dict[str, Found]:
     }
 
 
-def _drives(results: MotionResults) -> dict[str, Found]:
+def _drives(results: MotionResults) -> dict[str, Row]:
     if "drives" not in results:
         return dict.fromkeys(("delays", "assumed_gains"), unknown("the log holds torques, no currents"))
     gains = results["gains"].query("assumed").set_index("joint")["found"]
-    assumed = {
-        f"joint {joint}": results.drive(IN_MOTION, joint, scale=100.0 / found, shift=-100.0)
-        for joint, found in gains.items()
-    }
     return {
-        "delays": _cases({f"joint {joint}": results.drive(DELAY, joint) for joint in results.joints}),
-        "assumed_gains": _cases(assumed, "every gain is found at rest, or none is"),
+        "delays": {f"joint {joint}": results.drive(DELAY, joint) for joint in results.joints},
+        "assumed_gains": {
+            f"joint {joint}": results.drive(IN_MOTION, joint).over(found) for joint, found in gains.items()
+        },
     }
 
 
-def _load(results: MotionResults) -> dict[str, Found]:
-    missing = unknown("no motion is recorded with and without a load")
-    found: dict[str, Found] = dict.fromkeys(("load_kg", "load", "load_alone", "load_quoted"), missing)
+def _load(results: MotionResults) -> dict[str, Row]:
     carried = {log: results.carried(log)[1] for log in results.carried_logs}
+    missing = unknown("no motion is recorded with and without a load")
+    found: dict[str, Row] = dict.fromkeys(("load_kg", "load", "load_alone", "load_quoted"), missing)
     if carried:
-        found["load_kg"] = results.load_kg(ALL_PAIRS, FOUND).evidence()
-        found["load"] = results.load_error(ALL_PAIRS, FOUND).evidence()
-        found["load_alone"] = _cases({log: results.load_error(log, FOUND) for log in carried})
+        found["load_kg"] = results.load_kg(ALL_PAIRS, FOUND)
+        found["load"] = results.load_error(ALL_PAIRS, FOUND)
+        found["load_alone"] = {log: results.load_error(log, FOUND) for log in carried}
         if QUOTED in set(results["loads"]["gains"]):
-            found["load_quoted"] = results.load_error(ALL_PAIRS, QUOTED).evidence()
-    long = {log: its for log, its in carried.items() if its.n >= FEWEST_BLOCKS}
-    return found | {"load_carried": _cases(long, "nowhere is the load carried long enough")}
+            found["load_quoted"] = results.load_error(ALL_PAIRS, QUOTED)
+    return found | {"load_carried": {log: its for log, its in carried.items() if its.n >= FEWEST_BLOCKS}}

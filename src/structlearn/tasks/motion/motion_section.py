@@ -1,6 +1,7 @@
 """The dynamics of an arm on its task's page: models tested on held-out motion, and whether to trust them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from structlearn.tasks.motion import motion_parameters as names
 from structlearn.tasks.motion.motion_figures import PART_LOOKS, motion_figures, parts_panel
 from structlearn.tasks.motion.motion_parameters import (
     AUTHORS,
+    CENTRE,
     RANDOM,
     MotionParameters,
     PartsParameters,
@@ -25,17 +27,16 @@ from structlearn.tasks.motion.motion_results import (
     FRICTIONS,
     RIVALS,
     URDF,
-    Drawn,
     MotionResults,
     chosen,
     model_words,
     motion_findings,
+    stated,
 )
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
-CENTRE = [f"centre_{axis}_m" for axis in "xyz"]
 # Parameters of a link that a page shows, and how they are written.
 LINKS = {"mass_kg": ".2f"} | dict.fromkeys(CENTRE, ".3f") | {"viscous": ".2f", "coulomb": ".2f"}
 WHOLE = {  # errors of all joints together: heading, and how they are written
@@ -43,6 +44,8 @@ WHOLE = {  # errors of all joints together: heading, and how they are written
     "relative_percent": ("relative (%)", ".2f"),
     "norm_n_m": ("norm (N m)", ".2f"),
 }
+LOGS = {"start_s": "from (s)", "end_s": "to (s)", "length_s": "length (s)"}
+LOGS |= {"learned_s": "learned from (s)", "tested_s": "tested on (s)"}
 PROTOCOLS = {AUTHORS: "their protocol", RANDOM: "random choices"}
 
 
@@ -81,22 +84,17 @@ def section(files: TaskFiles) -> Section:
 
 
 def motion_facts(results: MotionResults) -> dict[str, Any]:
-    """Values for the sentences."""
-    test, motions, gravity = results.test, results["motions"], results["gravity"]
-    best, excitation = results.joint_nmse(results.tested, results.best), results["excitation"].iloc[0]
+    """Values for the sentences; `its`: all tables, and the names of logs, joints and models in them."""
+    test, motions, excitation = results.test, results["motions"], results["excitation"].iloc[0]
+    best = results.joint_nmse(results.tested, results.best)
     worst = max(best, key=lambda joint: best[joint].value)
-    named = motions[motions["log"].isin([results.train_log, results.tested])]
-    seconds = (motions if results.parameters.train is None else named)[["learned_s", "tested_s"]].sum()
-    carried = {log: results.carried(log)[1].evidence() for log in results.carried_logs}
+    if results.parameters.train is not None:
+        motions = motions[motions["log"].isin([results.train_log, results.tested])]
     facts: dict[str, Any] = {
+        "its": results,
         "chosen": results.parameters,
-        "logs": len(motions),
-        "joints": len(results.joints),
         "friction": FRICTIONS[results.best[1]],
-        "learned_s": seconds["learned_s"],
-        "tested_s": seconds["tested_s"],
-        "train_log": results.train_log,
-        "tested": results.tested,
+        "seconds": motions[["learned_s", "tested_s"]].sum(),
         "worst": best[worst].evidence(),
         "worst_joint": results.names[list(best).index(worst)],
         "best": test.loc[results.best].min(),
@@ -107,27 +105,23 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "condition": excitation["condition"],
         "base_parameters": int(excitation["parameters"]),
         "unsure": len(results["base"].query("low < 0 < high")),
-        "blocks": best[worst].n,
-        "gravity": {word: list(its["name"]) for word, its in gravity.groupby("holds")},
-        "further": {
-            log: tuple(results.errors[log].loc[key] for key in (results.best, results.bounds))
-            for log in results.parts[2:]
-        },
+        "doubted": [
+            name for word in ("no", "doubtful") for name in chosen(results["gravity"], holds=word)["name"]
+        ],
         "networks": [
             f"{model_words(key)} {rounded(results.errors['train'].loc[key].mean(), '.2g')} "
             f"\N{RIGHTWARDS ARROW} {rounded(test.loc[key].mean(), '.2g')}"
             for key in (*RIVALS, ("delan", "coulomb"))
             if key in test.index
         ],
-        "carried": carried,
-        "first": next(iter(carried), None),
+        "carried": {log: results.carried(log)[1].evidence() for log in results.carried_logs},
     }
     if "gains" in results and results.parameters.drives is not None:
         gains, stand_in = results["gains"].set_index("joint"), results.parameters.drives.assumed_gains
         facts["gain_factors"] = gains["quoted"] / gains["found"]
         facts["stand_in"] = {joint: stand_in[joint] for joint in gains.index[gains["assumed"]]}
         facts["rest_log"] = results.rest_log()
-    if carried:
+    if results.carried_logs:
         facts["largest_empty_kg"] = chosen(results["carried"], stage=names.EMPTY)["mass_kg"].abs().max()
     return facts
 
@@ -139,48 +133,46 @@ def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
     payloads = tables["payloads"].set_index("sign")["mass_kg"]
     worst = {word: (left.max()[sign], left.size()[sign]) for sign, word in signs.items()}
     find.exact("torque_left", worst, unit="N m", headline=True)
-    find.exact(
-        "payload", {word: (payloads[sign], 1) for sign, word in signs.items()}, unit="kg", headline=True
-    )
+    masses = {word: payloads[sign] for sign, word in signs.items()}
+    find.exact("payload", masses, unit="kg", headline=True)
     return find
 
 
 def motion_tables(results: MotionResults) -> dict[str, Table]:
     """Tables keyed by name."""
-    wide, best, tested = results.test, results.best, results.tested
+    wide, best, further = results.test, results.best, results.parts[2:]
     joints = {"joint": results.joints, "name": results.names} | {
-        model_words(key): [_text(its, ".2g") for its in results.joint_nmse(tested, key).values()]
+        model_words(key): [its.text(".2g") for its in results.joint_nmse(results.tested, key).values()]
         for key in (URDF, results.bounds, best)
     }
     errors = wide.add_prefix("joint_").assign(mean=wide.mean(axis=1)).reset_index(drop=True)
     errors.insert(0, "model", [model_words(key) for key in wide.index])
     plain = frozenset(np.flatnonzero(wide.index.get_level_values("model") == BOUNDS).tolist())
-    whole, frictions = [], dict.fromkeys(("coulomb", "offset", best[1]))
-    for key in (URDF, *((kind, friction) for friction in frictions for kind in (BOUNDS, BEST))):
-        found = results.whole_errors(key)
-        texts = {heading: _text(found[name], number) for name, (heading, number) in WHOLE.items()}
-        whole.append({"model": model_words(key)} | texts)
-    words = {"start_s": "from (s)", "end_s": "to (s)", "length_s": "length (s)"}
-    words |= {"learned_s": "learned from (s)", "tested_s": "tested on (s)"}
+    frictions = dict.fromkeys(("coulomb", "offset", best[1]))
+    whole = [
+        {"model": model_words(key)}
+        | {WHOLE[name][0]: its.text(WHOLE[name][1]) for name, its in results.whole_errors(key).items()}
+        for key in (URDF, *((kind, friction) for friction in frictions for kind in (BOUNDS, BEST)))
+    ]
     tables = {
         "motion_joints": Table(pd.DataFrame(joints)),
         "motion_errors": shown(errors, plain),
         "motion_whole": Table(pd.DataFrame(whole)),
-        "motion_logs": Table(results["motions"][["log", "part", *words]], dict.fromkeys(words, ".1f"), words),
+        "motion_logs": Table(results["motions"][["log", "part", *LOGS]], dict.fromkeys(LOGS, ".1f"), LOGS),
         "motion_gravity": _gravity(results["gravity"]),
         "motion_base": shown(results["base"].rename(columns={"urdf": "URDF"})),
         "motion_fitness": shown(results["fitness"]),
         "motion_determined": shown(results["determined"]),
         "motion_bodies": _bodies(results),
     }
-    further = [
-        {"log": log, "model": model_words(key)} | results.errors[log].loc[key].add_prefix("joint_").to_dict()
-        for log in results.parts[2:]
-        for key in (URDF, *RIVALS, best, results.bounds)
-        if key in results.errors[log].index
-    ]
     if further:
-        tables["motion_further"] = shown(pd.DataFrame(further))
+        rows = [
+            {"log": log, "model": model_words(key)} | its.loc[key].add_prefix("joint_").to_dict()
+            for log, its in ((log, results.errors[log]) for log in further)
+            for key in (URDF, *RIVALS, best, results.bounds)
+            if key in its.index
+        ]
+        tables["motion_further"] = shown(pd.DataFrame(rows))
     if "choice" in results:
         tables["motion_choice"] = shown(results["choice"])
     if "gains" in results:
@@ -188,13 +180,6 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
     if results.carried_logs:
         tables |= {"motion_loads": _loads(results), "motion_followed": _followed(results)}
     return tables
-
-
-def _text(found: Drawn, number: str) -> str:
-    if np.isnan(found.value):
-        return "none"
-    its = found.evidence()
-    return f"{rounded(its.value, number)} {interval(its.low, its.high, number)}"
 
 
 def _gravity(gravity: pd.DataFrame) -> Table:
@@ -205,18 +190,18 @@ def _gravity(gravity: pd.DataFrame) -> Table:
 
 def _bodies(results: MotionResults) -> Table:
     """Links as written, a column per parameter, with half a 95 % interval where fits were drawn."""
-    its, text = results["bodies"], []
+    its = results["bodies"]
     its = its[its["parameter"].isin(list(LINKS))]
-    for row in its.itertuples():
-        form = LINKS[row.parameter]
-        width = f" ± {row.half_width:{form}}" if np.isfinite(row.half_width) else ""
-        text.append(f"{rounded(row.value, form)}{width}")
+    text = [
+        rounded(row.value, LINKS[row.parameter])
+        + (f" ± {row.half_width:{LINKS[row.parameter]}}" if np.isfinite(row.half_width) else "")
+        for row in its.itertuples()
+    ]
     wide = its.assign(text=text).pivot_table("text", "link", "parameter", "first", sort=False)
     urdf = its[its["parameter"] == "mass_kg"].set_index("link")["urdf"]
-    frame = wide.assign(urdf_mass_kg=[rounded(urdf[link], ".2f") for link in wide.index]).reset_index()
-    table = shown(frame)
+    table = shown(wide.assign(urdf_mass_kg=[rounded(urdf[link], ".2f") for link in wide.index]).reset_index())
     words = {"urdf_mass_kg": "URDF's mass (kg)", "viscous": "viscous (N m s/rad)", "coulomb": "Coulomb (N m)"}
-    return Table(frame, table.formats, {**table.headings, **words})
+    return replace(table, headings={**table.headings, **words})
 
 
 def _drives(results: MotionResults) -> Table:
@@ -226,11 +211,11 @@ def _drives(results: MotionResults) -> Table:
         its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
         if rest is not None:
             at_rest = results.drive(names.AT_REST, row.joint, rest)
-            its["at rest"] = "assumed" if row.assumed else _text(at_rest, ".3f")
+            its["at rest"] = "assumed" if row.assumed else at_rest.text(".3f")
         its["used"] = rounded(row.found, ".3f")
         for log, words in ((results.train_log, "learned from"), (results.tested, "tested on")):
-            its[f"in motion, {words}"] = _text(results.drive(names.IN_MOTION, row.joint, log), ".3f")
-            its[f"delay (ms), {words}"] = _text(results.drive(names.DELAY, row.joint, log), ".1f")
+            its[f"in motion, {words}"] = results.drive(names.IN_MOTION, row.joint, log).text(".3f")
+            its[f"delay (ms), {words}"] = results.drive(names.DELAY, row.joint, log).text(".1f")
         rows.append(its)
     return Table(pd.DataFrame(rows))
 
@@ -240,8 +225,8 @@ def _loads(results: MotionResults) -> Table:
         {
             "logs": row.pair,
             "gains": row.gains,
-            "mass (kg)": _text(results.load_kg(row.pair, row.gains), ".3f"),
-            "error (%)": _text(results.load_error(row.pair, row.gains), ".1f"),
+            "mass (kg)": results.load_kg(row.pair, row.gains).text(".3f"),
+            "error (%)": results.load_error(row.pair, row.gains).text(".1f"),
             "centre (m)": ", ".join(rounded(getattr(row, name), ".3f") for name in CENTRE),
         }
         for row in results["loads"].itertuples()
@@ -256,8 +241,7 @@ def _followed(results: MotionResults) -> Table:
         masses, error = results.carried(log)
         row = {"log": log, "settled_s": len(masses) * step_s, "mass_kg": masses.mean()}
         row |= {"least_kg": masses.min(), "most_kg": masses.max()}
-        its = error.evidence()
-        rows.append(row | {"error (%)": f"{rounded(its.value, '.1f')} {interval(its.low, its.high)}"})
+        rows.append(row | {"error (%)": stated(error.evidence(), ".1f")})
     return shown(pd.DataFrame(rows), settled_s=".0f", least_kg=".2f", most_kg=".2f")
 
 

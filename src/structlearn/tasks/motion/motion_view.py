@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE
 from structlearn.readers.joint_log import MotionLog
 from structlearn.rigid_body.urdf import moved_link
-from structlearn.tasks.motion.motion_parameters import CARRYING, LoadParameters
+from structlearn.tasks.motion.motion_parameters import CARRYING, CENTRE, LoadParameters
 from structlearn.viewer.arm_meshes import (
     arm_contents,
     arm_view,
@@ -43,7 +43,7 @@ def write_carried(
     time = np.arange(0.0, cut["end_s"] - cut["start_s"], 1.0 / RATE_HZ)
     q = np.stack([np.interp(time + cut["start_s"], log.time, its) for its in log.positions.T], axis=1)
     weighed = tables["loads"].set_index(["pair", "gains"]).loc[(name, "found")]
-    centre = weighed[[f"centre_{axis}_m" for axis in "xyz"]].to_numpy(float)
+    centre = weighed[CENTRE].to_numpy(float)
     with recording(path, f"Arm with its load: {name}") as stream:
         reach = send_sticks(stream, ARM, urdf, log.joints, time_column(time), q, (LIGHT_GREY, GREY))
         stream.send_blueprint(_blueprint(reach))
