@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from structlearn.core.compilation import compiled_inside, cross, numba
-from structlearn.rigid_body.compiled_dynamics import chain_arrays, joint_placement
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.rigid_body.compiled_dynamics import joint_placement
+from structlearn.rigid_body.tree import Chain, KinematicTree, LinkInertias
 
 
 class Body(NamedTuple):
@@ -28,10 +28,10 @@ class Body(NamedTuple):
     translation: np.ndarray
     axis: np.ndarray
     prismatic: np.ndarray
+    gravity: np.ndarray
     mass: np.ndarray  # (n,) kg
     centre: np.ndarray  # (n, 3) m, centre of mass in the joint frame
     inertia: np.ndarray  # (n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame
-    gravity: np.ndarray
 
 
 class Workspace(NamedTuple):
@@ -55,11 +55,10 @@ def body(tree: KinematicTree, inertias: LinkInertias) -> Body:
     """The robot of a kinematic tree and its links' inertias, which have mass."""
     mass = np.ascontiguousarray(inertias.mass, dtype=float)
     return Body(
-        *chain_arrays(tree),
+        *Chain.of(tree),
         mass=mass,
         centre=np.ascontiguousarray(inertias.first_moment / mass[:, None], dtype=float),
         inertia=np.ascontiguousarray(inertias.inertia, dtype=float),
-        gravity=np.ascontiguousarray(tree.gravity, dtype=float),
     )
 
 
@@ -126,9 +125,7 @@ def kinematics(body: Body, q: np.ndarray, work: Workspace) -> None:
     for j in range(len(q)):
         parent, frame, place = body.parents[j], work.frame[j], work.place[j]
         turn, offset = work.turn, work.offset
-        joint_placement(
-            body.rotation[j], body.translation[j], body.axis[j], body.prismatic[j], q[j], turn, offset
-        )
+        joint_placement(body, j, q[j], turn, offset)
         for row in range(3):
             if parent < 0:
                 place[row] = offset[row]

@@ -7,14 +7,14 @@ joint frames' origins (parallel axes), where the recursion needs only the first 
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 from structlearn.core.compilation import cross, numba
 from structlearn.networks.compiled_layers import affine, hidden_layers
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.rigid_body.tree import Chain, KinematicTree, LinkInertias
 
 
 class RigidBodies(NamedTuple):
@@ -45,13 +45,12 @@ def inverse_dynamics(
     about_origin = (
         inertias.inertia + (squares - moment[:, :, None] * moment[:, None, :]) / mass[:, None, None]
     )
-    numbers = (tree.gravity, mass, moment, about_origin)
     expected = (len(get_args(FrictionTerm)), len(tree.names))
     rubbing = np.zeros(expected) if friction is None else friction
     if rubbing.shape != expected:
         raise ValueError(f"friction has the shape {rubbing.shape}, not {expected}")
-    arrays = (np.array(array, dtype=float) for array in (*numbers, rubbing))
-    return InverseDynamics(BODIES, RigidBodies(*chain_arrays(tree), *arrays), NO_NETWORKS)
+    arrays = (np.array(array, dtype=float) for array in (mass, moment, about_origin, rubbing))
+    return InverseDynamics(BODIES, RigidBodies(*Chain.of(tree), *arrays), NO_NETWORKS)
 
 
 def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
@@ -65,29 +64,14 @@ def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np
     return rows
 
 
-def chain_arrays(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Kinematics for compiled functions: parents, rotation, translation, axis, prismatic."""
-    return (
-        np.ascontiguousarray(tree.parents, dtype=np.int64),
-        np.ascontiguousarray(tree.rotation, dtype=float),
-        np.ascontiguousarray(tree.translation, dtype=float),
-        np.ascontiguousarray(tree.axis, dtype=float),
-        np.ascontiguousarray(tree.prismatic, dtype=bool),
-    )
-
-
 @numba.njit(cache=True, inline="always")
-def joint_placement(
-    rotation: np.ndarray,
-    translation: np.ndarray,
-    axis: np.ndarray,
-    slides: bool,
-    q: float,
-    turn: np.ndarray,
-    offset: np.ndarray,
-) -> None:
-    """Write orientation `turn` (3, 3) and origin `offset` (3,) of a joint's frame in its parent's."""
-    if slides:
+def joint_placement(chain: Any, joint: int, q: float, turn: np.ndarray, offset: np.ndarray) -> None:
+    """Write orientation `turn` (3, 3) and origin `offset` (3,) of a joint's frame in its parent's.
+
+    `chain`: `RigidBodies`, or `compiled_chain.Body`.
+    """
+    rotation, translation, axis = chain.rotation[joint], chain.translation[joint], chain.axis[joint]
+    if chain.prismatic[joint]:
         for row in range(3):
             shift = 0.0
             for k in range(3):
@@ -129,9 +113,7 @@ def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.nda
     force, torque = np.empty((count, 3)), np.empty((count, 3))
     carried = np.empty(3)
     for i in range(count):
-        joint_placement(
-            bodies.rotation[i], bodies.translation[i], axis[i], prismatic[i], q[i], turn[i], offset[i]
-        )
+        joint_placement(bodies, i, q[i], turn[i], offset[i])
         w, dw, a = spin[i], spin_rate[i], lift[i]
         parent = parents[i]
         if parent < 0:
@@ -143,11 +125,7 @@ def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.nda
         else:
             over, over_rate, above = spin[parent], spin_rate[parent], lift[parent]
             sweep, pull = cross(over, offset[i]), cross(over_rate, offset[i])
-            inward = (
-                over[1] * sweep[2] - over[2] * sweep[1],
-                over[2] * sweep[0] - over[0] * sweep[2],
-                over[0] * sweep[1] - over[1] * sweep[0],
-            )
+            inward = cross(over, sweep)
             for k in range(3):
                 carried[k] = above[k] + pull[k] + inward[k]
             _turned_back(turn[i], carried, a)

@@ -89,28 +89,15 @@ class InertiaLearner:
         self.squared = squared(regressor.friction)
         self.free = draw(structure, joints, list(generators)).numpy().copy()  # (M, n, k)
         self.rubbing = initial_friction(len(self.free), joints, regressor.friction)
-        self.moments = [(np.zeros_like(its), np.zeros_like(its)) for its in (self.free, self.rubbing)]
+        self.moments = tuple((np.zeros_like(its), np.zeros_like(its)) for its in (self.free, self.rubbing))
         self.adam, self.batch, self.steps = adam, adam.batch, 0
 
     def learn(self, order: torch.Tensor) -> None:
         """Steps of Adam down the mean weighted squared error of samples, a batch each."""
-        inertial_moments, rubbed_moments = self.moments
-        _descend(
-            self.structure,
-            self.regressor.columns,
-            self.regressor.torque,
-            self.weights,
-            order.numpy(),
-            self.batch,
-            self.free,
-            self.rubbing,
-            self.squared,
-            inertial_moments,
-            rubbed_moments,
-            self.adam.rate,
-            self.adam.second_moment_decay,
-            self.steps,
-        )
+        models = (self.structure, self.free, self.rubbing, self.squared)
+        data = (self.regressor.columns, self.regressor.torque, self.weights)
+        rates = (self.adam.rate, self.adam.second_moment_decay)
+        _descend(models, self.moments, data, order.numpy(), self.batch, rates, self.steps)
         self.steps += -(-len(order) // self.batch)
 
     def nmse(self, stride: int = 1) -> np.ndarray:
@@ -121,7 +108,7 @@ class InertiaLearner:
     def keep(self, models: np.ndarray) -> None:
         """Go on with some of the models, (M,) whether each is among them."""
         self.free, self.rubbing = self.free[models], self.rubbing[models]
-        self.moments = [(mean[models], square[models]) for mean, square in self.moments]
+        self.moments = tuple((mean[models], square[models]) for mean, square in self.moments)
 
     def state(self) -> dict[str, np.ndarray]:
         """Free parameters, each with a leading axis of models."""
@@ -248,42 +235,30 @@ def _stopping(errors: np.ndarray, before: np.ndarray | None, ahead: float, thres
 
 @numba.njit(cache=True)
 def _descend(
-    structure: int,
-    columns: np.ndarray,
-    torque: np.ndarray,
-    weights: np.ndarray,
-    order: np.ndarray,
-    batch: int,
-    free: np.ndarray,
-    rubbing: np.ndarray,
-    squared: np.ndarray,
-    inertial_moments: tuple[np.ndarray, np.ndarray],
-    rubbed_moments: tuple[np.ndarray, np.ndarray],
-    rate: float,
-    decay: float,
-    steps: int,
+    models: tuple, moments: tuple, data: tuple, order: np.ndarray, batch: int, rates: tuple, steps: int
 ) -> None:
-    """Change `free` and `rubbing`, and Adam's moments of both, by a step per batch of the order."""
+    """Change the models by a step of Adam per batch of the order.
+
+    `models`: structure and the arguments of `structure_theta` after it; `moments`: Adam's two, of the free
+    parameters of inertias, then of friction; `data`: columns, torques and weights of the joints; `rates`: of
+    learning, and decay of the second moment; `steps`: taken before.
+    """
+    structure, free, rubbing, squared = models
+    columns, torque, weights = data
     for step in range(-(-len(order) // batch)):
         samples = order[step * batch : (step + 1) * batch]
         theta = structure_theta(structure, free, rubbing, squared)
         slope = np.zeros_like(theta)
         _add_slopes(columns, torque, 2.0 / len(samples) * weights, samples, free.shape[2], theta, slope)
         inertial, rubbed = structure_gradient(structure, free, rubbing, squared, slope)
-        _adam_step(free, inertial, inertial_moments, rate, decay, steps + step + 1)
-        _adam_step(rubbing, rubbed, rubbed_moments, rate, decay, steps + step + 1)
+        _adam_step(free, inertial, moments[0], rates, steps + step + 1)
+        _adam_step(rubbing, rubbed, moments[1], rates, steps + step + 1)
 
 
 @numba.njit(cache=True, error_model="numpy")  # without a check of each divisor it becomes vectors
-def _adam_step(
-    variable: np.ndarray,
-    gradient: np.ndarray,
-    moments: tuple[np.ndarray, np.ndarray],
-    rate: float,
-    decay: float,
-    count: int,
-) -> None:
+def _adam_step(variable: np.ndarray, gradient: np.ndarray, moments: tuple, rates: tuple, count: int) -> None:
     """One step of Adam in place, by torch's rule; `count` is the number of this step, from 1."""
+    rate, decay = rates
     mean, square = moments[0].reshape(-1), moments[1].reshape(-1)
     values, slopes = variable.reshape(-1), gradient.reshape(-1)
     step, root = rate / (1.0 - MEAN_DECAY**count), math.sqrt(1.0 - decay**count)

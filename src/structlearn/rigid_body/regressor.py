@@ -16,7 +16,7 @@ from torch import Tensor
 from structlearn.core.compilation import cross, numba
 from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.rigid_body.tree import Chain, KinematicTree, LinkInertias
 
 SYMMETRIC_COLUMNS, FULL_COLUMNS = 10, 13  # per link
 
@@ -34,9 +34,8 @@ def torque_regressor(
     """
     columns = SYMMETRIC_COLUMNS if symmetric else FULL_COLUMNS
     regressor = np.zeros((*q.shape, len(tree.names), columns))
-    chain = _Chain(tree.parents, tree.rotation, tree.translation, tree.axis, tree.prismatic, tree.gravity)
     q, qd, qdd = (np.ascontiguousarray(values, dtype=np.float64) for values in (q, qd, qdd))
-    _fill(chain, q, qd, qdd, regressor)
+    _fill(Chain.of(tree), q, qd, qdd, regressor)
     return regressor.reshape(*q.shape, len(tree.names) * columns)
 
 
@@ -54,17 +53,6 @@ def link_parameters(inertias: LinkInertias[Tensor], symmetric: bool = True) -> T
     return torch.cat([mass, first_moment, about_origin], dim=-1).flatten(-2)
 
 
-class _Chain(NamedTuple):
-    """A kinematic tree for compiled code."""
-
-    parents: np.ndarray
-    rotation: np.ndarray
-    translation: np.ndarray
-    axis: np.ndarray
-    prismatic: np.ndarray
-    gravity: np.ndarray
-
-
 class _Motion(NamedTuple):
     """Motion of all links in one sample, at their origins and in their axes."""
 
@@ -76,7 +64,7 @@ class _Motion(NamedTuple):
 
 
 @numba.njit(cache=True)
-def _fill(chain: _Chain, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regressor: np.ndarray) -> None:
+def _fill(chain: Chain, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regressor: np.ndarray) -> None:
     """Fill a regressor of zeros (B, n, n, columns).
 
     By virtual work the torque of joint i is the wrench of every link beyond it times the twist (v, w) that
@@ -97,7 +85,7 @@ def _fill(chain: _Chain, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regress
 
 
 @numba.njit(cache=True, inline="always")
-def _move(chain: _Chain, motion: _Motion, link: int, position: float, speed: float, change: float) -> None:
+def _move(chain: Chain, motion: _Motion, link: int, position: float, speed: float, change: float) -> None:
     """Motion of a link from that of its parent."""
     parent = chain.parents[link]
     axis, slides = _vector(chain.axis[link]), chain.prismatic[link]
@@ -131,7 +119,7 @@ def _move(chain: _Chain, motion: _Motion, link: int, position: float, speed: flo
 
 
 @numba.njit(cache=True, inline="always")
-def _placement(chain: _Chain, joint: int, position: float) -> tuple[tuple, tuple]:
+def _placement(chain: Chain, joint: int, position: float) -> tuple[tuple, tuple]:
     """Rows of a joint frame's rotation in its parent's, and its origin there."""
     axis, origin = _vector(chain.axis[joint]), _vector(chain.translation[joint])
     rotation = chain.rotation[joint]

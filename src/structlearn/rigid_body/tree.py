@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio
@@ -44,6 +44,24 @@ class KinematicTree:
         limits = ((self.lower, -np.pi), (self.upper, np.pi))
         lower, upper = (np.where(np.isfinite(limit), limit, other) for limit, other in limits)
         return lower, upper
+
+
+class Chain(NamedTuple):
+    """A kinematic tree for compiled functions; fields are `KinematicTree`'s."""
+
+    parents: np.ndarray
+    rotation: np.ndarray
+    translation: np.ndarray
+    axis: np.ndarray
+    prismatic: np.ndarray
+    gravity: np.ndarray
+
+    @classmethod
+    def of(cls, tree: KinematicTree) -> "Chain":
+        """Contiguous arrays of a tree."""
+        kinds = (np.int64, float, float, float, bool, float)
+        pairs = zip(cls._fields, kinds, strict=True)
+        return cls(*(np.ascontiguousarray(getattr(tree, name), dtype=kind) for name, kind in pairs))
 
 
 @dataclass(frozen=True)

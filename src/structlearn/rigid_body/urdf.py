@@ -185,51 +185,30 @@ def write_urdf(
     Raises:
         InputError: a joint of the tree is not in the source.
     """
-    root = ElementTree.parse(source).getroot()
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
-    if missing := [name for name in tree.names if name not in joints]:
+    root, ends, chains = ElementTree.parse(source).getroot(), _joints(source), _chains(source)
+    if missing := [name for name in tree.names if name not in ends]:
         raise InputError(f"{source}: lacks the joints {', '.join(missing)}")
-    links = {link.get("name"): link for link in root.findall("link")}
-    moved: dict[str | None, int] = {
-        _end(joints[name], "child"): place for place, name in enumerate(tree.names)
-    }
-    base = _fixed_to_base(root, joints, tree.names)
-    for name, link in links.items():
+    moved = {ends[name][2]: place for place, name in enumerate(tree.names)}
+    for link in root.findall("link"):
+        name, old = link.get("name", ""), link.find("inertial")
         _without_meshes(link)
-        if name in base and link.find("inertial") is not None:
+        if old is not None and not set(tree.names) & set(chains.get(name, ())):
             continue  # nothing can be learned of what does not move
-        old = link.find("inertial")
         if old is not None:
             link.remove(old)
         link.append(_inertial(inertias, moved.get(name)))
-    for name, joint in joints.items():
-        if name not in tree.names:
+    for joint in root.findall("joint"):
+        if joint.get("name") not in tree.names:
             joint.set("type", "fixed")
-    for place, name in enumerate(tree.names):
-        _set_friction(joints[name], viscous, coulomb, place)
+            continue
+        for key, values in (("damping", viscous), ("friction", coulomb)):
+            if values is not None:
+                dynamics = joint.find("dynamics")
+                if dynamics is None:
+                    dynamics = ElementTree.SubElement(joint, "dynamics")
+                dynamics.set(key, repr(float(values[tree.names.index(joint.get("name", ""))])))
     ElementTree.indent(root)
     ElementTree.ElementTree(root).write(target, encoding="utf-8", xml_declaration=True)
-
-
-def _end(joint: ElementTree.Element, which: str) -> str:
-    element = joint.find(which)
-    return "" if element is None else element.get("link", "")
-
-
-def _fixed_to_base(
-    root: ElementTree.Element, joints: dict[str | None, ElementTree.Element], moving: tuple[str, ...]
-) -> set[str]:
-    """Links that no joint moves."""
-    parents = {_end(joint, "child"): (name, _end(joint, "parent")) for name, joint in joints.items()}
-
-    def moves(link: str) -> bool:
-        while link in parents:
-            name, link = parents[link]
-            if name in moving:
-                return True
-        return False
-
-    return {name for link in root.findall("link") if not moves(name := link.get("name", ""))}
 
 
 def _without_meshes(link: ElementTree.Element) -> None:
@@ -251,18 +230,3 @@ def _inertial(inertias: "LinkInertias[np.ndarray]", place: int | None) -> Elemen
     values = {name: repr(float(inertia[entry])) for name, entry in INERTIA_ENTRIES.items()}
     ElementTree.SubElement(element, "inertia", values)
     return element
-
-
-def _set_friction(
-    joint: ElementTree.Element, viscous: np.ndarray | None, coulomb: np.ndarray | None, place: int
-) -> None:
-    found = {
-        name: values for name, values in (("damping", viscous), ("friction", coulomb)) if values is not None
-    }
-    if not found:
-        return
-    dynamics = joint.find("dynamics")
-    if dynamics is None:
-        dynamics = ElementTree.SubElement(joint, "dynamics")
-    for name, values in found.items():
-        dynamics.set(name, repr(float(values[place])))
