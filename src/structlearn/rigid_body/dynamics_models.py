@@ -1,7 +1,7 @@
 """Learned dynamics models: files, inertias and friction, predicted torques, and compiled inverse dynamics."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -147,44 +147,29 @@ def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> I
             f"models of kind {models.kind}: learned with the joints {', '.join(models.joints)}; the arm has "
             f"{', '.join(tree.names)}"
         )
-    networks = None if models.structured else models.networks()
-    if isinstance(networks, StackedPerceptrons):  # they need no friction beside them
-        return InverseDynamics(PERCEPTRON, NO_BODIES, _perceptron(networks, model))
     friction = friction_rows(models.friction_coefficients()[model], models.friction)
-    if isinstance(networks, StackedLagrangianNetworks):
-        return InverseDynamics(LAGRANGIAN, NO_BODIES, _lagrangian(networks, model, friction))
-    return inverse_dynamics(tree, models.inertias().of(model), friction)
+    if models.structured:
+        return inverse_dynamics(tree, models.inertias().of(model), friction)
+    networks, rows, columns = models.networks(), np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    if isinstance(networks, StackedPerceptrons):
+        kind, layers = PERCEPTRON, [_with_scales(networks, model)]
+    else:
+        kind, layers = LAGRANGIAN, [its.layers_of(model) for its in (networks.inertia, networks.potential)]
+        rows, columns = (its.argmax(dim=1).numpy() for its in (networks.row, networks.column))
+    inputs = [np.shape(own[0][0])[1] for own in layers]
+    packed = pack([(np.zeros(n), np.ones(n), own) for n, own in zip(inputs, layers, strict=True)])
+    memory = np.stack([layer_values(packed.sizes)] * len(layers))
+    return InverseDynamics(
+        kind, NO_BODIES, Networks(*packed, memory, rows, columns, SMALLEST_INERTIA, friction)
+    )
 
 
-def _perceptron(networks: StackedPerceptrons, model: int) -> Networks:
+def _with_scales(networks: StackedPerceptrons, model: int) -> Layers:
+    """Layers of one perceptron; standardising is linear and becomes part of the first and the last layer."""
     layers = networks.network.layers_of(model)
     mean, scale, out_mean, out_scale = (getattr(networks, name).double().numpy() for name in SCALING)
-    # Standardising is linear and becomes part of the first and the last layer.
     (weights, biases), inner = layers[0], layers[1:]
     turned = np.ascontiguousarray(weights.T) / scale[:, None]
     layers = [(turned.T, biases - mean @ turned), *inner]
     weights, biases = layers[-1]
-    layers[-1] = (weights * out_scale[:, None], biases * out_scale + out_mean)
-    nowhere = np.empty(0, dtype=np.int64)
-    return _packed([layers], nowhere, nowhere, 0.0, np.zeros((4, len(out_mean))))
-
-
-def _lagrangian(networks: StackedLagrangianNetworks, model: int, friction: np.ndarray) -> Networks:
-    layers = [part.layers_of(model) for part in (networks.inertia, networks.potential)]
-    places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
-    return _packed(layers, *places, SMALLEST_INERTIA, friction)
-
-
-def _packed(
-    layers: Sequence[Layers],
-    rows: np.ndarray,
-    columns: np.ndarray,
-    least_inertia: float,
-    friction: np.ndarray,
-) -> Networks:
-    inputs = [np.shape(own[0][0])[1] for own in layers]
-    packed = pack([(np.zeros(n), np.ones(n), own) for n, own in zip(inputs, layers, strict=True)])
-    memory = np.stack([layer_values(packed.sizes)] * len(layers))
-    return Networks(
-        packed.values, packed.first, packed.sizes, memory, rows, columns, least_inertia, np.array(friction)
-    )
+    return [*layers[:-1], (weights * out_scale[:, None], biases * out_scale + out_mean)]

@@ -56,49 +56,41 @@ def drive_tables(
     joints, dt = np.arange(1, len(tree.names) + 1), 1.0 / parameters.rate_hz
     first, last = own.delays_s
     delays = first + own.delay_step_s * np.arange(round((last - first) / own.delay_step_s) + 1)
-    every = {
-        "draw": np.repeat(np.arange(parameters.draws), len(joints)),
-        "joint": np.tile(joints, parameters.draws),
-    }
-    drives, drawn, curves = [], [], []
-
-    def add(quantity: str, name: str, blocks: int, values: np.ndarray, draws: np.ndarray) -> None:
-        keys = {"quantity": quantity, "log": name}
-        drives.append(pd.DataFrame(keys | {"blocks": blocks, "joint": joints, "value": values}))
-        drawn.append(pd.DataFrame(keys | every | {"value": draws.ravel()}))
-
+    # by quantity and log: blocks, values (n,), and draws (D, n)
+    found: dict[tuple[str, str], tuple[int, np.ndarray, np.ndarray]] = {}
+    curves = []
     if own.rest is not None:
         rest = logs[own.rest]
-        count = block_count(len(rest.stamps), parameters.block)
-        add(
-            names.AT_REST,
-            rest.name,
-            count,
-            *resting_gains(rest.desired_currents, rest.target_torques, *drawing),
-        )
+        gains = resting_gains(rest.desired_currents, rest.target_torques, *drawing)
+        found[names.AT_REST, rest.name] = (block_count(len(rest.stamps), parameters.block), *gains)
     for name in filter(None, (parameters.train, parameters.test)):
         log = logs[name]
         cut = longest_motion(name, log.velocities, parameters)
-        gains = moving_gains(
-            log.desired_currents[cut], log.target_torques[cut], log.velocities[cut], *drawing
-        )
+        signals_then = (log.desired_currents[cut], log.target_torques[cut], log.velocities[cut])
+        gains = moving_gains(*signals_then, *drawing)
         tried = np.repeat(delays[:, None], len(joints), axis=1)
         _, positions, velocities, currents = on_clock(log, parameters.rate_hz, tried)
         whole = smoothed_motion(name, positions, velocities, currents[0], dt, parameters.smoothing_hz)
         cut = longest_motion(name, whole.qd, parameters)
         states = whole.part(cut)
         smooth = np.stack([signals.low_pass(its, dt, parameters.smoothing_hz)[cut] for its in currents])
-        late, drawn_late, squares = current_delays(tree, states, smooth, delays, FRICTION, *drawing)
+        *late, squares = current_delays(tree, states, smooth, delays, FRICTION, *drawing)
         count = block_count(len(states), parameters.block)
-        add(names.IN_MOTION, name, count, *gains)
-        add(names.DELAY, name, count, late, drawn_late)
+        found |= {(names.IN_MOTION, name): (count, *gains), (names.DELAY, name): (count, *late)}
         grid = {"delay_s": np.repeat(delays, len(joints)), "joint": np.tile(joints, len(delays))}
         curves.append(pd.DataFrame({"log": name} | grid | {"squares": squares.ravel()}))
-    table = pd.concat(drives, ignore_index=True)
+    every = {"draw": np.repeat(np.arange(parameters.draws), len(joints))}
+    every |= {"joint": np.tile(joints, parameters.draws)}
+    tables, drawn = [], []
+    for (quantity, name), (count, values, draws) in found.items():
+        keys = {"quantity": quantity, "log": name}
+        tables.append(pd.DataFrame(keys | {"blocks": count, "joint": joints, "value": values}))
+        drawn.append(pd.DataFrame(keys | every | {"value": draws.ravel()}))
+    drives = pd.concat(tables, ignore_index=True)
     return {
-        "drives": table,
+        "drives": drives,
         "drive_draws": pd.concat(drawn, ignore_index=True),
-        "gains": found_gains(table, parameters),
+        "gains": found_gains(drives, parameters),
         "delay_curves": pd.concat(curves, ignore_index=True),
     }
 
@@ -130,7 +122,7 @@ def current_motion(
     log: DriveLog, tables: Mapping[str, pd.DataFrame], parameters: MotionParameters
 ) -> tuple[Motion, slice]:
     """A log's longest motion, with torques by the gains and delays found, and where it is on the clock."""
-    late = _of(tables["drives"], names.DELAY, parameters.train)
+    late = _of(tables["drives"], names.DELAY, parameters.train).to_numpy()
     _, positions, velocities, currents = on_clock(log, parameters.rate_hz, late)
     torques = currents * tables["gains"][names.FOUND].to_numpy()
     dt = 1.0 / parameters.rate_hz
@@ -139,9 +131,9 @@ def current_motion(
     return whole.part(cut), cut
 
 
-def _of(drives: pd.DataFrame, quantity: str, log: str | None) -> np.ndarray:
-    """(n,) of the joints in their order."""
-    return drives.loc[(drives["quantity"] == quantity) & (drives["log"] == log), "value"].to_numpy()
+def _of(drives: pd.DataFrame, quantity: str, log: str | None) -> pd.Series:
+    """Values of the joints, by their number."""
+    return drives[(drives["quantity"] == quantity) & (drives["log"] == log)].set_index("joint")["value"]
 
 
 def found_gains(drives: pd.DataFrame, parameters: MotionParameters) -> pd.DataFrame:
@@ -152,16 +144,11 @@ def found_gains(drives: pd.DataFrame, parameters: MotionParameters) -> pd.DataFr
     own = parameters.drives
     assert own is not None
     moving = _of(drives, names.IN_MOTION, parameters.train)
-    joints = np.arange(1, len(moving) + 1)
-    measured = stand_in = np.full_like(moving, np.nan)
-    if own.rest is not None:
-        measured = _of(drives, names.AT_REST, own.rest)
-        stands_in = {joint: measured[other - 1] for joint, other in own.assumed_gains.items()}
-        stand_in = np.array([stands_in.get(int(joint), np.nan) for joint in joints])
-    assumed = np.isnan(measured) & ~np.isnan(stand_in)
-    found = np.where(assumed, stand_in, measured)
-    found = np.where(np.isnan(found), moving, found)
-    return pd.DataFrame({"joint": joints, "found": found, "assumed": assumed, "quoted": own.quoted_gains})
+    measured = _of(drives, names.AT_REST, own.rest).reindex(moving.index)
+    stand_in = pd.Series(own.assumed_gains, dtype=float).map(measured).reindex(moving.index)
+    assumed = measured.isna() & stand_in.notna()
+    found = measured.fillna(stand_in).fillna(moving)
+    return pd.DataFrame({"found": found, "assumed": assumed, "quoted": own.quoted_gains}).reset_index()
 
 
 def weighed_loads(
@@ -247,11 +234,13 @@ def body_intervals(
         fits = drawn_fits(model, regressor, robot.inertias, parameters.iterations, length, draws, seed)
         quantile = stdtrit(draws - 1, 0.975)
         widths = {name: quantile * its.std(axis=0, ddof=1) for name, its in _body_columns(fits).items()}
-    tables = []
-    for name, value in values.items():
-        columns = {"link": robot.tree.names, "parameter": name, "value": value[0]}
-        columns |= {"half_width": widths.get(name, nothing), "urdf": urdf.get(name, nothing)}
-        tables.append(pd.DataFrame(columns))
+    columns = {"half_width": widths, "urdf": urdf}
+    tables = [
+        pd.DataFrame({"link": robot.tree.names, "parameter": name, "value": value[0]}).assign(
+            **{column: its.get(name, nothing) for column, its in columns.items()}
+        )
+        for name, value in values.items()
+    ]
     return pd.concat(tables, ignore_index=True)
 
 
