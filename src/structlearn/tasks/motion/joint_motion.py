@@ -33,13 +33,7 @@ from structlearn.rigid_body.dynamics_training import (
 )
 from structlearn.rigid_body.friction import FRICTIONS, friction_columns
 from structlearn.rigid_body.log_fitness import log_fitness, parameter_table
-from structlearn.rigid_body.model_comparison import (
-    LEARNED_FRICTIONS,
-    NETWORKS,
-    TRAIN,
-    Models,
-    NetworkTraining,
-)
+from structlearn.rigid_body.model_comparison import NETWORKS, TRAIN, Models, NetworkTraining
 from structlearn.rigid_body.motion import Motion, joined, measured_motion
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
 from structlearn.simulation.arm import urdf_path
@@ -134,7 +128,7 @@ def _identified(
         robot,
         parts,
         parameters.structures,
-        tuple(dict.fromkeys((*LEARNED_FRICTIONS, parameters.judged_friction))),
+        tuple(dict.fromkeys((*model_comparison.LEARNED_FRICTIONS, parameters.judged_friction))),
         networks,
         iterations=parameters.iterations,
         limits=robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None,

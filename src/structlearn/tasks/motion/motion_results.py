@@ -14,16 +14,8 @@ from structlearn.reporting.prose import interval, rounded
 from structlearn.rigid_body import friction
 from structlearn.rigid_body.model_names import DEFAULT, NAMES, STRICT
 from structlearn.rigid_body.motion import drawn_nmse
-from structlearn.tasks.motion.motion_parameters import (
-    ALL_PAIRS,
-    AT_REST,
-    CARRYING,
-    DELAY,
-    FOUND,
-    IN_MOTION,
-    QUOTED,
-    MotionParameters,
-)
+from structlearn.tasks.motion import motion_parameters as protocol
+from structlearn.tasks.motion.motion_parameters import MotionParameters
 
 # The URDF as it came; the kinds that become a URDF, and that need not be physically consistent.
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
@@ -174,7 +166,7 @@ class MotionResults(dict[str, pd.DataFrame]):
         """
         own, load = self.parameters, self.parameters.load
         assert load is not None
-        its = chosen(self["carried"], log=log, stage=CARRYING)
+        its = chosen(self["carried"], log=log, stage=protocol.CARRYING)
         masses = its.loc[its["since_s"] > load.settled_s, "mass_kg"]
         error = 100.0 * np.abs(masses.to_numpy() / load.known_kg - 1.0)
         length = round(load.memory_s * own.rate_hz / load.batch)
@@ -188,11 +180,11 @@ class MotionResults(dict[str, pd.DataFrame]):
     def drive(self, quantity: str, joint: int, log: str = "") -> Drawn:
         """A gain in N m/A, or a delay in ms, of one joint; by default in the log that was learned from."""
         its = self._drawn("drive", "value", quantity=quantity, joint=joint, log=log or self.train_log)
-        return Drawn(1e3 * its.samples, its.n) if quantity == DELAY else its
+        return Drawn(1e3 * its.samples, its.n) if quantity == protocol.DELAY else its
 
     def rest_log(self) -> str | None:
         """The log of the arm at rest that gave the drives' gains."""
-        return next(iter(chosen(self["drives"], quantity=AT_REST)["log"]), None)
+        return next(iter(chosen(self["drives"], quantity=protocol.AT_REST)["log"]), None)
 
     def _drawn(self, table: str, column: str, **keys: object) -> Drawn:
         """A row of a table with its draws."""
@@ -276,9 +268,10 @@ def _drives(results: MotionResults) -> dict[str, Row]:
         return dict.fromkeys(("delays", "assumed_gains"), unknown("the log holds torques, no currents"))
     gains = results["gains"].query("assumed").set_index("joint")["found"]
     return {
-        "delays": {f"joint {joint}": results.drive(DELAY, joint) for joint in results.joints},
+        "delays": {f"joint {joint}": results.drive(protocol.DELAY, joint) for joint in results.joints},
         "assumed_gains": {
-            f"joint {joint}": results.drive(IN_MOTION, joint).over(found) for joint, found in gains.items()
+            f"joint {joint}": results.drive(protocol.IN_MOTION, joint).over(found)
+            for joint, found in gains.items()
         },
     }
 
@@ -288,9 +281,9 @@ def _load(results: MotionResults) -> dict[str, Row]:
     missing = unknown("no motion is recorded with and without a load")
     found: dict[str, Row] = dict.fromkeys(("load_kg", "load", "load_alone", "load_quoted"), missing)
     if carried:
-        found["load_kg"] = results.load_kg(ALL_PAIRS, FOUND)
-        found["load"] = results.load_error(ALL_PAIRS, FOUND)
-        found["load_alone"] = {log: results.load_error(log, FOUND) for log in carried}
-        if QUOTED in set(results["loads"]["gains"]):
-            found["load_quoted"] = results.load_error(ALL_PAIRS, QUOTED)
+        found["load_kg"] = results.load_kg(protocol.ALL_PAIRS, protocol.FOUND)
+        found["load"] = results.load_error(protocol.ALL_PAIRS, protocol.FOUND)
+        found["load_alone"] = {log: results.load_error(log, protocol.FOUND) for log in carried}
+        if protocol.QUOTED in set(results["loads"]["gains"]):
+            found["load_quoted"] = results.load_error(protocol.ALL_PAIRS, protocol.QUOTED)
     return found | {"load_carried": {log: its for log, its in carried.items() if its.n >= FEWEST_BLOCKS}}

@@ -10,17 +10,10 @@ import pandas as pd
 from structlearn.reporting.claims import Evidence
 from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.prose import interval, rounded
+from structlearn.reporting.prose import rounded
 from structlearn.tasks.motion import motion_parameters as names
 from structlearn.tasks.motion.motion_figures import PART_LOOKS, motion_figures, parts_panel
-from structlearn.tasks.motion.motion_parameters import (
-    AUTHORS,
-    CENTRE,
-    RANDOM,
-    MotionParameters,
-    PartsParameters,
-    read_logs,
-)
+from structlearn.tasks.motion.motion_parameters import MotionParameters, PartsParameters, read_logs
 from structlearn.tasks.motion.motion_results import (
     BEST,
     BOUNDS,
@@ -38,7 +31,7 @@ from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
 # Parameters of a link that a page shows, and how they are written.
-LINKS = {"mass_kg": ".2f"} | dict.fromkeys(CENTRE, ".3f") | {"viscous": ".2f", "coulomb": ".2f"}
+LINKS = {"mass_kg": ".2f"} | dict.fromkeys(names.CENTRE, ".3f") | {"viscous": ".2f", "coulomb": ".2f"}
 WHOLE = {  # errors of all joints together: heading, and how they are written
     "limit_percent": ("NRMS (% of the limits)", ".3f"),
     "relative_percent": ("relative (%)", ".2f"),
@@ -46,7 +39,7 @@ WHOLE = {  # errors of all joints together: heading, and how they are written
 }
 LOGS = {"start_s": "from (s)", "end_s": "to (s)", "length_s": "length (s)"}
 LOGS |= {"learned_s": "learned from (s)", "tested_s": "tested on (s)"}
-PROTOCOLS = {AUTHORS: "their protocol", RANDOM: "random choices"}
+PROTOCOLS = {names.AUTHORS: "their protocol", names.RANDOM: "random choices"}
 
 
 def section(files: TaskFiles) -> Section:
@@ -227,7 +220,7 @@ def _loads(results: MotionResults) -> Table:
             "gains": row.gains,
             "mass (kg)": results.load_kg(row.pair, row.gains).text(".3f"),
             "error (%)": results.load_error(row.pair, row.gains).text(".1f"),
-            "centre (m)": ", ".join(rounded(getattr(row, name), ".3f") for name in CENTRE),
+            "centre (m)": ", ".join(rounded(getattr(row, name), ".3f") for name in names.CENTRE),
         }
         for row in results["loads"].itertuples()
     ]
@@ -254,26 +247,25 @@ def parts_section(
         name: {"part": name, "published": f"{value:.2g}"} for name, value in published.items()
     }
     for (model, protocol), its in tables["parts"].groupby(["model", "protocol"], sort=False):
-        errors = {name: one.to_numpy() for name, one in its.groupby("measure")["error"]}
-        ratios = {name: errors[name] / value for name, value in published.items()}
-        name, make = f"{model}_{protocol}", find.exact if len(errors["torque"]) == 1 else find.mean
-        found = make(
-            name, {part: its.item() for part, its in ratios.items()} if make == find.exact else ratios
-        )
+        ratios = {part: one.to_numpy() / published[part] for part, one in its.groupby("measure")["error"]}
+        ratios = {part: ratios[part] for part in published}
+        name, single = f"{model}_{protocol}", len(ratios["torque"]) == 1
+        exact = {part: one.item() for part, one in ratios.items()} if single else {}
+        found = find.exact(name, exact) if single else find.mean(name, ratios)
         assert not isinstance(found, Evidence), "there is a row per part"
         for part, one in found.items():
-            texts = [rounded(published[part] * one.value, ".1e")]
-            if one.low < one.high:
-                texts.append(interval(published[part] * one.low, published[part] * one.high, ".1e"))
-            rows[part][f"{PART_LOOKS[model].name}, {PROTOCOLS[protocol]}"] = " ".join(texts)
-    power = tables["parts"].query("model == 'delan' and protocol == @RANDOM and measure == 'power'")
+            scale = published[part]
+            its = replace(one, value=scale * one.value, low=scale * one.low, high=scale * one.high)
+            text = stated(its, ".1e") if its.low < its.high else rounded(its.value, ".1e")
+            rows[part][f"{PART_LOOKS[model].name}, {PROTOCOLS[protocol]}"] = text
+    power = tables["parts"].query("model == 'delan' and protocol == @names.RANDOM and measure == 'power'")
     worst = power.loc[power["error"].idxmax()]
     find.among("random choices").exact("worst_power", worst["error"] / published["power"], len(power))
-    planar = tables["planar"]
+    planar, fits = tables["planar"], find.among("fits")
     lengths = planar["length_m"]
-    find.among("fits").counted("possible_links", int(planar["possible"].sum()), len(planar))
-    find.among("fits").exact("length_m", lengths.median(), len(planar), unit="m")
-    find.among("fits").exact("length_spread_m", np.ptp(lengths), len(planar), unit="m")
+    fits.counted("possible_links", int(planar["possible"].sum()), len(planar))
+    fits.exact("length_m", lengths.median(), len(planar), unit="m")
+    fits.exact("length_spread_m", np.ptp(lengths), len(planar), unit="m")
     return Section(
         "parts",
         "Parts of the torque",
