@@ -54,7 +54,7 @@ CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)  # in the name of a log with
 # At the end of a name: it is the load that was weighed, of others the mass is not known.
 THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
 
-Pieces = dict[str, dict[str, list[Motion]]]  # pieces of motions by part and log
+Pieces = dict[str, list[tuple[str, Motion]]]  # pieces of motions, each with its log, by part
 
 
 def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
@@ -156,8 +156,7 @@ def _identified(
 
 def joined_parts(logs: str, pieces: Pieces, parameters: MotionParameters) -> dict[str, Motion]:
     """Motion of each part, `TRAIN` and then the one that verdicts are about first; InputError: too short."""
-    every = {name: [piece for found in its.values() for piece in found] for name, its in pieces.items()}
-    parts = {name: joined(its) if len(its) > 1 else its[0] for name, its in every.items()}
+    parts = {name: joined([piece for _, piece in its]) for name, its in pieces.items()}
     learned_s, tested_s = (len(its) / parameters.rate_hz for its in list(parts.values())[:2])
     if min(map(len, list(parts.values())[:2])) < parameters.block:
         raise InputError(
@@ -252,25 +251,22 @@ def held_out(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pie
     logs are tested on; of a single log, or for `train_share` of the first one, what follows the start that is
     learned from, or blocks of time.
     """
-    names = list(motions)
+    names, every = list(motions), parameters.test_every
     if parameters.train is not None:
         asked = [name for name in names if name != parameters.train and not CARRIES.search(name)]
         asked.sort(key=lambda name: name != parameters.test)
-        of_train: Pieces = {TRAIN: {parameters.train: [motions[parameters.train]]}}
-        return of_train | {name: {name: [motions[name]]} for name in asked}
+        learned = {TRAIN: [(parameters.train, motions[parameters.train])]}
+        return learned | {name: [(name, motions[name])] for name in asked}
     if parameters.train_share is not None:
         start, rest = motions[names[0]].split(parameters.train_share)
-        return {TRAIN: {names[0]: [start]}, TEST: {names[0]: [rest]}}
+        return {TRAIN: [(names[0], start)], TEST: [(names[0], rest)]}
     if len(names) > 1:
         last = len(names) - min(parameters.test_logs, len(names) - 1)
-        learned, tested = ({name: [motions[name]] for name in its} for its in (names[:last], names[last:]))
-        return {TRAIN: learned, TEST: tested}
-    motion, every = motions[names[0]], parameters.test_every
-    pieces = [motion.part(piece) for piece in blocks(np.arange(len(motion)), parameters.block)]
-    parts: dict[str, list[Motion]] = {TRAIN: [], TEST: []}
-    for place, piece in enumerate(pieces):
-        parts[TEST if place % every == every - 1 else TRAIN].append(piece)
-    return {part: {names[0]: its or [motion.part(slice(0, 0))]} for part, its in parts.items()}
+        return {TRAIN: list(motions.items())[:last], TEST: list(motions.items())[last:]}
+    motion, name = motions[names[0]], names[0]
+    pieces = [(name, motion.part(piece)) for piece in blocks(np.arange(len(motion)), parameters.block)]
+    kept = [its for place, its in enumerate(pieces) if place % every != every - 1]
+    return {TRAIN: kept, TEST: pieces[every - 1 :: every] or [(name, motion.part(slice(0, 0)))]}
 
 
 def _motion_table(
@@ -279,7 +275,10 @@ def _motion_table(
     words = {(True, True): "both", (True, False): "learned from", (False, True): "tested on"}
     rows, rate_hz = [], parameters.rate_hz
     for name, cut in cuts.items():
-        seconds = {part: sum(map(len, its.get(name, []))) / rate_hz for part, its in pieces.items()}
+        seconds = {
+            part: sum(len(piece) for log, piece in its if log == name) / rate_hz
+            for part, its in pieces.items()
+        }
         learned, tested = seconds.pop(TRAIN), sum(seconds.values())
         row = {"log": name, "part": words.get((learned > 0, tested > 0), "with the load")}
         row |= {"start_s": cut.start / rate_hz, "end_s": cut.stop / rate_hz}
