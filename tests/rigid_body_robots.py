@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio
 import pybullet_data
 
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, read_urdf
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, configuration, read_urdf
 from structlearn.simulation.arm import Payload
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
@@ -80,19 +80,10 @@ def states(robot: Robot, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndar
     return generator.uniform(-2.0, 2.0, shape), *(generator.normal(0.0, std, shape) for std in (2.0, 5.0))
 
 
-def configuration(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Pinocchio's configuration of joint positions (n,): endless joints are a cosine and a sine there."""
-    parts = []
-    for index, position in enumerate(q):
-        endless = robot.model.joints[index + 1].nq == 2
-        parts += [np.cos(position), np.sin(position)] if endless else [position]
-    return np.array(parts)
-
-
 def pinocchio_torques(robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     """Torques (B, n) by Pinocchio's recursive Newton-Euler."""
     data = robot.model.createData()
-    rows = zip((configuration(robot, row) for row in q), qd, qdd, strict=True)
+    rows = zip((configuration(robot.model, row) for row in q), qd, qdd, strict=True)
     return np.array([pinocchio.rnea(robot.model, data, *row) for row in rows])
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rigid_body_robots import joint, link
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
@@ -19,23 +20,19 @@ PARAMETERS = excitation.ExcitationParameters(
 )
 TIMES = np.linspace(0.0, 4.0, 81)[:-1]
 
-JOINT = (
-    '<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-    '<origin xyz="{offset} 0 0"/><axis xyz="0 -1 0"/>'
-    '<limit lower="-2" upper="1.5" velocity="3" effort="{effort}"/></joint>'
-)
-LINK = (
-    '<link name="{name}"><inertial><origin xyz="0.2 0 0.05"/><mass value="{mass}"/>'
-    '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>'
-)
+LIMIT = '<limit lower="-2" upper="1.5" velocity="3" effort="{}"/>'
 
 
 def two_joints(folder, effort=60.0):
     """Two links in a vertical plane."""
-    parts = ['<robot name="two"><link name="base"/>', LINK.format(name="upper", mass=3.0)]
-    parts += [LINK.format(name="lower", mass=1.5)]
-    parts += [JOINT.format(name="shoulder", parent="base", child="upper", offset=0.0, effort=effort)]
-    parts += [JOINT.format(name="elbow", parent="upper", child="lower", offset=0.4, effort=effort)]
+    parts = ['<robot name="two"><link name="base"/>']
+    for name, parent, child, offset, mass in (
+        ("shoulder", "base", "upper", 0.0, 3.0),
+        ("elbow", "upper", "lower", 0.4, 1.5),
+    ):
+        origin, limit = f'xyz="{offset} 0 0"', LIMIT.format(effort)
+        parts += [link(child, mass, "0.2 0 0.05")]
+        parts += [joint(name, "revolute", parent, child, "0 -1 0", origin, limit)]
     path = folder / "two.urdf"
     path.write_text("".join([*parts, "</robot>"]))
     return excitation.arena(read_urdf(path), PARAMETERS)

@@ -4,14 +4,14 @@ import numpy as np
 import pinocchio
 import pytest
 import torch
-from rigid_body_robots import ROBOTS, configuration, pendulum, pinocchio_torques, robot, states
+from rigid_body_robots import ROBOTS, pendulum, pinocchio_torques, robot, states
 
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_chain, compiled_dynamics, friction
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
 from structlearn.rigid_body.newton_euler import agreement_with_pinocchio, inverse_dynamics
 from structlearn.rigid_body.regressor import link_parameters, torque_factors, torque_regressor
-from structlearn.rigid_body.tree import LinkInertias
+from structlearn.rigid_body.tree import LinkInertias, configuration
 
 TERMS = ("viscous", "coulomb", "offset", "stiffness")
 
@@ -167,7 +167,7 @@ def test_mass_matrix_bias_frames_twists_and_accelerations_are_those_of_pinocchio
     data = arm.model.createData()
     for q, qd, torques in zip(*states(arm, 20), strict=True):
         compiled_chain.dynamics(body, q, qd, work)
-        placed = configuration(arm, q)
+        placed = configuration(arm.model, q)
         mass = np.triu(pinocchio.crba(arm.model, data, placed))
         close(work.mass_matrix, mass + np.triu(mass, 1).T)
         close(work.bias, pinocchio.nonLinearEffects(arm.model, data, placed, qd))

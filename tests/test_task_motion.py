@@ -22,6 +22,7 @@ from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
+from structlearn.simulation.arm import Payload, carrying
 from structlearn.tasks.motion.joint_motion import learn_motion
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 
@@ -66,14 +67,8 @@ def made_up_log(robot: Robot, name: str, seed: int, seconds: float = 24.0, load_
     q = progress(np.minimum(after[..., 0] / 2.0, 1.0)) * (sizes * np.sin(rates * after + phases)).sum(axis=-1)
     qd = np.gradient(q, time, axis=0)
     motion = Motion(q, qd, np.gradient(qd, time, axis=0), np.zeros_like(q))
-    its, point = heavier(robot.inertias), np.array([0.2, 0.0, 0.1])
-    mass, moment, inertia = its.mass.copy(), its.first_moment.copy(), its.inertia.copy()
-    apart = point - moment[-1] / mass[-1]
-    both = mass[-1] * load_kg / (mass[-1] + load_kg)
-    inertia[-1] += both * (apart @ apart * np.eye(3) - np.outer(apart, apart))
-    mass[-1] += load_kg
-    moment[-1] += load_kg * point
-    torque = rigid_body_torques(robot.tree, LinkInertias(mass, moment, inertia), motion)
+    loaded = carrying(heavier(robot.inertias), Payload(load_kg, (0.2, 0.0, 0.1), 0.0))
+    torque = rigid_body_torques(robot.tree, loaded, motion)
     torque = torque + np.einsum("njt,jt->nj", friction_columns(q, qd, ("viscous", "coulomb")), FRICTION)
     torque += 0.02 * rng.standard_normal(torque.shape)
     stamps = (10**9 + np.round(1e9 * time)).astype(np.int64)

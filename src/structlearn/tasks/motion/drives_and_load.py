@@ -66,17 +66,17 @@ def drive_tables(
     for name in filter(None, (parameters.train, parameters.test)):
         log = logs[name]
         cut = longest_motion(name, log.velocities, parameters)
-        signals_then = (log.desired_currents[cut], log.target_torques[cut], log.velocities[cut])
-        gains = moving_gains(*signals_then, *drawing)
+        moved = (log.desired_currents[cut], log.target_torques[cut], log.velocities[cut])
+        gains = moving_gains(*moved, *drawing)
         tried = np.repeat(delays[:, None], len(joints), axis=1)
         _, positions, velocities, currents = on_clock(log, parameters.rate_hz, tried)
         whole = smoothed_motion(name, positions, velocities, currents[0], dt, parameters.smoothing_hz)
         cut = longest_motion(name, whole.qd, parameters)
         states = whole.part(cut)
         smooth = np.stack([signals.low_pass(its, dt, parameters.smoothing_hz)[cut] for its in currents])
-        *late, squares = current_delays(tree, states, smooth, delays, FRICTION, *drawing)
+        late, drawn_late, squares = current_delays(tree, states, smooth, delays, FRICTION, *drawing)
         count = block_count(len(states), parameters.block)
-        found |= {(names.IN_MOTION, name): (count, *gains), (names.DELAY, name): (count, *late)}
+        found |= {(names.IN_MOTION, name): (count, *gains), (names.DELAY, name): (count, late, drawn_late)}
         grid = {"delay_s": np.repeat(delays, len(joints)), "joint": np.tile(joints, len(delays))}
         curves.append(pd.DataFrame({"log": name} | grid | {"squares": squares.ravel()}))
     every = {"draw": np.repeat(np.arange(parameters.draws), len(joints))}
