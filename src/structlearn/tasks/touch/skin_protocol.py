@@ -6,30 +6,21 @@ Servoing is learned from one recording and tried on the table of presses of anot
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.user_tables import TouchLog
-from structlearn.tactile.latent_models import write_models
+from structlearn.tactile.latent_models import Taught
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
 from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
 from structlearn.tasks.touch.skin_force import force_errors
-from structlearn.tasks.touch.skin_readings import errors_of_fold, errors_on_other, within_runs
-from structlearn.tasks.touch.skin_touches import (
-    NEVER_VARIES,
-    LearnedSkin,
-    Touches,
-    folds_of,
-    gathered,
-    learn_skin,
-)
+from structlearn.tasks.touch.skin_readings import place_errors, within_runs
+from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, folds_of, gathered, learn_skin
 from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, STRUCTURED, TEXT_SERVO
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -37,16 +28,17 @@ SPREAD = 0.5  # of likely actions, over which the corrected controller takes slo
 
 
 def learn_touch(
-    logs: Sequence[TouchLog], parameters: TouchParameters, folder: Path | None = None
-) -> tuple[dict[str, LearnedSkin], dict[str, pd.DataFrame]]:
-    """Learn from all touches and test on what was left out; write everything into an existing folder.
+    logs: Sequence[TouchLog], parameters: TouchParameters
+) -> tuple[dict[str, Taught], dict[str, pd.DataFrame]]:
+    """Learn from all touches and test on what was left out.
 
     Recordings with a force are for forces alone: their probe stays at one place.
 
     Returns:
         Skins by the recording that each was learned from, or `TOGETHER`. Tables that have rows, by name:
-        `recordings` (`gathered`), `errors`, `map` (`errors_of_fold`), `maps` (`errors_on_other`), `servo`,
-        `paths` (`servo_trials`), `force`, `lags`, `traces` (`force_errors`), `published` (`within_runs`).
+        `recordings` (`gathered`), `errors`, `map` and `maps` (`place_errors`, on blocks held out and on other
+        runs), `servo`, `paths` (`servo_trials`), `force`, `lags`, `traces` (`force_errors`), `published`
+        (`within_runs`).
 
     Raises:
         InputError: recordings differ in their channels, nothing touches, places are not known, or a channel
@@ -71,9 +63,9 @@ def learn_touch(
         learned = parallel_map(partial(_whole, parameters=parameters), runs, "skins", local=True)
         skins = {run.name: skin for run, skin in zip(runs, learned, strict=True)}
         if runs:
-            collect(("errors", "map"), errors_of_fold, folds_of(runs, parameters), "maps of a skin")
+            collect(("errors", "map"), place_errors, folds_of(runs, parameters), "maps of a skin")
         across = [(skins[run.name], run, other) for run in runs for other in runs if other is not run]
-        collect(("errors", "maps"), errors_on_other, across, "other runs")
+        collect(("errors", "maps"), place_errors, across, "other runs")
         if parameters.servo is not None:
             collect(("servo", "paths"), servo_trials, across, "servoing")
         if parameters.published is not None:
@@ -84,21 +76,15 @@ def learn_touch(
             parts |= {name: [table] for name, table in zip(("force", "lags", "traces"), forces, strict=True)}
     there = {name: [table for table in its if len(table)] for name, its in parts.items()}
     tables = {name: pd.concat(its, ignore_index=True) for name, its in there.items() if its}
-    if folder is not None:
-        for name, skin in skins.items():
-            path = f"models/{name}.safetensors" if parameters.apart else f"{name}.safetensors"
-            write_models(skin.models, skin.units, folder / path)
-        for name, table in tables.items():
-            write_table(table, folder / f"{name}.parquet")
     return skins, tables
 
 
-def _whole(run: Touches, parameters: TouchParameters) -> LearnedSkin:
+def _whole(run: Touches, parameters: TouchParameters) -> Taught:
     return learn_skin(run, np.full(len(run.counts), True), parameters, parameters.servo is not None)
 
 
 def servo_trials(
-    work: tuple[LearnedSkin, Touches, Touches], parameters: TouchParameters
+    work: tuple[Taught, Touches, Touches], parameters: TouchParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Closed loops of all controllers, from press to press of another run.
 
@@ -147,9 +133,7 @@ def table_of(run: Touches, other: Touches, depth_m: float) -> PressedSkin:
     return other.skin(np.flatnonzero(kept))
 
 
-def controllers(
-    learned: LearnedSkin, parameters: TouchParameters
-) -> Iterator[tuple[bool, str, TactileServo]]:
+def controllers(learned: Taught, parameters: TouchParameters) -> Iterator[tuple[bool, str, TactileServo]]:
     """Structure, name and controller of all that are compared."""
     chosen = parameters.servo
     assert chosen is not None

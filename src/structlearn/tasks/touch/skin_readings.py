@@ -12,9 +12,11 @@ import pandas as pd
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.electrodes import map_laying
+from structlearn.tactile.latent_models import Taught
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin
-from structlearn.tasks.touch.skin_touches import NEVER_VARIES, LearnedSkin, Touches, learn_skin
+from structlearn.tactile.touch_dataset import TouchUnits
+from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, learn_skin
 from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_BLOCKS, NEW_RUN, PLAIN, PROCESS, STRUCTURED
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -42,43 +44,31 @@ class Reading:
     decoded: np.ndarray | None = None  # (N, E) signals in the networks' units, from the coordinates
 
 
-def errors_of_fold(
-    work: tuple[Touches, int], parameters: TouchParameters
+def place_errors(
+    work: tuple[Taught | None, Touches, Touches | int], parameters: TouchParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors on the blocks of one fold held out.
+    """Errors of what was learned from one recording on another, or on the blocks of one of its own folds.
+
+    `work`: what was learned, or None where it is learned here from all blocks but those of the fold; the
+    recording; another one, or the number of a fold.
 
     Returns:
-        `block_scores` with `learned_from` and `asked_about`, here the same recording, and `new`
-        (`NEW_BLOCKS`). Where these touches lie in the map: `x_m`, `y_m`, `z_m` of touches, `map_x_m`,
-        `map_y_m` of the map laid onto the plate, `pressure`, and the recordings.
+        `block_scores` with `learned_from` and `asked_about`, names of recordings, and `new` (`NEW_BLOCKS` or
+        `NEW_RUN`). Where these touches lie in the map: `x_m`, `y_m`, `z_m` of touches, `map_x_m`, `map_y_m`
+        of the map laid onto the plate, `pressure`, and the recordings.
     """
-    run, fold = work
-    left_out = run.blocks()[1] == fold
-    learned = learn_skin(run, ~left_out, parameters, with_dynamics=False)
-    return _errors(learned, (run, np.flatnonzero(~left_out)), (run, np.flatnonzero(left_out)), parameters)
-
-
-def errors_on_other(
-    work: tuple[LearnedSkin, Touches, Touches], parameters: TouchParameters
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """As `errors_of_fold`, of what was learned from one recording on another; `new` is `NEW_RUN`."""
-    learned, *runs = work
-    known, asked = ((run, np.arange(len(run.counts))) for run in runs)
-    return _errors(learned, known, asked, parameters)
-
-
-def _errors(
-    learned: LearnedSkin,
-    known: tuple[Touches, np.ndarray],
-    asked: tuple[Touches, np.ndarray],
-    parameters: TouchParameters,
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    (run, rows), names = asked, {"learned_from": known[0].name, "asked_about": asked[0].name}
-    found = readings(learned, known, run.skin(rows), parameters)
-    table = block_scores(found, learned, asked, parameters)
-    lies = pd.DataFrame(run.place[rows], columns=["x_m", "y_m", "z_m"], dtype=float)
+    learned, run, other = work
+    if isinstance(other, Touches):
+        new, taught, asked = NEW_RUN, np.arange(len(run.counts)), np.arange(len(other.counts))
+    else:
+        left_out, other, new = run.blocks()[1] == other, run, NEW_BLOCKS
+        taught, asked = np.flatnonzero(~left_out), np.flatnonzero(left_out)
+    learned = learned or learn_skin(run, np.isin(np.arange(len(run.counts)), taught), parameters, False)
+    found = readings(learned, (run, taught), other.skin(asked), parameters)
+    names = {"learned_from": run.name, "asked_about": other.name}
+    table = block_scores(found, learned.units, (other, asked), parameters)
+    lies = pd.DataFrame(other.place[asked], columns=["x_m", "y_m", "z_m"], dtype=float)
     lies[["map_x_m", "map_y_m"]] = found[0].laid
-    new = NEW_BLOCKS if run is known[0] else NEW_RUN
     return table.assign(**names, new=new), lies.assign(pressure=found[0].pressure, **names)
 
 
@@ -146,7 +136,7 @@ SEEN_OVER_TIME: dict[str, Callable[[TouchLog], np.ndarray]] = {
 
 
 def readings(
-    learned: LearnedSkin,
+    learned: Taught,
     known: tuple[Touches, np.ndarray],
     asked: PressedSkin,
     parameters: TouchParameters,
@@ -239,7 +229,7 @@ def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Estim
 
 def block_scores(
     found: Sequence[Reading],
-    learned: LearnedSkin,
+    units: TouchUnits,
     about: tuple[Touches, np.ndarray],
     parameters: TouchParameters,
 ) -> pd.DataFrame:
@@ -253,7 +243,7 @@ def block_scores(
         `pressure_nmse`, `signal_nmse` (decoded), `worst_nmse` (the worst channel) and `depth_nmse`;
         `laid_mm`, `latent_mm`: median distance from the true place of the map, and of the place read.
     """
-    (run, rows), units = about, learned.units
+    run, rows = about
     asked, pairs, block = run.skin(rows), _asked_pairs(run, rows, parameters), run.blocks()[0][rows]
     place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
     pressure, signals = units.pressure(asked.pressure), units.signals(asked.signals)

@@ -7,7 +7,6 @@ states neither for run time.
 
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,10 +24,10 @@ from structlearn.simulation.touch_demonstrator import (
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_comparison import LatentComparison, learn
-from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_models import Taught
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, TouchUnits, prepare
+from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, prepare
 from structlearn.testbeds.servoing.protocol.servo_scores import THINNED, progress, scored
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     ALL_ALIKE,
@@ -52,13 +51,6 @@ from structlearn.testbeds.servoing.world.servo_loop import (
 )
 
 MOTIONS = ("rotation", "translation", "mixed")  # across the finger, along it, or both
-
-
-class Taught(NamedTuple):
-    """Latent spaces and dynamics of S seeds, and the units of their inputs."""
-
-    models: LatentModels
-    units: TouchUnits
 
 
 def compare(
