@@ -138,9 +138,7 @@ def _tab(name: str, runs: Mapping[str, ServoRun], skin: Skin, handle: Handle) ->
         centre = handle.centre + np.array([0.0, 0.0, handle.radius])
         view = scene.close_view(f"NJ, {label} (simulated)", [f"{path}/finger/**", "handle"], centre, ahead)
         heading = f"skin and latent path, {label} (mm)"
-        columns.append(
-            rrb.Vertical(view, scene.map_view(heading, [f"{path}/skin/**", f"{path}/map/**"], skin))
-        )
+        columns.append(rrb.Vertical(view, scene.map_view(heading, [f"{path}/skin", f"{path}/map"], skin)))
     return scene.tab(name, columns, PLOTS, legends=True)
 
 
