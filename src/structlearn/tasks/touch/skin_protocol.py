@@ -5,7 +5,6 @@ Servoing is learned from one recording and tried on the table of presses of anot
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -55,15 +54,15 @@ def learn_touch(
 
     def collect(names: Sequence[str], function: Callable[..., Any], work: Sequence[Any], about: str) -> None:
         """Add what a function returns for each piece of work: a table for each name."""
-        for found in parallel_map(partial(function, parameters=parameters), work, about, local=True):
+        for found in parallel_map(function, work, about, local=True):
             for name, table in zip(names, found, strict=True):
                 parts.setdefault(name, []).append(table)
 
     with threadpool_limits(1):  # as in separate processes, so that their number changes no bit
-        learned = parallel_map(partial(_whole, parameters=parameters), runs, "skins", local=True)
+        learned = parallel_map(_whole, runs, "skins", local=True)
         skins = {run.name: skin for run, skin in zip(runs, learned, strict=True)}
         if runs:
-            collect(("errors", "map"), place_errors, folds_of(runs, parameters), "maps of a skin")
+            collect(("errors", "map"), place_errors, folds_of(runs), "maps of a skin")
         across = [(skins[run.name], run, other) for run in runs for other in runs if other is not run]
         collect(("errors", "maps"), place_errors, across, "other runs")
         if parameters.servo is not None:
@@ -79,13 +78,11 @@ def learn_touch(
     return skins, tables
 
 
-def _whole(run: Touches, parameters: TouchParameters) -> Taught:
-    return learn_skin(run, np.full(len(run.counts), True), parameters, parameters.servo is not None)
+def _whole(run: Touches) -> Taught:
+    return learn_skin(run, np.full(len(run.counts), True), run.parameters.servo is not None)
 
 
-def servo_trials(
-    work: tuple[Taught, Touches, Touches], parameters: TouchParameters
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def servo_trials(work: tuple[Taught, Touches, Touches]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Closed loops of all controllers, from press to press of another run.
 
     Returns:
@@ -93,13 +90,14 @@ def servo_trials(
         `length_ratio`, `straight_mm`. Paths of the corrected controller of the first seed with structure:
         `learned_from`, `asked_about`, `trial`, `step`, `x_m`, `y_m`, `target_x_m`, `target_y_m`.
     """
-    (learned, run, other), chosen = work, parameters.servo
+    learned, run, other = work
+    chosen = run.parameters.servo
     assert chosen is not None
     table, rng = table_of(run, other, 1e-3 * chosen.depth_mm), np.random.default_rng(chosen.seed)
     starts, targets = rng.integers(0, len(table.pressure), (2, chosen.trials))
     straight = np.linalg.norm(table.place[starts, :PLANE] - table.place[targets, :PLANE], axis=1)
     names, trials, paths = {"learned_from": run.name, "asked_about": other.name}, [], pd.DataFrame()
-    for structure, controller, servo in controllers(learned, parameters):
+    for structure, controller, servo in controllers(learned, run.parameters):
         map_alone = structure and len(learned.units.action_scale) == PLANE
         done = servo_on_table(servo, table, starts, targets, chosen.steps, map_alone)
         arrival = done.arrival(1e-3 * chosen.tolerance_mm)

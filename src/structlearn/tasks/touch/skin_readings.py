@@ -18,7 +18,6 @@ from structlearn.tactile.pressed_skin import PLANE, PressedSkin
 from structlearn.tactile.touch_dataset import TouchUnits
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, learn_skin
 from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_BLOCKS, NEW_RUN, PLAIN, PROCESS, STRUCTURED
-from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 DIMENSIONS = 3  # of the latent spaces; as many principal components has the rival
 TUNING_SAMPLES = 400  # presses on which the Gaussian process chooses its length scale and noise
@@ -44,9 +43,7 @@ class Reading:
     decoded: np.ndarray | None = None  # (N, E) signals in the networks' units, from the coordinates
 
 
-def place_errors(
-    work: tuple[Taught | None, Touches, Touches | int], parameters: TouchParameters
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def place_errors(work: tuple[Taught | None, Touches, Touches | int]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of what was learned from one recording on another, or on the blocks of one of its own folds.
 
     `work`: what was learned, or None where it is learned here from all blocks but those of the fold; the
@@ -63,10 +60,10 @@ def place_errors(
     else:
         left_out, other, new = run.blocks()[1] == other, run, NEW_BLOCKS
         taught, asked = np.flatnonzero(~left_out), np.flatnonzero(left_out)
-    learned = learned or learn_skin(run, np.isin(np.arange(len(run.counts)), taught), parameters, False)
-    found = readings(learned, (run, taught), other.skin(asked), parameters)
+    learned = learned or learn_skin(run, np.isin(np.arange(len(run.counts)), taught), with_dynamics=False)
+    found = readings(learned, (run, taught), other.skin(asked))
     names = {"learned_from": run.name, "asked_about": other.name}
-    table = block_scores(found, learned.units, (other, asked), parameters)
+    table = block_scores(found, learned.units, (other, asked))
     lies = pd.DataFrame(other.place[asked], columns=["x_m", "y_m", "z_m"], dtype=float)
     lies[["map_x_m", "map_y_m"]] = found[0].laid
     return table.assign(**names, new=new), lies.assign(pressure=found[0].pressure, **names)
@@ -135,19 +132,14 @@ SEEN_OVER_TIME: dict[str, Callable[[TouchLog], np.ndarray]] = {
 }
 
 
-def readings(
-    learned: Taught,
-    known: tuple[Touches, np.ndarray],
-    asked: PressedSkin,
-    parameters: TouchParameters,
-) -> list[Reading]:
+def readings(learned: Taught, known: tuple[Touches, np.ndarray], asked: PressedSkin) -> list[Reading]:
     """Estimates of touches by all models, from training touches (a recording and its rows).
 
     Place and depth are read from latent coordinates by polynomials, place from the map alone where there is
     one. Rivals have no map: their coordinates are scaled to fit the distances between training touches best.
     """
     run, rows = known
-    taught, degree = run.skin(rows), parameters.degree
+    taught, parameters, degree = run.skin(rows), run.parameters, run.parameters.degree
     pairs = run.pairs(rows, parameters.spaces.evaluation_pairs, np.random.default_rng(0))
     spaces, units, wanted = learned.models, learned.units, taught.place
 
@@ -228,10 +220,7 @@ def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Estim
 
 
 def block_scores(
-    found: Sequence[Reading],
-    units: TouchUnits,
-    about: tuple[Touches, np.ndarray],
-    parameters: TouchParameters,
+    found: Sequence[Reading], units: TouchUnits, about: tuple[Touches, np.ndarray]
 ) -> pd.DataFrame:
     """Errors of readings of N touches, rows of a recording, by blocks of places.
 
@@ -244,7 +233,7 @@ def block_scores(
         `laid_mm`, `latent_mm`: median distance from the true place of the map, and of the place read.
     """
     run, rows = about
-    asked, pairs, block = run.skin(rows), _asked_pairs(run, rows, parameters), run.blocks()[0][rows]
+    asked, pairs, block = run.skin(rows), _asked_pairs(run, rows), run.blocks()[0][rows]
     place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
     pressure, signals = units.pressure(asked.pressure), units.signals(asked.signals)
     tables = []
@@ -270,10 +259,10 @@ def block_scores(
     return pd.concat(tables, ignore_index=True)
 
 
-def _asked_pairs(run: Touches, rows: np.ndarray, parameters: TouchParameters) -> Pairs:
+def _asked_pairs(run: Touches, rows: np.ndarray) -> Pairs:
     """Pairs among the touches tested on; on a plate each touch is the first of equally many."""
-    rng, count = np.random.default_rng(parameters.spaces.training.seed), len(rows)
-    each = max(parameters.spaces.evaluation_pairs // count, 1)
+    spaces, count = run.parameters.spaces, len(rows)
+    rng, each = np.random.default_rng(spaces.training.seed), max(spaces.evaluation_pairs // count, 1)
     if run.along is not None:
         return run.pairs(rows, each * count, rng)
     first, second = np.repeat(np.arange(count), each), rng.integers(0, count, count * each)

@@ -115,11 +115,12 @@ def _centroids(log: TouchLog, counts: np.ndarray, parameters: TouchParameters) -
     return np.pad(middle, ((0, 0), (0, 1)))
 
 
-def folds_of(runs: Sequence[Touches], parameters: TouchParameters) -> list[tuple[None, Touches, int]]:
+def folds_of(runs: Sequence[Touches]) -> list[tuple[None, Touches, int]]:
     """Recordings and their folds, for `place_errors`; raises MissingInputError if nothing can be held out."""
     folds = [(run, np.unique(run.blocks()[1])) for run in runs]
     work = [(None, run, int(one)) for run, its in folds for one in its if len(its) > 1]
     if not work:
+        parameters = runs[0].parameters
         raise MissingInputError(
             f"{parameters.source}: no touches in two blocks of {parameters.block_mm:g} mm to hold one out; "
             "take a smaller block_mm, or record touches elsewhere"
@@ -127,13 +128,13 @@ def folds_of(runs: Sequence[Touches], parameters: TouchParameters) -> list[tuple
     return work
 
 
-def learn_skin(run: Touches, taught: np.ndarray, parameters: TouchParameters, with_dynamics: bool) -> Taught:
+def learn_skin(run: Touches, taught: np.ndarray, with_dynamics: bool) -> Taught:
     """Train latent spaces, and forward and inverse models if wanted, on the touches in a mask `taught` (N,).
 
     Raises InputError: a channel or the pressure never changes.
     """
-    spaces, servo = parameters.spaces, parameters.servo
-    seed = spaces.training.seed
+    parameters = run.parameters
+    spaces, servo, seed = parameters.spaces, parameters.servo, parameters.spaces.training.seed
     rng = np.random.default_rng(seed if servo is None else [seed, servo.seed])
     split = np.where(taught, TRAIN, TEST)
     counts, copies = run.counts, parameters.copies
