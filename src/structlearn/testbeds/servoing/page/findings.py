@@ -37,7 +37,6 @@ from structlearn.testbeds.servoing.names import (
 from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     AS_DATA,
-    Comparison,
     Variant,
     variants_of_other_skins,
 )
@@ -150,7 +149,7 @@ class ServoingResults:
     dataset: TouchDataset
     truth: pd.DataFrame  # true contacts of the demonstrations
     models: ModelScores
-    comparison: Comparison
+    loops: Mapping[str, pd.DataFrame]  # tables of `protocol.servo_trials.compare`
     skin_tables: Mapping[str, pd.DataFrame]  # of other skins, `latent`, `directions`, `trials`, by `skin`
     chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
     study: Study | None  # over people; None where it was not run
@@ -163,7 +162,7 @@ class ServoingResults:
     @cached_property
     def trials(self) -> ControllerScores:
         """Closed loops with this skin."""
-        return ControllerScores(self.comparison.trials)
+        return ControllerScores(self.loops["trials"])
 
     @cached_property
     def skins(self) -> dict[str, ControllerScores]:

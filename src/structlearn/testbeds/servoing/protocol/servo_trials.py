@@ -35,7 +35,6 @@ from structlearn.testbeds.servoing.protocol.servo_variants import (
     DERIVATIVE,
     PUBLISHED,
     UNCORRECTED,
-    Comparison,
     OtherSkinsParameters,
     ServoTrialParameters,
     SkinName,
@@ -59,11 +58,16 @@ def compare(
     finger: FingerParameters,
     parameters: ServoTrialParameters,
     chosen: Sequence[Variant],
-) -> Comparison:
-    """Servo with some controllers, all on the same trials where the person demonstrated."""
+) -> dict[str, pd.DataFrame]:
+    """Servo with some controllers, all on the same trials where the person demonstrated.
+
+    Returns tables by name, with the columns of `Variant`. `trials`: `seed`, `trial`, `motion`, contacts and
+    latent states of start and target, and `servo_scores.scored`; `progress`: see `servo_scores.progress`;
+    `paths`: of the first trials of every seed and some controllers, see `_paths`.
+    """
     run = partial(_run, taught=taught, person=person, finger=finger, parameters=parameters)
     results = parallel_map(run, chosen, "closed loops", local=True)
-    return Comparison(*(pd.concat(parts, ignore_index=True) for parts in zip(*results, strict=True)))
+    return {name: pd.concat([its[name] for its in results], ignore_index=True) for name in results[0]}
 
 
 def make_scene(
@@ -128,8 +132,8 @@ def _run(
     person: ToucherParameters,
     finger: FingerParameters,
     parameters: ServoTrialParameters,
-) -> list[pd.DataFrame]:
-    """Tables of a `Comparison` of one controller; draws are the same for all."""
+) -> dict[str, pd.DataFrame]:
+    """Tables of one controller; draws are the same for all."""
     rng = np.random.default_rng(parameters.seed)
     scene = make_scene(person, finger, parameters)
     models = len(taught.models.seeds)
@@ -148,15 +152,15 @@ def _run(
     trials = pd.DataFrame(columns).join(scored(run, start, target, scene, parameters.tolerance))
     plain = variant == Variant(variant.form, variant.inverse)
     shown = np.flatnonzero(plain & (number < parameters.shown))
-    tables = (
-        trials,
-        progress(run, target, scene, parameters.tolerance),
-        _paths(run, scene, shown, seed[shown], number[shown]),
-    )
-    for table in tables:
+    tables = {
+        "trials": trials,
+        "progress": progress(run, target, scene, parameters.tolerance),
+        "paths": _paths(run, scene, shown, seed[shown], number[shown]),
+    }
+    for table in tables.values():
         for place, (key, value) in enumerate(vars(variant).items()):
             table.insert(place, key, value)
-    return list(tables)
+    return tables
 
 
 def _paths(

@@ -34,7 +34,7 @@ PLOTS = {
 
 @dataclass(frozen=True)
 class ServoRun:
-    """A closed loop of N points in time: rows of `Comparison.paths`, and its row of `Comparison.trials`."""
+    """A closed loop of N points in time: rows of the table `paths`, and its row of `trials`."""
 
     path: pd.DataFrame
     trial: pd.Series
@@ -61,7 +61,7 @@ class ServoRun:
 
 
 def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[dict[str, ServoRun]]:
-    """The first trials of the first model, by the names of `SHOWN`; tables of a `Comparison`."""
+    """The first trials of the first model, by the names of `SHOWN`; tables of `servo_trials.compare`."""
 
     def run(number: int, variant: Variant) -> ServoRun:
         path, trial = (
