@@ -22,8 +22,8 @@ from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_BLOCKS, NEW_RUN,
 DIMENSIONS = 3  # of the latent spaces; as many principal components has the rival
 TUNING_SAMPLES = 400  # presses on which the Gaussian process chooses its length scale and noise
 
-NMSES = ("map_nmse", "pressure_nmse", "signal_nmse", "worst_nmse", "depth_nmse")
 # from errors of presses to one of their block
+NMSES = ("map_nmse", "pressure_nmse", "signal_nmse", "worst_nmse", "depth_nmse")
 BY_BLOCK = dict.fromkeys(NMSES, "mean") | dict.fromkeys(("laid_mm", "latent_mm"), "median")
 
 Estimate = Callable[[np.ndarray], np.ndarray]  # of coordinates or signals (N, D), with values (N, K)
@@ -31,16 +31,16 @@ Estimate = Callable[[np.ndarray], np.ndarray]  # of coordinates or signals (N, D
 
 @dataclass(frozen=True)
 class Reading:
-    """Estimates of N presses by one model of `touch_names.SPACES`; None where it has no such number."""
+    """Estimates of N presses by one model of `touch_names.SPACES`; NaN where it has no such number."""
 
     model: str
     coordinates: np.ndarray  # (N, D), whose distances are those on the skin
     place: np.ndarray  # (N, 2) m, by regression
-    depth: np.ndarray | None  # (N,) m, height of the probe, by regression
+    depth: np.ndarray | float  # (N,) m, height of the probe, by regression
     seed: int = 0
-    laid: np.ndarray | None = None  # (N, 2) m, the map, rotated and shifted onto the plate
-    pressure: np.ndarray | None = None  # (N,), the third latent number
-    decoded: np.ndarray | None = None  # (N, E) signals in the networks' units, from the coordinates
+    laid: np.ndarray | float = np.nan  # (N, 2) m, the map, rotated and shifted onto the plate
+    pressure: np.ndarray | float = np.nan  # (N,), the third latent number
+    decoded: np.ndarray | float = np.nan  # (N, E) signals in the networks' units, from the coordinates
 
 
 def place_errors(work: tuple[Taught | None, Touches, Touches | int]) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -178,7 +178,7 @@ def readings(learned: Taught, known: tuple[Touches, np.ndarray], asked: PressedS
     read = gaussian_process(seen, wanted, parameters.rival_samples)(new)
     found.append(Reading(PROCESS, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
     if np.std(wanted[:, PLANE]) < NEVER_VARIES:  # a run of one depth holds no other
-        found = [replace(one, depth=None) for one in found]
+        found = [replace(one, depth=np.nan) for one in found]
     return found
 
 
@@ -236,24 +236,22 @@ def block_scores(
     asked, pairs, block = run.skin(rows), _asked_pairs(run, rows), run.blocks()[0][rows]
     place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
     pressure, signals = units.pressure(asked.pressure), units.signals(asked.signals)
+    depths = np.var(depth) if np.std(depth) > NEVER_VARIES else np.nan
     tables = []
     for one in found:
         apart = np.linalg.norm(one.coordinates[pairs.first] - one.coordinates[pairs.second], axis=1)
         missed = _by_first((apart - pairs.distance) ** 2, pairs.first, len(block))
-        table = pd.DataFrame(dict.fromkeys((*NMSES, "laid_mm"), np.nan), index=range(len(block)))
-        table["map_nmse"] = missed / np.var(pairs.distance)
-        table["latent_mm"] = 1e3 * np.linalg.norm(one.place - place, axis=1)
-        if one.pressure is not None:
-            table["pressure_nmse"] = (one.pressure - pressure) ** 2 / np.var(pressure)
-        if one.decoded is not None:
-            decoded = (one.decoded - signals) ** 2 / np.var(signals, axis=0)
-            table["signal_nmse"] = decoded.mean(axis=1)
-            table["worst_nmse"] = decoded[:, np.argmax(decoded.mean(axis=0))]
-        if one.depth is not None and np.std(depth) > NEVER_VARIES:
-            table["depth_nmse"] = (one.depth - depth) ** 2 / np.var(depth)
-        if one.laid is not None:
-            table["laid_mm"] = 1e3 * np.linalg.norm(one.laid - place, axis=1)
-        by_block = table.groupby(block).agg(BY_BLOCK).rename_axis("block")
+        decoded = (one.decoded - signals) ** 2 / np.var(signals, axis=0)
+        errors = {
+            "map_nmse": missed / np.var(pairs.distance),
+            "pressure_nmse": (one.pressure - pressure) ** 2 / np.var(pressure),
+            "signal_nmse": decoded.mean(axis=1),
+            "worst_nmse": decoded[:, np.argmax(decoded.mean(axis=0))],
+            "depth_nmse": (one.depth - depth) ** 2 / depths,
+            "laid_mm": 1e3 * np.linalg.norm(one.laid - place, axis=1),
+            "latent_mm": 1e3 * np.linalg.norm(one.place - place, axis=1),
+        }
+        by_block = pd.DataFrame(errors).groupby(block).agg(BY_BLOCK).rename_axis("block")
         by_block.insert(0, "presses", np.unique(block, return_counts=True)[1])
         tables.append(by_block.reset_index().assign(model=one.model, seed=one.seed))
     return pd.concat(tables, ignore_index=True)
