@@ -104,7 +104,7 @@ def servoing(results: Any) -> list[Any]:
     every = {one: 12 for one in test_servoing_page.variants(3)}
     working = replace(
         results,
-        comparison=test_servoing_page.comparison(every),
+        loops=test_servoing_page.comparison(every),
         skin_tables=test_servoing_page.skin_tables(text=12, ours=12),
         study=study,
     )

@@ -34,7 +34,6 @@ from structlearn.testbeds.servoing.page.findings import (
 )
 from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS
 from structlearn.testbeds.servoing.protocol.servo_variants import (
-    Comparison,
     OtherSkinsParameters,
     ServoTrialParameters,
     variants,
@@ -143,7 +142,8 @@ def comparison(reached=None):
             for time in range(6):
                 place = dict(zip(("x_m", "y_m", "z_m"), SKIN.surface(-0.01 + 0.001 * time, 0.0), strict=True))
                 paths.append(keys | {"seed": 0, "trial": 0, "time_s": time} | place | {"load_n": 1.0})
-    return Comparison(*(pd.DataFrame(rows) for rows in (trials, progress, paths)))
+    tables = {"trials": trials, "progress": progress, "paths": paths}
+    return {name: pd.DataFrame(rows) for name, rows in tables.items()}
 
 
 def skin_tables(text=0, ours=10):
@@ -153,7 +153,7 @@ def skin_tables(text=0, ours=10):
         found = {
             "latent": latent_table(),
             "directions": direction_table(),
-            "trials": comparison({TEXT: text, OURS: ours}).trials,
+            "trials": comparison({TEXT: text, OURS: ours})["trials"],
         }
         parts.append({key: table.assign(skin=name) for key, table in found.items()})
     return {key: pd.concat([part[key] for part in parts], ignore_index=True) for key in parts[0]}

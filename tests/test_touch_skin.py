@@ -177,8 +177,8 @@ def test_a_run_in_one_block_has_nothing_held_out():
     narrow = toy_run("narrow", 2)
     strip = narrow.place[:, 0] < 4e-3
     cut = {name: getattr(narrow, name)[strip] for name in ("time", "place", "counts")}
-    folds = folds_of([touches(replace(narrow, **cut), quick)], quick)  # two blocks, of folds 0 and 2
-    errors = pd.concat([skin_readings.errors_of_fold(one, quick)[0] for one in folds])
+    folds = folds_of([touches(replace(narrow, **cut), quick)])  # two blocks, of folds 0 and 2
+    errors = pd.concat([skin_readings.place_errors(one)[0] for one in folds])
     assert errors.groupby("model")["block"].nunique().eq(2).all()
 
 

@@ -13,11 +13,7 @@ from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.page.figures import drawings
 from structlearn.testbeds.servoing.page.findings import PEOPLE_STUDY, ModelScores, ServoingResults, findings
 from structlearn.testbeds.servoing.page.page import document
-from structlearn.testbeds.servoing.protocol.servo_variants import (
-    Comparison,
-    OtherSkinsParameters,
-    ServoTrialParameters,
-)
+from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters, ServoTrialParameters
 
 PARAMETERS = {
     "toucher": ToucherParameters,
@@ -38,7 +34,7 @@ def main() -> None:
         dataset=read_dataset(files.MADE_BY["touch"][0]),
         truth=read_table(files.MADE_BY["contacts"][0]),
         models=ModelScores(**files.tables("models")),
-        comparison=Comparison(**loops),
+        loops=loops,
         skin_tables=skin_tables,
         chosen=chosen,
         study=read_study(PEOPLE_STUDY),

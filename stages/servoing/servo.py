@@ -8,7 +8,7 @@ from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_models import read_models
-from structlearn.testbeds.servoing.protocol.servo_trials import Taught, compare
+from structlearn.testbeds.servoing.protocol.servo_trials import compare
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     OtherSkinsParameters,
     ServoTrialParameters,
@@ -26,15 +26,15 @@ def main() -> None:
     )
     with publish("data/servoing/servo") as folder:
         folder.mkdir()
-        taught = Taught(*read_models("data/servoing/models.safetensors"))
+        taught = read_models("data/servoing/models.safetensors")
         comparison = compare(taught, person, finger, parameters, variants(parameters.horizon))
-        for name, table in vars(comparison).items():
+        for name, table in comparison.items():
             write_table(table, folder / f"{name}.parquet")
         trials = []
         for name in other.skins:
-            taught = Taught(*read_models(f"data/servoing/other_skins/{name}.safetensors"))
+            taught = read_models(f"data/servoing/other_skins/{name}.safetensors")
             its_person, chosen = other.person_with(name, person), variants_of_other_skins()
-            found = compare(taught, its_person, finger, parameters, chosen).trials
+            found = compare(taught, its_person, finger, parameters, chosen)["trials"]
             trials.append(found.assign(skin=name))
         write_table(pd.concat(trials, ignore_index=True), folder / "other_skins.parquet")
 

@@ -5,11 +5,14 @@ What loads slowly is imported where it is needed.
 
 from pathlib import Path
 
-from structlearn.core.artefacts import publish, write_table
+import pandas as pd
+
+from structlearn.core.artefacts import publish
 from structlearn.core.stage import stage_parameters
+from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.readers.demonstration import read_streams
 from structlearn.readers.user_tables import read_touch_logs
-from structlearn.tasks.task_files import TaskFiles, run_for_task
+from structlearn.tasks.task_files import TaskFiles, run_for_task, write_tables
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters, TouchParameters
 
 
@@ -18,22 +21,33 @@ def main(files: TaskFiles) -> None:
     with publish(files.folder / "touch") as folder:
         folder.mkdir()
         if parameters.surfaces is not None:
-            surfaces(files, parameters.surfaces, folder)
+            tables = surfaces(files, parameters.surfaces, folder)
         elif parameters.transfer is not None:
-            transfer(files, parameters, folder)
+            tables = transfer(files, parameters)
         else:
-            from structlearn.tasks.touch.skin_protocol import learn_touch
+            tables = skin(files, parameters, folder)
+        write_tables(tables, folder)
 
-            learn_touch(read_touch_logs(files.recorded / "touches.parquet"), parameters, folder)
+
+def skin(files: TaskFiles, parameters: TouchParameters, folder: Path) -> dict[str, pd.DataFrame]:
+    from structlearn.tactile.latent_models import write_models
+    from structlearn.tasks.touch.skin_protocol import learn_touch
+
+    skins, tables = learn_touch(read_touch_logs(files.recorded / "touches.parquet"), parameters)
+    for name, one in skins.items():
+        write_models(*one, folder / ("models" if parameters.apart else "") / f"{name}.safetensors")
+    return tables
 
 
-def surfaces(files: TaskFiles, parameters: SurfaceParameters, folder: Path) -> None:
+def surfaces(files: TaskFiles, parameters: SurfaceParameters, folder: Path) -> dict[str, pd.DataFrame]:
     from structlearn.tasks.touch.surface_traces import learn_surfaces
 
-    learn_surfaces(read_streams(files.recorded / "streams.parquet"), parameters, folder)
+    expected, tables = learn_surfaces(read_streams(files.recorded / "streams.parquet"), parameters)
+    write_vector_primitive(expected, folder / "expected.safetensors", "electrode counts without offset")
+    return tables
 
 
-def transfer(files: TaskFiles, parameters: TouchParameters, folder: Path) -> None:
+def transfer(files: TaskFiles, parameters: TouchParameters) -> dict[str, pd.DataFrame]:
     from structlearn.simulation import fingers
     from structlearn.simulation.touch import TouchFingerParameters
     from structlearn.simulation.touch_demonstrator import ToucherParameters
@@ -41,15 +55,13 @@ def transfer(files: TaskFiles, parameters: TouchParameters, folder: Path) -> Non
     from structlearn.tasks.touch.touch_transfer import compare_sets
 
     electrodes = stage_parameters("testbed.touch", fingers.TouchParameters)
-    tables = compare_sets(
+    return compare_sets(
         read_streams(files.recorded / "streams.parquet"),
         parameters,
         stage_parameters("toucher", ToucherParameters),
         stage_parameters("touch_finger", TouchFingerParameters).with_electrodes_of(electrodes),
         stage_parameters("touch_dataset", TouchDataParameters),
     )
-    for name, table in tables.items():
-        write_table(table, folder / f"{name}.parquet")
 
 
 if __name__ == "__main__":

@@ -69,18 +69,17 @@ class FingerPair:
             raise ValueError(f"rate must be positive, is {rate_hz} Hz")
         per_arm = 0.5 / (1e-3 * PAD_DISTANCE_MM)
         give = (parameters.shear_mm_n, parameters.rolling_mm_rad, parameters.twist_mm_n_m)
-        self._pads = _Pads(np.array([per_arm, *give]), np.stack([PLAY_N, PLAY_MM, PLAY_MM]))
-        sensors = np.random.default_rng(sensor_seed)
-        self._response = draw_response(parameters, ELECTRODES_MM, 2, sensors, rate_hz)
-        self._grasp = _grasp(parameters, trial)
-        self._noise_counts = parameters.noise_counts
-        self._trial = trial
-        self._memory = _Memory(
-            np.zeros((2, 3, len(PLAY_MM))),
-            np.zeros((2, 3, len(parameters.creep))),
-            np.zeros((2, 19)),
-            np.zeros(1, dtype=bool),
+        self._hand = Hand(
+            grasp=_grasp(parameters, trial),
+            statics=np.array([per_arm, *give]),
+            thresholds=np.stack([PLAY_N, PLAY_MM, PLAY_MM]),
+            response=draw_response(parameters, ELECTRODES_MM, 2, np.random.default_rng(sensor_seed), rate_hz),
+            play=np.zeros((2, 3, len(PLAY_MM))),
+            creep=np.zeros((2, 3, len(parameters.creep))),
+            lag=np.zeros((2, len(ELECTRODES_MM))),
+            settled=np.zeros(1, dtype=bool),
         )
+        self._noise_counts, self._trial = parameters.noise_counts, trial
 
     def read(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
         """The next sample, (38,) counts, left finger first; a ValueError if a number is not finite.
@@ -96,26 +95,24 @@ class FingerPair:
         if not np.isfinite(samples).all():
             raise ValueError("fingers: force, torque and turn must be finite")
         noise = self._noise(len(samples))
-        return np.rint(_respond(samples, self._grasp, self._pads, self._response, self._memory) + noise)
+        return np.rint(_respond(samples, self._hand) + noise)
 
     def readings(self, count: int) -> "Readings":
         """The next readings, for a compiled loop that calls `take`; the same numbers as `read`."""
-        return Readings(self._grasp, self._pads, self._response, self._memory, self._noise(count))
+        return Readings(self._hand, self._noise(count))
 
     def _noise(self, count: int) -> np.ndarray:
         return self._noise_counts * self._trial.standard_normal((count, CHANNELS))
 
 
-class _Pads(NamedTuple):
-    """Constants by which a wrench on the tool loads the pads."""
+class Hand(NamedTuple):
+    """Two fingers and their grasp; quantities of a pad: load N, along mm, across mm."""
 
+    grasp: np.ndarray  # (2, 3) of an unloaded tool
     statics: np.ndarray  # (4,) 1 / (2 d) in 1/m, shear mm/N, rolling mm/rad, twist mm/(N m)
-    play: np.ndarray  # (3, K) thresholds in N, mm, mm
-
-
-class _Memory(NamedTuple):
-    """State between samples, updated in place; quantities: load N, along mm, across mm."""
-
+    thresholds: np.ndarray  # (3, K) of play
+    response: Response
+    # state between samples, updated in place
     play: np.ndarray  # (2, 3, K)
     creep: np.ndarray  # (2, 3, M)
     lag: np.ndarray  # (2, 19)
@@ -123,20 +120,16 @@ class _Memory(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """Next readings of a pair of fingers; noise (S, 38) in counts."""
+    """Next readings of a pair of fingers."""
 
-    grasp: np.ndarray
-    pads: _Pads
-    response: Response
-    memory: _Memory
-    noise: np.ndarray
+    hand: Hand
+    noise: np.ndarray  # (S, 38) counts
 
 
 @numba.njit(cache=True)
 def take(readings: Readings, number: int, sample: np.ndarray, counts: np.ndarray) -> None:
     """Write a reading (38,) of a sample (9,): force, torque and turn as in `FingerPair.read`; NaN allowed."""
-    sample = sample.reshape((1, 9))
-    felt = _respond(sample, readings.grasp, readings.pads, readings.response, readings.memory)[0]
+    felt = _respond(sample.reshape((1, 9)), readings.hand)[0]
     for channel in range(len(counts)):
         counts[channel] = np.rint(felt[channel] + readings.noise[number, channel])
 
@@ -149,30 +142,26 @@ def _grasp(parameters: TouchParameters, rng: np.random.Generator) -> np.ndarray:
 
 
 @numba.njit(cache=True)
-def _respond(
-    samples: np.ndarray, grasp: np.ndarray, pads: _Pads, response: Response, memory: _Memory
-) -> np.ndarray:
-    """Counts before noise, (T, 38), of samples (T, 9); updates `memory`."""
+def _respond(samples: np.ndarray, hand: Hand) -> np.ndarray:
+    """Counts before noise, (T, 38), of samples (T, 9); updates the state of the hand."""
+    response = hand.response
     electrodes = len(response.electrodes)
     counts = np.empty((len(samples), 2 * electrodes))
-    settled = memory.settled[0]
+    settled = hand.settled[0]
     for t in range(len(samples)):
         for finger in range(2):
-            pushed = _pad(samples[t], finger, grasp[finger, 0], pads.statics)
+            pushed = _pad(samples[t], finger, hand.grasp[finger, 0], hand.statics)
             for quantity in range(3):
-                value = played(
-                    pushed[quantity], pads.play[quantity], response.hysteresis, memory.play[finger, quantity]
-                )
-                pushed[quantity] = crept(
-                    value, response.creep, response.creep_keep, settled, memory.creep[finger, quantity]
-                )
-            pushed[1:] += grasp[finger, 1:]
+                play, creep = hand.play[finger, quantity], hand.creep[finger, quantity]
+                value = played(pushed[quantity], hand.thresholds[quantity], response.hysteresis, play)
+                pushed[quantity] = crept(value, response.creep, response.creep_keep, settled, creep)
+            pushed[1:] += hand.grasp[finger, 1:]
             signal = static_counts(pushed[0], _on_skin(pushed[1], pushed[2]), finger, response)
-            lag = memory.lag[finger]
+            lag = hand.lag[finger]
             lagged(signal, response.lag_keep, settled, lag)
             counts[t, finger * electrodes : (finger + 1) * electrodes] = lag + response.offset[finger]
         settled = True
-    memory.settled[0] = settled
+    hand.settled[0] = settled
     return counts
 
 

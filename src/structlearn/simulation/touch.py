@@ -37,25 +37,22 @@ from structlearn.tactile.electrodes import Skin
 NEWTON_STEPS = 8  # enough for the exact closest point: the derivative has at most six kinks
 
 
-class FingerParameters(ResponseParameters):
-    """A finger that touches; `width_mm` is that of an object, not of a tool's edge."""
+class TouchFingerParameters(Parameters):
+    """Parameters of a finger that depend on the object it touches, here not a tool's edge."""
 
     # of the pressure under a point contact (std); wider than for an edge, since a handle is round: with it
     # p = -mean(s) rises with the load everywhere on the skin
     width_mm: float = Field(gt=0)
     stiffness_n_mm: float = Field(gt=0)  # load in N at 1 mm of indentation, K in F = K d^1.5
 
-
-class TouchFingerParameters(Parameters):
-    """The parameters of `FingerParameters` that depend on the object."""
-
-    width_mm: float = Field(gt=0)
-    stiffness_n_mm: float = Field(gt=0)
-
-    def with_electrodes_of(self, other: ResponseParameters) -> FingerParameters:
+    def with_electrodes_of(self, other: ResponseParameters) -> "FingerParameters":
         """A finger with the electrodes of another, but the width of this one."""
         shared = {name: getattr(other, name) for name in ResponseParameters.model_fields}
         return FingerParameters(**shared | self.model_dump())
+
+
+class FingerParameters(TouchFingerParameters, ResponseParameters):
+    """A finger that touches, with its electrodes."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ not depend on the number of cores. Every error is normalised, so that latent spa
 compare. Tables are long, one row per model and quantity; `structure` and `seed` name the latent space.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -218,14 +218,12 @@ def forward_errors(models: LatentModels, data: LatentData) -> pd.DataFrame:
     parts: `plane`, of the first two dimensions, and `third`, which with structure are the map and the
     pressure. The forward model `UNCHANGED` predicts that nothing moves.
     """
-    latents, predictions = _predictions(models, data)
-    tables = []
-    for (forward, way), predicted in predictions.items():
-        for steps, found in enumerate(predicted, start=1):
-            nmse = _nmse(found, latents[steps])
-            errors = {"nmse": nmse.mean(dim=1), "plane": nmse[:, :2].mean(dim=1), "third": nmse[:, 2]}
-            tables.append(_by_model(models, errors, forward=forward, trained_with=way, steps=steps))
-    return pd.concat(tables, ignore_index=True)
+
+    def errors(found: Tensor, latent: Tensor, steps: int) -> dict[str, Tensor]:
+        nmse = _nmse(found, latent)
+        return {"nmse": nmse.mean(dim=1), "plane": nmse[:, :2].mean(dim=1), "third": nmse[:, 2]}
+
+    return _by_prediction(models, data, errors)
 
 
 @torch.no_grad()
@@ -235,23 +233,20 @@ def decoded_errors(models: LatentModels, data: LatentData, units: TouchUnits) ->
     Columns: `structure`, `seed`, `forward`, `trained_with`, `steps`; NMSE of `electrodes` (mean over these)
     and of `pressure` p = -mean(s).
     """
-    _, predictions = _predictions(models, data)
     scale, mean = (torch.from_numpy(values).float() for values in (units.signal_scale, units.signal_mean))
 
     def pressure(signals: Tensor) -> Tensor:
         return -(signals * scale[:, None] + mean[:, None]).mean(dim=-2)
 
-    tables = []
-    for (forward, way), predicted in predictions.items():
-        for steps, found in enumerate(predicted, start=1):
-            measured = data.signals[data.chains[:, steps]].T
-            decoded = models.autoencoders.decoder.forward(found)
-            errors = {
-                "electrodes": _nmse(decoded, measured.expand_as(decoded)).mean(dim=1),
-                "pressure": _nmse(pressure(decoded), pressure(measured)),
-            }
-            tables.append(_by_model(models, errors, forward=forward, trained_with=way, steps=steps))
-    return pd.concat(tables, ignore_index=True)
+    def errors(found: Tensor, latent: Tensor, steps: int) -> dict[str, Tensor]:
+        measured = data.signals[data.chains[:, steps]].T
+        decoded = models.autoencoders.decoder.forward(found)
+        return {
+            "electrodes": _nmse(decoded, measured.expand_as(decoded)).mean(dim=1),
+            "pressure": _nmse(pressure(decoded), pressure(measured)),
+        }
+
+    return _by_prediction(models, data, errors)
 
 
 @torch.no_grad()
@@ -306,15 +301,22 @@ def _by_model(models: LatentModels, errors: Mapping[str, Tensor], **keys: str | 
     return pd.DataFrame(models.keys(), columns=["structure", "seed"]).assign(**columns)
 
 
-def _predictions(models: LatentModels, data: LatentData) -> tuple[Tensor, dict[tuple[str, str], Tensor]]:
-    """Latent states (C + 1, M, 3, B), and predictions of all but the first by each forward model."""
+def _by_prediction(
+    models: LatentModels, data: LatentData, errors: Callable[[Tensor, Tensor, int], Mapping[str, Tensor]]
+) -> pd.DataFrame:
+    """Errors by forward model and length of the chain, of a prediction and the latent state (M, 3, B)."""
     latents, actions, time_step = _along_chains(models, data)
     predictions = {(UNCHANGED, NO_INVERSE): latents[:1].expand_as(latents[1:])}
     for forward, ways in TRAINED_WITH.items():
         for way in ways:
             dynamics = models.dynamics(forward, way)
             predictions[forward, way] = chained(dynamics, latents[0], actions, time_step)
-    return latents, predictions
+    tables = [
+        _by_model(models, errors(found, latents[steps], steps), forward=kind, trained_with=way, steps=steps)
+        for (kind, way), predicted in predictions.items()
+        for steps, found in enumerate(predicted, start=1)
+    ]
+    return pd.concat(tables, ignore_index=True)
 
 
 def _along_chains(

@@ -14,7 +14,7 @@ All quantities are in the units of `TouchUnits`, so that the three losses are of
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import torch
@@ -193,6 +193,13 @@ class LatentModels:
         return self.locally_linear.network.parameters() + self.nonlinear.network.parameters()
 
 
+class Taught(NamedTuple):
+    """Trained models of S seeds, and the units of their inputs; dynamics only if they were trained."""
+
+    models: LatentModels
+    units: TouchUnits
+
+
 def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> None:
     """Publish a stack of models and their units."""
     arrays = {name: values.numpy() for name, values in models.to_arrays().items()}
@@ -203,7 +210,7 @@ def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> N
     )
 
 
-def read_models(path: str | Path) -> tuple[LatentModels, TouchUnits]:
+def read_models(path: str | Path) -> Taught:
     """Read a stack of models and their units.
 
     Raises InputError: the file is missing, damaged or holds something else.
@@ -213,6 +220,6 @@ def read_models(path: str | Path) -> tuple[LatentModels, TouchUnits]:
         units = TouchUnits(**{field.name: arrays.pop(UNITS + field.name) for field in fields(TouchUnits)})
         seeds = arrays.pop(SEEDS).tolist()
         tensors = {name: torch.from_numpy(values) for name, values in arrays.items()}
-        return LatentModels.from_arrays(seeds, tensors), units
+        return Taught(LatentModels.from_arrays(seeds, tensors), units)
     except KeyError as error:
         raise InputError(f"{path}: holds no latent spaces of touch (missing {error})") from error

@@ -251,14 +251,12 @@ def _contacts(
     demonstration: Demonstration, skin: Skin, parameters: TouchDataParameters
 ) -> list[dict[str, np.ndarray]]:
     """Signals, pressure, velocity, orientation and time of every contact of one demonstration."""
-    tactile, turned = _checked(demonstration, skin, parameters)
+    tactile = _checked(demonstration, skin, parameters)
     dt, cutoff = 1 / parameters.rate_hz, parameters.cutoff_hz
     air = round(parameters.air_s * parameters.rate_hz)
     offset = tactile[:air].mean(axis=0)
     signal = signals.low_pass(tactile - offset, dt, cutoff)
     pressure = -signal.mean(axis=1)
-    orientation = quaternion.normalised(signals.low_pass(quaternion.sign_continuous(turned), dt, cutoff))
-    linear = signals.derivative(signals.low_pass(demonstration.position, dt, cutoff), dt)
     touched = np.concatenate([[False], pressure >= parameters.touched_counts, [False]])
     edges = np.diff(touched.astype(int))
     starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
@@ -268,19 +266,25 @@ def _contacts(
             f"{demonstration.name}: nothing touches for {parameters.contact_s:g} s: the pressure, minus the "
             f"mean of the counts less their offset, is at most {pressure.max():.3g} counts"
         )
-    whole = {"signals": signal, "pressure": pressure, "orientation": orientation}
-    whole |= {"velocity": np.hstack([linear, quaternion.angular_velocity(orientation, dt)])}
-    whole |= {"time": dt * np.arange(len(signal))}
+    whole = {"signals": signal, "pressure": pressure, "time": dt * np.arange(len(signal))}
+    whole |= motion_of(demonstration, dt, cutoff)
     return [
         {name: values[start:end] for name, values in whole.items()}
         for start, end in zip(starts[long], ends[long], strict=True)
     ]
 
 
-def _checked(
-    demonstration: Demonstration, skin: Skin, parameters: TouchDataParameters
-) -> tuple[np.ndarray, np.ndarray]:
-    """Counts (T, E) and orientation (T, 4) of a demonstration, checked."""
+def motion_of(demonstration: Demonstration, dt: float, cutoff_hz: float) -> dict[str, np.ndarray]:
+    """`orientation` (T, 4) and `velocity` (T, 6), m/s and rad/s in the base frame, after the low-pass."""
+    turned = quaternion.sign_continuous(demonstration.signal("orientation"))
+    orientation = quaternion.normalised(signals.low_pass(turned, dt, cutoff_hz))
+    linear = signals.derivative(signals.low_pass(demonstration.position, dt, cutoff_hz), dt)
+    velocity = np.hstack([linear, quaternion.angular_velocity(orientation, dt)])
+    return {"orientation": orientation, "velocity": velocity}
+
+
+def _checked(demonstration: Demonstration, skin: Skin, parameters: TouchDataParameters) -> np.ndarray:
+    """Counts (T, E) of a demonstration, checked."""
     name = demonstration.name
     if demonstration.tactile is None:
         raise InputError(f"{name}: has no tactile signal; name its topic in the parameters")
@@ -300,7 +304,7 @@ def _checked(
     shortest = max(parameters.air_s, parameters.contact_s) * parameters.rate_hz
     if len(demonstration.tactile) < max(shortest, 5):
         raise InputError(f"{name}: {len(demonstration.tactile)} samples are too few for air and a contact")
-    return demonstration.tactile, demonstration.orientation
+    return demonstration.tactile
 
 
 def contact_points(signals: np.ndarray, skin: Skin) -> np.ndarray:

@@ -14,7 +14,7 @@ from structlearn.core.params import ParametersType, home_path, read_parameters, 
 from structlearn.core.stage import RUN_BY_DVC, run
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.readers.demonstration import Demonstration, read_runs
+from structlearn.readers.demonstration import Demonstration, read_runs, read_series
 from structlearn.segmentation.segments import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/tasks"), Path("reports/tasks")
@@ -64,6 +64,13 @@ class TaskFiles:
         """Why there is nothing of the task: a public set that is not here, or not readable; else empty."""
         path = self.recorded / ABSENT
         return path.read_text(encoding="utf-8").strip() if path.exists() else ""
+
+    def origins(self) -> list[str]:
+        """Sources of a public set with their licences."""
+        recorded = [one for path in sorted(self.recorded.glob("*.parquet")) for one in read_series(path)]
+        known = [one.about.get("provenance", one.about) for one in recorded]
+        named = [f"{its['source']} ({its['licence']})" for its in known if "licence" in its]
+        return list(dict.fromkeys(named))
 
     def left_out(self) -> pd.DataFrame:
         """`file` and `reason` of recordings that could not be read."""

@@ -18,7 +18,7 @@ from structlearn.tasks.project import CLONE, PACKAGE, entry_files, is_lab, pipel
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import read_checked
 from structlearn.tasks.task_files import TaskFiles, is_public
-from structlearn.tasks.touch import touch_section
+from structlearn.tasks.touch import skin_section, surface_section, transfer_section
 
 SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "movement": (
@@ -35,7 +35,7 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
         check_section.check_section,
     ),
     "motion": (motion_section.section,),
-    "touch": (touch_section.section,),
+    "touch": (skin_section.section, surface_section.section, transfer_section.section),
     "obstacles": (scene_section.section, representations_section.section),
 }
 

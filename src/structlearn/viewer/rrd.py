@@ -140,6 +140,28 @@ def send_marks(
     stream.send_columns(path, indexes, rr.Scalars.columns(scalars=values))
 
 
+def send_moving_point(
+    stream: rr.RecordingStream,
+    path: str,
+    time: np.ndarray,
+    places: np.ndarray,
+    colour: str,
+    radius: float,
+    order: float | None = None,
+    there: np.ndarray | None = None,
+) -> None:
+    """Log a point, (T, 2) or (T, 3) over times (T,) in s; it vanishes where it is not `there` (T,).
+
+    `radius`: in the unit of the places; `order`: of drawing on a flat picture.
+    """
+    kind: Any = rr.Points3D if places.shape[1] == 3 else rr.Points2D
+    look = {"colors": rgba([colour]), "radii": radius} | ({} if order is None else {"draw_order": order})
+    stream.log(path, kind.from_fields(**look), static=True)
+    shown = np.full(len(time), True) if there is None else there
+    columns = kind.columns(positions=places[shown]).partition(shown.astype(int))
+    stream.send_columns(path, [time_column(time)], columns)
+
+
 def send_moving_frame(
     stream: rr.RecordingStream,
     path: str,
@@ -240,11 +262,14 @@ def eye_view(
     )
 
 
-def flat_view(name: str, path: str, x_range: Sequence[float], y_range: Sequence[float]) -> rrb.Spatial2DView:
-    """View of a drawing below a path, y downwards."""
+def flat_view(
+    name: str, paths: str | Sequence[str], x_range: Sequence[float], y_range: Sequence[float]
+) -> rrb.Spatial2DView:
+    """View of a drawing below a path or several, y downwards."""
+    contents = [f"{path}/**" for path in ([paths] if isinstance(paths, str) else paths)]
     bounds = rrb.VisualBounds2D(x_range=x_range, y_range=y_range)
     return rrb.Spatial2DView(
-        name=name, origin="/", contents=[f"{path}/**"], background=GROUND, visual_bounds=bounds
+        name=name, origin="/", contents=contents, background=GROUND, visual_bounds=bounds
     )
 
 

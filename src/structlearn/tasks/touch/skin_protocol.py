@@ -5,31 +5,21 @@ Servoing is learned from one recording and tried on the table of presses of anot
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.user_tables import TouchLog
-from structlearn.tactile.latent_models import write_models
+from structlearn.tactile.latent_models import Taught
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
 from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
 from structlearn.tasks.touch.skin_force import force_errors
-from structlearn.tasks.touch.skin_readings import errors_of_fold, errors_on_other, within_runs
-from structlearn.tasks.touch.skin_touches import (
-    NEVER_VARIES,
-    LearnedSkin,
-    Touches,
-    folds_of,
-    gathered,
-    learn_skin,
-)
+from structlearn.tasks.touch.skin_readings import place_errors, within_runs
+from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, folds_of, gathered, learn_skin
 from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, STRUCTURED, TEXT_SERVO
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -37,16 +27,17 @@ SPREAD = 0.5  # of likely actions, over which the corrected controller takes slo
 
 
 def learn_touch(
-    logs: Sequence[TouchLog], parameters: TouchParameters, folder: Path | None = None
-) -> tuple[dict[str, LearnedSkin], dict[str, pd.DataFrame]]:
-    """Learn from all touches and test on what was left out; write everything into an existing folder.
+    logs: Sequence[TouchLog], parameters: TouchParameters
+) -> tuple[dict[str, Taught], dict[str, pd.DataFrame]]:
+    """Learn from all touches and test on what was left out.
 
     Recordings with a force are for forces alone: their probe stays at one place.
 
     Returns:
         Skins by the recording that each was learned from, or `TOGETHER`. Tables that have rows, by name:
-        `recordings` (`gathered`), `errors`, `map` (`errors_of_fold`), `maps` (`errors_on_other`), `servo`,
-        `paths` (`servo_trials`), `force`, `lags`, `traces` (`force_errors`), `published` (`within_runs`).
+        `recordings` (`gathered`), `errors`, `map` and `maps` (`place_errors`, on blocks held out and on other
+        runs), `servo`, `paths` (`servo_trials`), `force`, `lags`, `traces` (`force_errors`), `published`
+        (`within_runs`).
 
     Raises:
         InputError: recordings differ in their channels, nothing touches, places are not known, or a channel
@@ -63,17 +54,17 @@ def learn_touch(
 
     def collect(names: Sequence[str], function: Callable[..., Any], work: Sequence[Any], about: str) -> None:
         """Add what a function returns for each piece of work: a table for each name."""
-        for found in parallel_map(partial(function, parameters=parameters), work, about, local=True):
+        for found in parallel_map(function, work, about, local=True):
             for name, table in zip(names, found, strict=True):
                 parts.setdefault(name, []).append(table)
 
     with threadpool_limits(1):  # as in separate processes, so that their number changes no bit
-        learned = parallel_map(partial(_whole, parameters=parameters), runs, "skins", local=True)
+        learned = parallel_map(_whole, runs, "skins", local=True)
         skins = {run.name: skin for run, skin in zip(runs, learned, strict=True)}
         if runs:
-            collect(("errors", "map"), errors_of_fold, folds_of(runs, parameters), "maps of a skin")
+            collect(("errors", "map"), place_errors, folds_of(runs), "maps of a skin")
         across = [(skins[run.name], run, other) for run in runs for other in runs if other is not run]
-        collect(("errors", "maps"), errors_on_other, across, "other runs")
+        collect(("errors", "maps"), place_errors, across, "other runs")
         if parameters.servo is not None:
             collect(("servo", "paths"), servo_trials, across, "servoing")
         if parameters.published is not None:
@@ -84,22 +75,14 @@ def learn_touch(
             parts |= {name: [table] for name, table in zip(("force", "lags", "traces"), forces, strict=True)}
     there = {name: [table for table in its if len(table)] for name, its in parts.items()}
     tables = {name: pd.concat(its, ignore_index=True) for name, its in there.items() if its}
-    if folder is not None:
-        for name, skin in skins.items():
-            path = f"models/{name}.safetensors" if parameters.apart else f"{name}.safetensors"
-            write_models(skin.models, skin.units, folder / path)
-        for name, table in tables.items():
-            write_table(table, folder / f"{name}.parquet")
     return skins, tables
 
 
-def _whole(run: Touches, parameters: TouchParameters) -> LearnedSkin:
-    return learn_skin(run, np.full(len(run.counts), True), parameters, parameters.servo is not None)
+def _whole(run: Touches) -> Taught:
+    return learn_skin(run, np.full(len(run.counts), True), run.parameters.servo is not None)
 
 
-def servo_trials(
-    work: tuple[LearnedSkin, Touches, Touches], parameters: TouchParameters
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def servo_trials(work: tuple[Taught, Touches, Touches]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Closed loops of all controllers, from press to press of another run.
 
     Returns:
@@ -107,13 +90,14 @@ def servo_trials(
         `length_ratio`, `straight_mm`. Paths of the corrected controller of the first seed with structure:
         `learned_from`, `asked_about`, `trial`, `step`, `x_m`, `y_m`, `target_x_m`, `target_y_m`.
     """
-    (learned, run, other), chosen = work, parameters.servo
+    learned, run, other = work
+    chosen = run.parameters.servo
     assert chosen is not None
     table, rng = table_of(run, other, 1e-3 * chosen.depth_mm), np.random.default_rng(chosen.seed)
     starts, targets = rng.integers(0, len(table.pressure), (2, chosen.trials))
     straight = np.linalg.norm(table.place[starts, :PLANE] - table.place[targets, :PLANE], axis=1)
     names, trials, paths = {"learned_from": run.name, "asked_about": other.name}, [], pd.DataFrame()
-    for structure, controller, servo in controllers(learned, parameters):
+    for structure, controller, servo in controllers(learned, run.parameters):
         map_alone = structure and len(learned.units.action_scale) == PLANE
         done = servo_on_table(servo, table, starts, targets, chosen.steps, map_alone)
         arrival = done.arrival(1e-3 * chosen.tolerance_mm)
@@ -147,9 +131,7 @@ def table_of(run: Touches, other: Touches, depth_m: float) -> PressedSkin:
     return other.skin(np.flatnonzero(kept))
 
 
-def controllers(
-    learned: LearnedSkin, parameters: TouchParameters
-) -> Iterator[tuple[bool, str, TactileServo]]:
+def controllers(learned: Taught, parameters: TouchParameters) -> Iterator[tuple[bool, str, TactileServo]]:
     """Structure, name and controller of all that are compared."""
     chosen = parameters.servo
     assert chosen is not None

@@ -12,17 +12,18 @@ import pandas as pd
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.electrodes import map_laying
+from structlearn.tactile.latent_models import Taught
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin
-from structlearn.tasks.touch.skin_touches import NEVER_VARIES, LearnedSkin, Touches, learn_skin
+from structlearn.tactile.touch_dataset import TouchUnits
+from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, learn_skin
 from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_BLOCKS, NEW_RUN, PLAIN, PROCESS, STRUCTURED
-from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 DIMENSIONS = 3  # of the latent spaces; as many principal components has the rival
 TUNING_SAMPLES = 400  # presses on which the Gaussian process chooses its length scale and noise
 
-NMSES = ("map_nmse", "pressure_nmse", "signal_nmse", "worst_nmse", "depth_nmse")
 # from errors of presses to one of their block
+NMSES = ("map_nmse", "pressure_nmse", "signal_nmse", "worst_nmse", "depth_nmse")
 BY_BLOCK = dict.fromkeys(NMSES, "mean") | dict.fromkeys(("laid_mm", "latent_mm"), "median")
 
 Estimate = Callable[[np.ndarray], np.ndarray]  # of coordinates or signals (N, D), with values (N, K)
@@ -30,55 +31,41 @@ Estimate = Callable[[np.ndarray], np.ndarray]  # of coordinates or signals (N, D
 
 @dataclass(frozen=True)
 class Reading:
-    """Estimates of N presses by one model of `touch_names.SPACES`; None where it has no such number."""
+    """Estimates of N presses by one model of `touch_names.SPACES`; NaN where it has no such number."""
 
     model: str
     coordinates: np.ndarray  # (N, D), whose distances are those on the skin
     place: np.ndarray  # (N, 2) m, by regression
-    depth: np.ndarray | None  # (N,) m, height of the probe, by regression
+    depth: np.ndarray | float  # (N,) m, height of the probe, by regression
     seed: int = 0
-    laid: np.ndarray | None = None  # (N, 2) m, the map, rotated and shifted onto the plate
-    pressure: np.ndarray | None = None  # (N,), the third latent number
-    decoded: np.ndarray | None = None  # (N, E) signals in the networks' units, from the coordinates
+    laid: np.ndarray | float = np.nan  # (N, 2) m, the map, rotated and shifted onto the plate
+    pressure: np.ndarray | float = np.nan  # (N,), the third latent number
+    decoded: np.ndarray | float = np.nan  # (N, E) signals in the networks' units, from the coordinates
 
 
-def errors_of_fold(
-    work: tuple[Touches, int], parameters: TouchParameters
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors on the blocks of one fold held out.
+def place_errors(work: tuple[Taught | None, Touches, Touches | int]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Errors of what was learned from one recording on another, or on the blocks of one of its own folds.
+
+    `work`: what was learned, or None where it is learned here from all blocks but those of the fold; the
+    recording; another one, or the number of a fold.
 
     Returns:
-        `block_scores` with `learned_from` and `asked_about`, here the same recording, and `new`
-        (`NEW_BLOCKS`). Where these touches lie in the map: `x_m`, `y_m`, `z_m` of touches, `map_x_m`,
-        `map_y_m` of the map laid onto the plate, `pressure`, and the recordings.
+        `block_scores` with `learned_from` and `asked_about`, names of recordings, and `new` (`NEW_BLOCKS` or
+        `NEW_RUN`). Where these touches lie in the map: `x_m`, `y_m`, `z_m` of touches, `map_x_m`, `map_y_m`
+        of the map laid onto the plate, `pressure`, and the recordings.
     """
-    run, fold = work
-    left_out = run.blocks()[1] == fold
-    learned = learn_skin(run, ~left_out, parameters, with_dynamics=False)
-    return _errors(learned, (run, np.flatnonzero(~left_out)), (run, np.flatnonzero(left_out)), parameters)
-
-
-def errors_on_other(
-    work: tuple[LearnedSkin, Touches, Touches], parameters: TouchParameters
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """As `errors_of_fold`, of what was learned from one recording on another; `new` is `NEW_RUN`."""
-    learned, *runs = work
-    known, asked = ((run, np.arange(len(run.counts))) for run in runs)
-    return _errors(learned, known, asked, parameters)
-
-
-def _errors(
-    learned: LearnedSkin,
-    known: tuple[Touches, np.ndarray],
-    asked: tuple[Touches, np.ndarray],
-    parameters: TouchParameters,
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    (run, rows), names = asked, {"learned_from": known[0].name, "asked_about": asked[0].name}
-    found = readings(learned, known, run.skin(rows), parameters)
-    table = block_scores(found, learned, asked, parameters)
-    lies = pd.DataFrame(run.place[rows], columns=["x_m", "y_m", "z_m"], dtype=float)
+    learned, run, other = work
+    if isinstance(other, Touches):
+        new, taught, asked = NEW_RUN, np.arange(len(run.counts)), np.arange(len(other.counts))
+    else:
+        left_out, other, new = run.blocks()[1] == other, run, NEW_BLOCKS
+        taught, asked = np.flatnonzero(~left_out), np.flatnonzero(left_out)
+    learned = learned or learn_skin(run, np.isin(np.arange(len(run.counts)), taught), with_dynamics=False)
+    found = readings(learned, (run, taught), other.skin(asked))
+    names = {"learned_from": run.name, "asked_about": other.name}
+    table = block_scores(found, learned.units, (other, asked))
+    lies = pd.DataFrame(other.place[asked], columns=["x_m", "y_m", "z_m"], dtype=float)
     lies[["map_x_m", "map_y_m"]] = found[0].laid
-    new = NEW_BLOCKS if run is known[0] else NEW_RUN
     return table.assign(**names, new=new), lies.assign(pressure=found[0].pressure, **names)
 
 
@@ -145,19 +132,14 @@ SEEN_OVER_TIME: dict[str, Callable[[TouchLog], np.ndarray]] = {
 }
 
 
-def readings(
-    learned: LearnedSkin,
-    known: tuple[Touches, np.ndarray],
-    asked: PressedSkin,
-    parameters: TouchParameters,
-) -> list[Reading]:
+def readings(learned: Taught, known: tuple[Touches, np.ndarray], asked: PressedSkin) -> list[Reading]:
     """Estimates of touches by all models, from training touches (a recording and its rows).
 
     Place and depth are read from latent coordinates by polynomials, place from the map alone where there is
     one. Rivals have no map: their coordinates are scaled to fit the distances between training touches best.
     """
     run, rows = known
-    taught, degree = run.skin(rows), parameters.degree
+    taught, parameters, degree = run.skin(rows), run.parameters, run.parameters.degree
     pairs = run.pairs(rows, parameters.spaces.evaluation_pairs, np.random.default_rng(0))
     spaces, units, wanted = learned.models, learned.units, taught.place
 
@@ -196,7 +178,7 @@ def readings(
     read = gaussian_process(seen, wanted, parameters.rival_samples)(new)
     found.append(Reading(PROCESS, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
     if np.std(wanted[:, PLANE]) < NEVER_VARIES:  # a run of one depth holds no other
-        found = [replace(one, depth=None) for one in found]
+        found = [replace(one, depth=np.nan) for one in found]
     return found
 
 
@@ -238,10 +220,7 @@ def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Estim
 
 
 def block_scores(
-    found: Sequence[Reading],
-    learned: LearnedSkin,
-    about: tuple[Touches, np.ndarray],
-    parameters: TouchParameters,
+    found: Sequence[Reading], units: TouchUnits, about: tuple[Touches, np.ndarray]
 ) -> pd.DataFrame:
     """Errors of readings of N touches, rows of a recording, by blocks of places.
 
@@ -253,37 +232,35 @@ def block_scores(
         `pressure_nmse`, `signal_nmse` (decoded), `worst_nmse` (the worst channel) and `depth_nmse`;
         `laid_mm`, `latent_mm`: median distance from the true place of the map, and of the place read.
     """
-    (run, rows), units = about, learned.units
-    asked, pairs, block = run.skin(rows), _asked_pairs(run, rows, parameters), run.blocks()[0][rows]
+    run, rows = about
+    asked, pairs, block = run.skin(rows), _asked_pairs(run, rows), run.blocks()[0][rows]
     place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
     pressure, signals = units.pressure(asked.pressure), units.signals(asked.signals)
+    depths = np.var(depth) if np.std(depth) > NEVER_VARIES else np.nan
     tables = []
     for one in found:
         apart = np.linalg.norm(one.coordinates[pairs.first] - one.coordinates[pairs.second], axis=1)
         missed = _by_first((apart - pairs.distance) ** 2, pairs.first, len(block))
-        table = pd.DataFrame(dict.fromkeys((*NMSES, "laid_mm"), np.nan), index=range(len(block)))
-        table["map_nmse"] = missed / np.var(pairs.distance)
-        table["latent_mm"] = 1e3 * np.linalg.norm(one.place - place, axis=1)
-        if one.pressure is not None:
-            table["pressure_nmse"] = (one.pressure - pressure) ** 2 / np.var(pressure)
-        if one.decoded is not None:
-            decoded = (one.decoded - signals) ** 2 / np.var(signals, axis=0)
-            table["signal_nmse"] = decoded.mean(axis=1)
-            table["worst_nmse"] = decoded[:, np.argmax(decoded.mean(axis=0))]
-        if one.depth is not None and np.std(depth) > NEVER_VARIES:
-            table["depth_nmse"] = (one.depth - depth) ** 2 / np.var(depth)
-        if one.laid is not None:
-            table["laid_mm"] = 1e3 * np.linalg.norm(one.laid - place, axis=1)
-        by_block = table.groupby(block).agg(BY_BLOCK).rename_axis("block")
+        decoded = (one.decoded - signals) ** 2 / np.var(signals, axis=0)
+        errors = {
+            "map_nmse": missed / np.var(pairs.distance),
+            "pressure_nmse": (one.pressure - pressure) ** 2 / np.var(pressure),
+            "signal_nmse": decoded.mean(axis=1),
+            "worst_nmse": decoded[:, np.argmax(decoded.mean(axis=0))],
+            "depth_nmse": (one.depth - depth) ** 2 / depths,
+            "laid_mm": 1e3 * np.linalg.norm(one.laid - place, axis=1),
+            "latent_mm": 1e3 * np.linalg.norm(one.place - place, axis=1),
+        }
+        by_block = pd.DataFrame(errors).groupby(block).agg(BY_BLOCK).rename_axis("block")
         by_block.insert(0, "presses", np.unique(block, return_counts=True)[1])
         tables.append(by_block.reset_index().assign(model=one.model, seed=one.seed))
     return pd.concat(tables, ignore_index=True)
 
 
-def _asked_pairs(run: Touches, rows: np.ndarray, parameters: TouchParameters) -> Pairs:
+def _asked_pairs(run: Touches, rows: np.ndarray) -> Pairs:
     """Pairs among the touches tested on; on a plate each touch is the first of equally many."""
-    rng, count = np.random.default_rng(parameters.spaces.training.seed), len(rows)
-    each = max(parameters.spaces.evaluation_pairs // count, 1)
+    spaces, count = run.parameters.spaces, len(rows)
+    rng, each = np.random.default_rng(spaces.training.seed), max(spaces.evaluation_pairs // count, 1)
     if run.along is not None:
         return run.pairs(rows, each * count, rng)
     first, second = np.repeat(np.arange(count), each), rng.integers(0, count, count * each)

@@ -1,20 +1,19 @@
 """Page section of a skin touched at known places: its map, forces, and servoing in the map."""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE, Look
-from structlearn.reporting.claims import Evidence, Found, by_case, mean, unknown
+from structlearn.reporting.claims import Evidence, mean, unknown
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import Drawing, Raster, legend, map_panels, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.tasks.section import Section
+from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch.touch_names import (
     COMPONENTS,
     CORRECTED,
@@ -62,7 +61,7 @@ QUANTITIES = {"place_mm": "place (mm)", "force_n": "normal force (N)", "shear_n"
 HEADLINES = ("map_nmse", "latent_mm", "laid_mm", "laid_cross_run_mm", "force_n", "servo_success")
 KEYS = ["learned_from", "asked_about"]
 ARROW = "\N{RIGHTWARDS ARROW}"
-MISSING = unknown("no runs for it are recorded here")
+MISSING = "no runs for it are recorded here"
 
 BOUND_MM = 0.8  # the aim of the claims
 PATHS = 16  # paths that are drawn
@@ -113,13 +112,12 @@ class SkinRuns:
         return its.groupby([*KEYS, sample])[value].mean().dropna()
 
     def errors(self, new: str, error: str, model: str = STRUCTURED) -> pd.Series:
-        """By block of places."""
-        return self.values("errors", error, "block", new=new, model=model)
+        """By block of places; blocks of runs used for tuning do not count as held out.
 
-    def held_out(self, error: str, model: str = STRUCTURED) -> pd.Series:
-        """On blocks held out of runs not used for tuning; depth, which varies in few runs, of all runs."""
-        found = self.errors(NEW_BLOCKS, error, model)
-        if not len(found) or error == "depth_nmse":
+        Depth varies in few runs, so that it is of all of them.
+        """
+        found = self.values("errors", error, "block", new=new, model=model)
+        if not len(found) or new != NEW_BLOCKS or error == "depth_nmse":
             return found
         return found[~found.index.get_level_values(0).isin(self.tuned_on)]
 
@@ -131,30 +129,30 @@ class SkinRuns:
         """By trial, mean over controllers."""
         return self.values("servo", value, "trial", model=model, controller=controllers)
 
-    def by_pair(self, found: pd.Series) -> Found:
-        """Means by training and test run."""
-        if not len(found):
-            return MISSING
-        groups = found.groupby(level=[0, 1])
-        cases = {f"{self.numbers[a]} {ARROW} {self.numbers[b]}": [its.to_numpy()] for (a, b), its in groups}
-        return by_case(mean, cases)
+    def by_pair(self, found: pd.Series) -> dict[str, pd.Series] | None:
+        """Samples by training and test run; None if there are none."""
+        groups = found.groupby(level=[0, 1]) if len(found) else ()
+        return {f"{self.numbers[a]} {ARROW} {self.numbers[b]}": its for (a, b), its in groups} or None
 
 
 def of_mean(samples: pd.Series) -> Evidence:
-    """Mean of independent samples; `MISSING` if there are none."""
-    return mean(samples.to_numpy(float)) if len(samples) else MISSING
+    """Mean of independent samples; not tested if there are none."""
+    return mean(samples.to_numpy(float)) if len(samples) else unknown(MISSING)
 
 
-def section(tables: Tables, parameters: TouchParameters, folder: Path) -> Section:
-    """Section of a skin whose tables and networks are in a folder."""
-    runs = SkinRuns(tables, parameters.tuned_on)
-    find = find_skin(runs)
+def section(files: TaskFiles) -> Section | None:
+    """Section of a task whose touches are of a skin at known places."""
+    parameters = files.entry(TouchParameters)
+    if parameters.over_time:
+        return None
+    runs = SkinRuns(files.tables("touch"), parameters.tuned_on)
+    find, origin = find_skin(runs), {"folder": files.folder / "touch", "origins": files.origins()}
     return Section(
         "touch",
         "A magnetic skin" if parameters.by_norm else "The skin",
         "skin.html.jinja",
         "skin_lead.html.jinja",
-        facts=skin_facts(runs, find, parameters) | {"folder": folder},
+        facts=skin_facts(runs, find, parameters) | origin,
         find=find,
         tables=skin_tables(runs, parameters.published),
         pictures=skin_pictures(runs),
@@ -167,7 +165,7 @@ def find_skin(runs: SkinRuns) -> Findings:
     for error in ERRORS:
         stem, _, unit = error.rpartition("_")
         for model, ending in ENDINGS.items():
-            rows[f"{error}{ending}"] = runs.held_out(error, model)
+            rows[f"{error}{ending}"] = runs.errors(NEW_BLOCKS, error, model)
             rows[f"{stem}_cross_run_{unit}{ending}"] = runs.errors(NEW_RUN, error, model)
     rows["force_n"] = runs.force(NEW_RUN)
     rows["force_new_presses_n"] = runs.force(NEW_PRESSES)
@@ -179,20 +177,14 @@ def find_skin(runs: SkinRuns) -> Findings:
     rows["servo_success"] = runs.trials("arrived", STRUCTURED)
     rows["servo_success_plain"] = runs.trials("arrived", PLAIN)
     for name, samples in rows.items():
-        find.add(name, of_mean(samples), headline=name in HEADLINES and len(samples) > 0)
-    held_out = runs.held_out("map_nmse")
-    gain = {
-        model: of_mean((runs.held_out("map_nmse", model) - held_out).dropna())
-        for model in (PLAIN, COMPONENTS)
-    }
-    find.add("structure", gain)
-    find.add("cross_run", runs.by_pair(runs.errors(NEW_RUN, "latent_mm")))
-    both = {name: of_mean(runs.held_out(f"{name}_nmse")) for name in ("pressure", "depth")}
-    find.add("pressure_and_depth", both)
-    find.add("servo", runs.by_pair(runs.trials("arrived", STRUCTURED)))
-    ways = of_mean(np.log(runs.trials("length_ratio", STRUCTURED)))
-    value, low, high = np.exp([ways.value, ways.low, ways.high]).tolist()
-    find.add("servo_length_ratio", Evidence(value, low, high, ways.n, reason=ways.reason))
+        find.mean(name, samples, missing=MISSING, headline=name in HEADLINES and len(samples) > 0)
+    # intervals of these cases are those of the rows above: not widened
+    gains = {model: rows[f"map_nmse{ENDINGS[model]}"] - rows["map_nmse"] for model in (PLAIN, COMPONENTS)}
+    find.add("structure", {model: of_mean(gain.dropna()) for model, gain in gains.items()})
+    find.mean("cross_run", runs.by_pair(rows["latent_cross_run_mm"]), missing=MISSING)
+    find.add("pressure_and_depth", {name: of_mean(rows[f"{name}_nmse"]) for name in ("pressure", "depth")})
+    find.mean("servo", runs.by_pair(rows["servo_success"]), missing=MISSING)
+    find.geometric_mean("servo_length_ratio", runs.trials("length_ratio", STRUCTURED), missing=MISSING)
     if "published" in runs.tables:
         for quantity, its in runs.tables["published"].groupby("quantity", sort=False):
             cases = {runs.numbers.get(row.run, row.run): (row.rms, row.readings) for row in its.itertuples()}
@@ -291,9 +283,7 @@ def skin_map(runs: SkinRuns) -> list[Raster]:
 @styled
 def errors_panel(runs: SkinRuns) -> list[Figure]:
     """Map error and place error of all models, on blocks held out and on other runs."""
-    cases: dict[str, Callable[[str, str], pd.Series]] = {"blocks held out": runs.held_out}
-    if "maps" in runs.tables:
-        cases["other run"] = partial(runs.errors, NEW_RUN)
+    cases = {"blocks held out": NEW_BLOCKS} | ({"other run": NEW_RUN} if "maps" in runs.tables else {})
     figures, apart = [], len(SPACES) + 1
     for error, title, label in (
         ("map_nmse", "Distances on the map", "NMSE"),
@@ -301,8 +291,8 @@ def errors_panel(runs: SkinRuns) -> list[Figure]:
     ):
         figure, axes = panel(title, ylabel=label, yscale="log" if error == "map_nmse" else "linear")
         for place, (model, look) in enumerate(SPACES.items()):
-            for group, of in enumerate(cases.values()):
-                found = of_mean(of(error, model))
+            for group, new in enumerate(cases.values()):
+                found = of_mean(runs.errors(new, error, model))
                 if np.isfinite(found.value):
                     ends = np.nan_to_num([[found.value - found.low], [found.high - found.value]])
                     name, at = None if group else look.name, group * apart + place

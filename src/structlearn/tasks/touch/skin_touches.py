@@ -6,7 +6,6 @@ near-duplicates in the training data.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -14,10 +13,10 @@ import pandas as pd
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.geodesics import Geodesics, geodesics
-from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_models import Taught
 from structlearn.tactile.latent_training import Pairs, draw_pairs, latent_data, learn_from
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin, drifted, held_out, plate_pairs, seen, walks
-from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, TouchUnits, touch_units
+from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, touch_units
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 TOGETHER = "latent"  # name of all recordings when they are learned from together
@@ -58,13 +57,6 @@ def _skin(
 ) -> PressedSkin:
     signals, pressure = seen(counts, parameters.change, parameters.by_norm)
     return PressedSkin(signals, pressure, split, place)
-
-
-class LearnedSkin(NamedTuple):
-    """Latent spaces in their units, with dynamics if they were trained."""
-
-    models: LatentModels
-    units: TouchUnits
 
 
 def gathered(logs: Sequence[TouchLog], parameters: TouchParameters) -> tuple[list[Touches], pd.DataFrame]:
@@ -123,11 +115,12 @@ def _centroids(log: TouchLog, counts: np.ndarray, parameters: TouchParameters) -
     return np.pad(middle, ((0, 0), (0, 1)))
 
 
-def folds_of(runs: Sequence[Touches], parameters: TouchParameters) -> list[tuple[Touches, int]]:
-    """Recordings and their folds; raises MissingInputError if nothing can be held out of any recording."""
-    folds = [np.unique(run.blocks()[1]) for run in runs]
-    work = [(run, int(one)) for run, its in zip(runs, folds, strict=True) for one in its if len(its) > 1]
+def folds_of(runs: Sequence[Touches]) -> list[tuple[None, Touches, int]]:
+    """Recordings and their folds, for `place_errors`; raises MissingInputError if nothing can be held out."""
+    folds = [(run, np.unique(run.blocks()[1])) for run in runs]
+    work = [(None, run, int(one)) for run, its in folds for one in its if len(its) > 1]
     if not work:
+        parameters = runs[0].parameters
         raise MissingInputError(
             f"{parameters.source}: no touches in two blocks of {parameters.block_mm:g} mm to hold one out; "
             "take a smaller block_mm, or record touches elsewhere"
@@ -135,15 +128,13 @@ def folds_of(runs: Sequence[Touches], parameters: TouchParameters) -> list[tuple
     return work
 
 
-def learn_skin(
-    run: Touches, taught: np.ndarray, parameters: TouchParameters, with_dynamics: bool
-) -> LearnedSkin:
+def learn_skin(run: Touches, taught: np.ndarray, with_dynamics: bool) -> Taught:
     """Train latent spaces, and forward and inverse models if wanted, on the touches in a mask `taught` (N,).
 
     Raises InputError: a channel or the pressure never changes.
     """
-    spaces, servo = parameters.spaces, parameters.servo
-    seed = spaces.training.seed
+    parameters = run.parameters
+    spaces, servo, seed = parameters.spaces, parameters.servo, parameters.spaces.training.seed
     rng = np.random.default_rng(seed if servo is None else [seed, servo.seed])
     split = np.where(taught, TRAIN, TEST)
     counts, copies = run.counts, parameters.copies
@@ -162,4 +153,4 @@ def learn_skin(
     units = touch_units(skin, chains, length)
     if not with_dynamics:
         chains = Chains(chains.rows[:0], chains.actions[:0], chains.time_step[:0])
-    return LearnedSkin(learn_from(latent_data(skin, pairs, chains, units), spaces), units)
+    return Taught(learn_from(latent_data(skin, pairs, chains, units), spaces), units)

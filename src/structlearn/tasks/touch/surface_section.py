@@ -7,25 +7,30 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.readers.slide import material_of
-from structlearn.reporting.claims import Evidence, by_case, confidence, geometric_mean, in_words, unknown
+from structlearn.reporting.claims import Evidence, confidence, geometric_mean, in_words, unknown
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch.touch_names import SLIDE_GROUPS
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 Tables = Mapping[str, pd.DataFrame]
 
-TOO_FEW = unknown("it takes two slides over each of two materials")  # to tell materials apart
+TOO_FEW = "it takes two slides over each of two materials"  # to tell materials apart
 FEW = 3  # materials that sentences name; tables have all
 
 STREAM_UNITS = {"pose": "m", "joint_positions": "rad", "joint_velocities": "rad/s"}
 STREAM_UNITS |= {"joint_torques": "N m", "wrench": "N, N m", "tactile": "counts"}
 
 
-def section(tables: Tables) -> Section:
-    """Section of the tables of `surface_traces.learn_surfaces`."""
+def section(files: TaskFiles) -> Section | None:
+    """Section of a task with slides, of the tables of `surface_traces.learn_surfaces`."""
+    if files.entry(TouchParameters).surfaces is None:
+        return None
+    tables = files.tables("touch")
     find, clock = find_surfaces(tables), tables["clock_errors"]
     rms = tables["deviations"].groupby("group", sort=False)["rms"]
     by_group = rms.agg(trials="size", median_rms="median", largest_rms="max").reset_index()
@@ -35,7 +40,7 @@ def section(tables: Tables) -> Section:
         "Slides over materials",
         "surfaces.html.jinja",
         "surfaces_lead.html.jinja",
-        facts=surface_facts(tables, find),
+        facts=surface_facts(tables, find) | {"origins": files.origins()},
         find=find,
         tables={
             "slide_channels": shown(by_channels(tables)),
@@ -49,15 +54,14 @@ def section(tables: Tables) -> Section:
 def find_surfaces(tables: Tables) -> Findings:
     """Findings, by the names that claims and sentences use; predictions are NMSEs by material."""
     find, channels = Findings("slides"), tables["channels"]
-    own = {name: its["rms"] for name, its in tables["left_one_out"].groupby("material", sort=False)}
+    own = dict(list(tables["left_one_out"].groupby("material")["rms"]))
     across = tables["across_materials"].groupby("expected", sort=False)["rms"]
     either = {name: (its, own[name]) for name, its in across if name in own}
-    find.add("other_material", by_case(group_difference, either) or TOO_FEW)
+    find.by(group_difference, "other_material", either or None, missing=TOO_FEW)
     strong = channels[channels["channels"] == "strong"]
     for name, table in (("predicted", tables["left_one_out"]), ("predicted_strong", strong)):
-        cases = {material: [its.to_numpy()] for material, its in table.groupby("material")["nmse"]}
-        found = by_case(geometric_mean, cases) or unknown("no slide could be left out")
-        find.add(name, found, headline=name == "predicted")
+        cases, alone = dict(list(table.groupby("material")["nmse"])), "no slide could be left out"
+        find.geometric_mean(name, cases or None, missing=alone, headline=name == "predicted")
     return find
 
 
@@ -66,7 +70,7 @@ def group_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1
     from scipy import stats
 
     if min(len(first), len(second)) < 2:
-        return TOO_FEW
+        return unknown(TOO_FEW)
     test = stats.ttest_ind(np.asarray(first), np.asarray(second), equal_var=False)
     interval = test.confidence_interval(confidence(comparisons))
     value = float(np.mean(first) - np.mean(second))

@@ -2,14 +2,11 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from structlearn.core.artefacts import write_table
 from structlearn.core.errors import MissingInputError
-from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
 from structlearn.readers import synchronise
 from structlearn.readers.clock import held_out_error
@@ -22,13 +19,14 @@ PLACES = {"side, 1 to 6": (1, 6), "tip, 7 to 10": (7, 10)}
 PLACES |= {"side, 11 to 16": (11, 16), "middle, 17 to 19": (17, 19)}
 
 
-def learn_surfaces(recordings: Sequence[Recording], parameters: SurfaceParameters, folder: Path) -> None:
-    """Learn expected traces, score every trial, and write everything into an existing folder."""
+def learn_surfaces(
+    recordings: Sequence[Recording], parameters: SurfaceParameters
+) -> tuple[VectorPrimitive, dict[str, pd.DataFrame]]:
+    """Learn expected traces and score every trial: the traces, and tables by name, see the functions."""
     trials = on_one_clock(recordings, parameters)
     left_one_out, channels = leave_one_out(trials, parameters)
     expected, deviations, statistics = deviations_from_expected(trials, parameters)
-    write_vector_primitive(expected, folder / "expected.safetensors", "electrode counts without offset")
-    tables = {
+    return expected, {
         "clock_errors": clock_errors(recordings),
         "deviations": deviations,
         "left_one_out": left_one_out,
@@ -36,8 +34,6 @@ def learn_surfaces(recordings: Sequence[Recording], parameters: SurfaceParameter
         "across_materials": across_materials(trials, parameters),
         "statistics": statistics,
     }
-    for name, table in tables.items():
-        write_table(table, folder / f"{name}.parquet")
 
 
 def on_one_clock(recordings: Sequence[Recording], parameters: SurfaceParameters) -> list[Demonstration]:

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import Parameters
-from structlearn.readers.demonstration import Demonstration, Recording
+from structlearn.readers.demonstration import Recording
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, SCRAPING, SLIDES, UNSCREWING
 
 RANGE_QUANTILES = (0.005, 0.995)  # so that single spikes do not count as range
@@ -69,7 +69,7 @@ def in_sets(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
 
 
 def finger_traces(
-    group: str, run: str, parts: Sequence[Recording | Demonstration], rate_hz: float, settling_s: float = 0.0
+    group: str, run: str, parts: Sequence[Recording], rate_hz: float, settling_s: float = 0.0
 ) -> list[FingerTrace]:
     """Traces of the fingers in one run, whose primitives may be separate recordings.
 
@@ -86,18 +86,12 @@ def finger_traces(
     return [FingerTrace(group, run, finger, np.vstack(its), contact) for finger, its in traces]
 
 
-def _fingers(recording: Recording | Demonstration, rate_hz: float) -> list[np.ndarray]:
+def _fingers(recording: Recording, rate_hz: float) -> list[np.ndarray]:
     """Counts (T, 19) of every finger; raises InputError for other numbers of electrodes or a slower rate."""
-    if isinstance(recording, Demonstration):  # has all fingers side by side
-        touch = [(recording.signal("tactile"), recording.dt)]
-    else:
-        touch = [
-            (stream.values, 1e-9 * float(np.median(np.diff(stream.stamps))))  # noqa: PD011 - of a stream
-            for stream in recording.streams
-            if stream.kind == "tactile"
-        ]
     fingers: list[np.ndarray] = []
-    for values, step in touch:
+    for stream in (one for one in recording.streams if one.kind == "tactile"):
+        step = 1e-9 * float(np.median(np.diff(stream.stamps)))
+        values = stream.values  # noqa: PD011 - of a stream
         count, held = values.shape[1], round(1 / (step * rate_hz))
         if count % ELECTRODES:
             raise InputError(f"{recording.name}: has {count} electrodes, a finger has 19")
@@ -111,7 +105,7 @@ def _fingers(recording: Recording | Demonstration, rate_hz: float) -> list[np.nd
 
 def calibration_traces(
     recorded: Mapping[str, Sequence[Recording]],
-    simulated: Sequence[Recording | Demonstration],
+    simulated: Sequence[Recording],
     parameters: CalibrationParameters,
 ) -> list[FingerTrace]:
     """Traces of the recorded sets, keyed by name, and of simulated scraping.

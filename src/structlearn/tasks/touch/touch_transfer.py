@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 
-from structlearn.core import quaternion, signals
+from structlearn.core import signals
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
@@ -39,6 +39,7 @@ from structlearn.tactile.touch_dataset import (
     TouchDataParameters,
     TouchDataset,
     contact_points,
+    motion_of,
     prepare,
 )
 from structlearn.tasks.touch import touch_names as names
@@ -67,15 +68,12 @@ class TouchSet:
 
 def held_touch(demonstrations: Sequence[Demonstration], skin: Skin, cutoff_hz: float) -> TouchDataset:
     """Samples of trials in contact from start to end; every trial is one contact."""
-    parts = []
-    for one in demonstrations:
-        orientation = quaternion.normalised(signals.low_pass(one.signal("orientation"), one.dt, cutoff_hz))
-        position = signals.low_pass(one.position, one.dt, cutoff_hz)
-        velocity = signals.derivative(position, one.dt), quaternion.angular_velocity(orientation, one.dt)
-        counts = -signals.low_pass(one.signal("tactile"), one.dt, cutoff_hz)
-        parts.append((counts, np.hstack(velocity), orientation, one.time))
-    columns = (np.concatenate(its).astype(np.float32) for its in zip(*parts, strict=True))
-    found = dict(zip(("signals", "velocity", "orientation", "time"), columns, strict=True))
+    parts = [
+        motion_of(one, one.dt, cutoff_hz)
+        | {"signals": -signals.low_pass(one.signal("tactile"), one.dt, cutoff_hz), "time": one.time}
+        for one in demonstrations
+    ]
+    found = {name: np.concatenate([one[name] for one in parts]).astype(np.float32) for name in parts[0]}
     trial = np.repeat(np.arange(len(demonstrations)), [len(one.time) for one in demonstrations])
     return TouchDataset(
         **found,

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,18 +25,14 @@ from structlearn.viewer.rrd import (
     notes_view,
     plot,
     recording,
-    rgba,
     send_curve,
+    send_moving_point,
     send_notes,
-    time_column,
 )
 
-PRESS_MM, PROBE_MM = 0.3, 0.7  # radii of dots
-
-MARGIN_MM = 2.5
+PRESS_MM, PROBE_MM, MARGIN_MM = 0.3, 0.7, 2.5  # radii of dots; about the plate
 TRIALS = 12  # paths that follow each other, one step a second
-
-IN_FRONT = 30.0
+IN_FRONT = 30.0  # order of drawing
 
 NOTE = f"""A probe pressed a skin at known places; all of it is recorded. A press has the same colour on the
 plate and in the latent map, which was learned from another run and is only turned and shifted onto the plate.
@@ -77,15 +72,10 @@ def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFra
     if paths is not None:
         shown = of_pair(paths, maps)
         shown = shown[shown["trial"] < TRIALS].sort_values(["trial", "step"])
-        times = [time_column(np.arange(len(shown), dtype=float))]
-        for name, columns, colour in (
-            ("probe", ["x_m", "y_m"], LIGHT_GREY),
-            ("target", ["target_x_m", "target_y_m"], GREY),
-        ):
-            look: dict[str, Any] = {"colors": rgba([colour]), "draw_order": IN_FRONT}
-            stream.log(entity("plate", name), rr.Points2D.from_fields(radii=PROBE_MM, **look), static=True)
-            places = rr.Points2D.columns(positions=drawn(shown[columns].to_numpy()))
-            stream.send_columns(entity("plate", name), times, places)
+        time = np.arange(len(shown), dtype=float)
+        for name, start, colour in (("probe", "", LIGHT_GREY), ("target", "target_", GREY)):
+            places = drawn(shown[[f"{start}x_m", f"{start}y_m"]].to_numpy())
+            send_moving_point(stream, entity("plate", name), time, places, colour, PROBE_MM, IN_FRONT)
     half = 0.5e3 * np.ptp(plate, axis=0).max() + MARGIN_MM
     ends = [-half, half]
     return rrb.Horizontal(

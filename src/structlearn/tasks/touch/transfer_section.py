@@ -7,15 +7,17 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK
-from structlearn.reporting.claims import mean, unknown
+from structlearn.reporting.claims import mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing, rounded, with_spread
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch import touch_names as names
 from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_SET, NEW_TRIALS, SLIDES, SPACES, STRUCTURED
+from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 Tables = Mapping[str, pd.DataFrame]
 
@@ -24,15 +26,18 @@ MODELS = (STRUCTURED, names.PLAIN, COMPONENTS)
 KEYS = ["learned_from", "asked_about", "new", "model"]
 
 
-def section(tables: Tables) -> Section:
-    """Section of the tables of `touch_transfer.learn_transfer`."""
+def section(files: TaskFiles) -> Section | None:
+    """Section of a task with sets of touches, of the tables of `touch_transfer.learn_transfer`."""
+    if files.entry(TouchParameters).transfer is None:
+        return None
+    tables = files.tables("touch")
     find, scores = find_transfer(tables), touch_scores(tables)
     return Section(
         "touch",
         "Touch in a latent space",
         "transfer.html.jinja",
         "transfer_lead.html.jinja",
-        facts=transfer_facts(tables, scores, find),
+        facts=transfer_facts(tables, scores, find) | {"origins": files.origins()},
         find=find,
         tables={
             "touch_scores": scores_table(scores),
@@ -84,12 +89,10 @@ def find_transfer(tables: Tables) -> Findings:
     find.add("reconstruction", {name: mean(of("reconstruction", name, name)) for name in sets})
     find.add("map_distances", {name: mean(of("distances", name, name)) for name in sets})
     find.add("over_components", {name: mean(gain(name)) for name in sets})
-    missing = unknown("its recorded set is missing")
-    simulated = mean(gain(names.SIMULATED)) if names.SIMULATED in sets.values() else missing
-    find.add("over_components_simulated", simulated)
-    find.add(
-        "carried_over", {name: mean(of("reconstruction", source, name)) for name, source in sets.items()}
-    )
+    simulated = gain(names.SIMULATED) if names.SIMULATED in sets.values() else None
+    find.mean("over_components_simulated", simulated, missing="its recorded set is missing")
+    carried_over = {name: mean(of("reconstruction", source, name)) for name, source in sets.items()}
+    find.add("carried_over", carried_over)
     return find
 
 

@@ -21,7 +21,7 @@ TABLES = {
     "skins": ("latent", "directions"),
 }
 """Tables of the folders, see `tactile.latent_comparison.LatentComparison` and
-`protocol.servo_variants.Comparison`; those of other skins have a column `skin`."""
+`protocol.servo_trials.compare`; those of other skins have a column `skin`."""
 
 
 def tables(source: str) -> dict[str, pd.DataFrame]:

@@ -117,7 +117,7 @@ def _approach(results: ServoingResults) -> Figure:
     """Distance from the target over time with the dissertation's controller and ours."""
     figure, axes = _panel("From the target, with NJ", "time (s)", "distance (mm)")
     for variant in (names.OURS, names.TEXT):
-        rows, colour = rows_of(results.comparison.progress, variant), names.FORM_COLOURS[variant.form]
+        rows, colour = rows_of(results.loops["progress"], variant), names.FORM_COLOURS[variant.form]
         axes.plot(rows["time_s"], rows["median_mm"], color=colour, label=names.FORM_NAMES[variant.form])
         axes.fill_between(rows["time_s"], rows["median_mm"], rows["upper_mm"], color=colour, alpha=0.15, lw=0)
     bound = results.chosen["servo"].tolerance.position_mm
@@ -281,8 +281,8 @@ def _ways(results: ServoingResults, variant: Variant) -> Figure:
     title = names.FORM_NAMES[variant.form].capitalize()
     figure, axes = _panel(title, "along the finger (mm)", "across (mm)", 3.3)
     skin = results.skin
-    trials = rows_of(results.comparison.trials, variant).set_index(["seed", "trial"])
-    for key, path in rows_of(results.comparison.paths, variant).groupby(["seed", "trial"]):
+    trials = rows_of(results.loops["trials"], variant).set_index(["seed", "trial"])
+    for key, path in rows_of(results.loops["paths"], variant).groupby(["seed", "trial"]):
         row, touching = trials.loc[key], path[path["load_n"] > 0]
         way = 1e3 * np.stack(skin.coordinates(touching[["x_m", "y_m", "z_m"]].to_numpy(float)))
         axes.plot(*way, color=names.FORM_COLOURS[variant.form], linewidth=1.0)
@@ -298,14 +298,14 @@ def _ways(results: ServoingResults, variant: Variant) -> Figure:
 
 def _progress(results: ServoingResults) -> list[Figure]:
     """Distance and share within tolerance over time, success over the tolerance, and path lengths."""
-    comparison, bound = results.comparison, results.chosen["servo"].tolerance
+    loops, bound = results.loops, results.chosen["servo"].tolerance
     one, distance = _panel("Distance, median", "time (s)", "mm")
     two, within = _panel("Within both tolerances", "time (s)", "% of trials")
     three, tolerance = _panel("Success over the tolerance", "distance tolerated (mm)", "% of trials")
-    rates = success_by_tolerance(comparison.trials, KEYS, TOLERANCES_MM, bound.pressure)
+    rates = success_by_tolerance(loops["trials"], KEYS, TOLERANCES_MM, bound.pressure)
     for form, line in DASHES.items():
         for name, colour in names.INVERSE_COLOURS.items():
-            rows, shares = (rows_of(table, Variant(form, name)) for table in (comparison.progress, rates))
+            rows, shares = (rows_of(table, Variant(form, name)) for table in (loops["progress"], rates))
             distance.plot(rows["time_s"], rows["median_mm"], color=colour, linestyle=line)
             within.plot(rows["time_s"], 100 * rows["within"], color=colour, linestyle=line)
             tolerance.plot(shares["tolerance_mm"], 100 * shares["rate"], color=colour, linestyle=line)
@@ -319,7 +319,7 @@ def _progress(results: ServoingResults) -> list[Figure]:
     )
     title = "Length of successes, resting controller"
     four, length = _panel(title, "shortest on the skin (mm)", "travelled (mm)")
-    reached = rows_of(comparison.trials, names.OURS).query("success")
+    reached = rows_of(loops["trials"], names.OURS).query("success")
     longest = 1.05 * reached["path_mm"].max() if len(reached) else 1.0
     length.plot([0, longest], [0, longest], color=GREY, linewidth=0.9)
     length.plot(reached["geodesic_mm"], reached["path_mm"], "o", color=BLUE, ms=3, mew=0, alpha=0.4)

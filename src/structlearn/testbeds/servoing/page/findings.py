@@ -37,7 +37,6 @@ from structlearn.testbeds.servoing.names import (
 from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     AS_DATA,
-    Comparison,
     Variant,
     variants_of_other_skins,
 )
@@ -62,8 +61,11 @@ HEADLINES_OF_ONE = {
 }
 """Headlines where the study was not run with these parameters, to compare experiments by."""
 
-Numbers = Callable[[str], np.ndarray | None]
-"""Values over people (P,) by the key of a person's row; None where the study has none."""
+PREDICTED = {
+    f"chain{TEST_CHAIN}_{part}{SPACE_KEYS[space]}": (part.rstrip("_") or "nmse", space)
+    for part, space in product(("", "plane_", "third_", "pressure_", "electrodes_"), STRUCTURES)
+}
+"""Cases of the forward NMSE of NL with NJ: column of `ModelScores.forwards`, and whether with structure."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,7 @@ class ServoingResults:
     dataset: TouchDataset
     truth: pd.DataFrame  # true contacts of the demonstrations
     models: ModelScores
-    comparison: Comparison
+    loops: Mapping[str, pd.DataFrame]  # tables of `protocol.servo_trials.compare`
     skin_tables: Mapping[str, pd.DataFrame]  # of other skins, `latent`, `directions`, `trials`, by `skin`
     chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
     study: Study | None  # over people; None where it was not run
@@ -160,7 +162,7 @@ class ServoingResults:
     @cached_property
     def trials(self) -> ControllerScores:
         """Closed loops with this skin."""
-        return ControllerScores(self.comparison.trials)
+        return ControllerScores(self.loops["trials"])
 
     @cached_property
     def skins(self) -> dict[str, ControllerScores]:
@@ -250,7 +252,7 @@ def findings(results: ServoingResults) -> Findings:
 
 def over_people(find: Findings, results: ServoingResults) -> None:
     """Rows that claims and sentences rest on."""
-    _prediction(find, results.people.numbers)
+    _prediction(find, results.people)
     _closed_loop(find, results)
 
 
@@ -263,7 +265,7 @@ def rate(trials: ControllerScores, variant: Variant) -> Evidence:
 
 def rate_case(variant: Variant, skin: str = "") -> str:
     """Case of a controller, e.g. `ll_nostruct_published`; the defaults are those of `OURS`."""
-    words = (
+    return key(
         skin,
         "" if variant.inverse == JACOBIAN else variant.inverse.lower(),
         "" if variant.structure else SPACE_KEYS[False],
@@ -271,7 +273,6 @@ def rate_case(variant: Variant, skin: str = "") -> str:
         "as_data" if variant.change == AS_DATA else "",
         "published" if variant.form == TEXT.form else "",
     )
-    return "_".join(filter(None, words))
 
 
 def forward_case(
@@ -279,7 +280,11 @@ def forward_case(
 ) -> str:
     """Case of a forward NMSE, e.g. `chain3_pressure_nl_nj_struct`."""
     way = "" if trained_with == NO_INVERSE else trained_with.lower()
-    words = (f"chain{steps}", column, forward.lower(), way, SPACE_KEYS[structure])
+    return key(f"chain{steps}", column, forward.lower(), way, SPACE_KEYS[structure])
+
+
+def key(*words: str) -> str:
+    """Name of a finding, or of a case of it, from its words; empty ones are left out."""
     return "_".join(filter(None, words))
 
 
@@ -305,9 +310,9 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
         find.exact(f"servo_{name}", ours[name])
     for name, column in (("reconstruction_nmse", "reconstruction"), ("mds_nmse", "distances")):
         find.mean(name, {split: models.latents(column, split=split) for split in SPLITS})
-    errors = {f"chain3_{SPACE_KEYS[space]}": models.forwards("NL", "NJ", space) for space in STRUCTURES}
-    for column, space in product(("plane", "third", "pressure", "electrodes"), STRUCTURES):
-        errors[f"chain3_{column}_{SPACE_KEYS[space]}"] = models.forwards("NL", "NJ", space, column=column)
+    errors = {
+        case: models.forwards("NL", "NJ", space, column=column) for case, (column, space) in PREDICTED.items()
+    }
     for kind, space in product(DYNAMICS, STRUCTURES):
         for steps in range(1, TEST_CHAIN + 1):
             errors[forward_case(*kind, space, steps)] = models.forwards(*kind, space, steps)
@@ -327,8 +332,9 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
     find.counted("servo_contacts_lost", lost)
 
 
-def _prediction(find: Findings, numbers: Numbers) -> None:
+def _prediction(find: Findings, people: People) -> None:
     """Latent spaces, forward and inverse models: means, and differences in pairs of one person."""
+    numbers = people.numbers
 
     def cosines(name: str, ending: str = "") -> np.ndarray | None:
         return numbers(f"cosine_distance_{name.lower()}{ending}")
@@ -357,9 +363,8 @@ def _prediction(find: Findings, numbers: Numbers) -> None:
     find.difference("nj_predicts", others)
     find.difference("loss_directs", cosines("NJ", "_without_loss"), cosines("NJ"))
     find.difference("easier", {name: (cosines(name), cosines(name, "_predicted")) for name in FORWARD_OF})
-    parts = product(("", "plane_", "third_", "pressure_", "electrodes_"), SPACE_KEYS.values())
-    for case in (f"chain3_{column}{space}" for column, space in parts):
-        headline = case == "chain3_struct"
+    for case in PREDICTED:
+        headline = case in HEADLINES_OF_ONE[FORWARD]
         find.mean(f"people_{FORWARD}_{case}", numbers(f"{FORWARD}_{case}"), headline=headline)
     for name in ("ll", "ng", "nj", "nj_without_loss"):
         find.mean(f"people_cosine_distance_{name}", numbers(f"cosine_distance_{name}"), headline="nj" in name)
@@ -370,7 +375,7 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
     find.exact("people", results.people.count or float("nan"), headline=True)
 
     def rates(variant: Variant, skin: str = "") -> np.ndarray | None:
-        return results.people.numbers("_".join(filter(None, (RATE, rate_case(variant, skin)))))
+        return results.people.numbers(key(RATE, rate_case(variant, skin)))
 
     def share(name: str, *given: object, skin: str = "", headline: bool = False) -> Found:
         return find.by(partial(_clustered, results.trials_per_person(skin)), name, *given, headline=headline)
@@ -383,8 +388,8 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
     shown = [(TEXT, ""), (TEXT_LL, ""), (OURS, ""), (replace(OURS, structure=False), "")]
     shown += [(variant, skin) for skin in results.skins for variant in (TEXT, OURS)]
     for variant, skin in shown:
-        name = "_".join(filter(None, ("people", RATE, rate_case(variant, skin))))
-        share(name, rates(variant, skin), skin=skin, headline=not skin or variant == OURS)
+        name, headline = key("people", RATE, rate_case(variant, skin)), not skin or variant == OURS
+        share(name, rates(variant, skin), skin=skin, headline=headline)
     trials = results.trials_per_person()
     for ending in ("", "_published"):
         lost = results.people.numbers(f"servo_contacts_lost{ending}")

@@ -100,7 +100,7 @@ def success_by_tolerance(
 class ControllerScores:
     """Closed loops of several controllers."""
 
-    trials: pd.DataFrame  # see `protocol.servo_variants.Comparison`; all controllers met the same contacts
+    trials: pd.DataFrame  # see `protocol.servo_trials.compare`; all controllers met the same contacts
 
     @cached_property
     def rates(self) -> pd.DataFrame:

@@ -7,7 +7,6 @@ states neither for run time.
 
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,10 +24,10 @@ from structlearn.simulation.touch_demonstrator import (
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_comparison import LatentComparison, learn
-from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_models import Taught
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, TouchUnits, prepare
+from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, prepare
 from structlearn.testbeds.servoing.protocol.servo_scores import THINNED, progress, scored
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     ALL_ALIKE,
@@ -36,7 +35,6 @@ from structlearn.testbeds.servoing.protocol.servo_variants import (
     DERIVATIVE,
     PUBLISHED,
     UNCORRECTED,
-    Comparison,
     OtherSkinsParameters,
     ServoTrialParameters,
     SkinName,
@@ -54,24 +52,22 @@ from structlearn.testbeds.servoing.world.servo_loop import (
 MOTIONS = ("rotation", "translation", "mixed")  # across the finger, along it, or both
 
 
-class Taught(NamedTuple):
-    """Latent spaces and dynamics of S seeds, and the units of their inputs."""
-
-    models: LatentModels
-    units: TouchUnits
-
-
 def compare(
     taught: Taught,
     person: ToucherParameters,
     finger: FingerParameters,
     parameters: ServoTrialParameters,
     chosen: Sequence[Variant],
-) -> Comparison:
-    """Servo with some controllers, all on the same trials where the person demonstrated."""
+) -> dict[str, pd.DataFrame]:
+    """Servo with some controllers, all on the same trials where the person demonstrated.
+
+    Returns tables by name, with the columns of `Variant`. `trials`: `seed`, `trial`, `motion`, contacts and
+    latent states of start and target, and `servo_scores.scored`; `progress`: see `servo_scores.progress`;
+    `paths`: of the first trials of every seed and some controllers, see `_paths`.
+    """
     run = partial(_run, taught=taught, person=person, finger=finger, parameters=parameters)
     results = parallel_map(run, chosen, "closed loops", local=True)
-    return Comparison(*(pd.concat(parts, ignore_index=True) for parts in zip(*results, strict=True)))
+    return {name: pd.concat([its[name] for its in results], ignore_index=True) for name in results[0]}
 
 
 def make_scene(
@@ -136,8 +132,8 @@ def _run(
     person: ToucherParameters,
     finger: FingerParameters,
     parameters: ServoTrialParameters,
-) -> list[pd.DataFrame]:
-    """Tables of a `Comparison` of one controller; draws are the same for all."""
+) -> dict[str, pd.DataFrame]:
+    """Tables of one controller; draws are the same for all."""
     rng = np.random.default_rng(parameters.seed)
     scene = make_scene(person, finger, parameters)
     models = len(taught.models.seeds)
@@ -156,15 +152,15 @@ def _run(
     trials = pd.DataFrame(columns).join(scored(run, start, target, scene, parameters.tolerance))
     plain = variant == Variant(variant.form, variant.inverse)
     shown = np.flatnonzero(plain & (number < parameters.shown))
-    tables = (
-        trials,
-        progress(run, target, scene, parameters.tolerance),
-        _paths(run, scene, shown, seed[shown], number[shown]),
-    )
-    for table in tables:
+    tables = {
+        "trials": trials,
+        "progress": progress(run, target, scene, parameters.tolerance),
+        "paths": _paths(run, scene, shown, seed[shown], number[shown]),
+    }
+    for table in tables.values():
         for place, (key, value) in enumerate(vars(variant).items()):
             table.insert(place, key, value)
-    return list(tables)
+    return tables
 
 
 def _paths(

@@ -1,10 +1,9 @@
-"""Controllers that are compared in closed loop, their parameters, and the tables of the comparison."""
+"""Controllers that are compared in closed loop, and their parameters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.core.params import Parameters
@@ -80,16 +79,6 @@ class Variant:
     with_loss: bool = True  # whether its forward model was trained with the loss of the inverse model
     horizon: int = 1  # steps ahead
     change: str = ""  # one of `CHANGES`, or none
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Tables of all closed loops, with the columns of `Variant`."""
-
-    # `seed`, `trial`, `motion`, contacts and latent states of start and target, and `servo_scores.scored`
-    trials: pd.DataFrame
-    progress: pd.DataFrame  # see `servo_scores.progress`
-    paths: pd.DataFrame  # of the first trials of every seed and some controllers, see `servo_trials._paths`
 
 
 def variants(horizon: int) -> list[Variant]:

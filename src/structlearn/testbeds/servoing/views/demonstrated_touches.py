@@ -171,7 +171,7 @@ def _tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
             np.median(one.motion.position[one.rows], axis=0),
             _finger_x(one),
         ),
-        scene.map_view("skin, flat (mm)", [f"{entity(name, 'skin')}/**"], skin),
+        scene.map_view("skin, flat (mm)", [entity(name, "skin")], skin),
         row_shares=[3, 2],
     )
     return scene.tab(name, [views], plots, legends=True)
@@ -243,11 +243,7 @@ def _send_paths(stream: rr.RecordingStream, one: ShownTouch, flat_skin: scene.Fl
 
 def _map_tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
     maps = [
-        scene.map_view(
-            heading,
-            [entity("samples", part), entity("electrodes", part), f"{entity(one.name, part)}/**"],
-            skin,
-        )
+        scene.map_view(heading, [entity(above, part) for above in ("samples", "electrodes", one.name)], skin)
         for part, heading in (("map", f"latent map (mm){origin}"), ("skin", "contact on the skin (mm)"))
     ]
     return scene.tab(one.name, [rrb.Vertical(*maps)], PLOTS)

@@ -34,7 +34,7 @@ PLOTS = {
 
 @dataclass(frozen=True)
 class ServoRun:
-    """A closed loop of N points in time: rows of `Comparison.paths`, and its row of `Comparison.trials`."""
+    """A closed loop of N points in time: rows of the table `paths`, and its row of `trials`."""
 
     path: pd.DataFrame
     trial: pd.Series
@@ -61,7 +61,7 @@ class ServoRun:
 
 
 def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[dict[str, ServoRun]]:
-    """The first trials of the first model, by the names of `SHOWN`; tables of a `Comparison`."""
+    """The first trials of the first model, by the names of `SHOWN`; tables of `servo_trials.compare`."""
 
     def run(number: int, variant: Variant) -> ServoRun:
         path, trial = (
@@ -138,9 +138,7 @@ def _tab(name: str, runs: Mapping[str, ServoRun], skin: Skin, handle: Handle) ->
         centre = handle.centre + np.array([0.0, 0.0, handle.radius])
         view = scene.close_view(f"NJ, {label} (simulated)", [f"{path}/finger/**", "handle"], centre, ahead)
         heading = f"skin and latent path, {label} (mm)"
-        columns.append(
-            rrb.Vertical(view, scene.map_view(heading, [f"{path}/skin/**", f"{path}/map/**"], skin))
-        )
+        columns.append(rrb.Vertical(view, scene.map_view(heading, [f"{path}/skin", f"{path}/map"], skin)))
     return scene.tab(name, columns, PLOTS, legends=True)
 
 

@@ -19,10 +19,13 @@ from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
 from structlearn.viewer.rrd import (
     deviation_colours,
     entity,
+    eye_view,
+    flat_view,
     notes_view,
     plot,
     rgba,
     send_moving_frame,
+    send_moving_point,
     thinning,
     time_column,
 )
@@ -33,6 +36,7 @@ HANDLE_M = 0.03  # length of the handle that is drawn
 GRID_LINES, GRID_POINTS = 9, 25  # lines of the skin in either direction, and points of each
 ELECTRODE_M, CONTACT_M = 0.0007, 0.0009  # radii of electrodes and points of contact in 3-D views
 ELECTRODE_MM, CONTACT_MM = 0.75, 0.45  # the same in flat pictures
+MARGIN_MM = 2.0  # about flat pictures
 IN_FRONT = 50.0  # order of drawing of paths on flat pictures; points have 30
 
 POSE_RATE_HZ, COLOUR_RATE_HZ = 50.0, 25.0  # of the finger and its electrodes; colours are most of a file
@@ -144,16 +148,10 @@ def _send_contact(stream: rr.RecordingStream, path: str, skin: Skin, contact: Co
     if not len(contact.time):
         return
     kept = slice(None, None, thinning(float(np.median(np.diff(contact.time))), COLOUR_RATE_HZ))
-    time, touching = contact.time[kept], contact.touching[kept]
-    points = contact.point[kept][touching]
-    for above, kind, places, radius in (
-        ("finger", rr.Points3D, points, CONTACT_M),
-        ("skin", rr.Points2D, flat(skin, points), CONTACT_MM),
-    ):
+    time, points, there = contact.time[kept], contact.point[kept], contact.touching[kept]
+    for above, places, radius in (("finger", points, CONTACT_M), ("skin", flat(skin, points), CONTACT_MM)):
         name = f"{path}/{above}/{contact.name}"
-        stream.log(name, kind.from_fields(colors=rgba([contact.colour]), radii=radius), static=True)
-        columns = kind.columns(positions=places).partition(touching.astype(int))
-        stream.send_columns(name, [time_column(time)], columns)
+        send_moving_point(stream, name, time, places, contact.colour, radius, there=there)
 
 
 def skin_lines(skin: Skin) -> list[np.ndarray]:
@@ -169,13 +167,11 @@ def send_map_path(
     stream: rr.RecordingStream, path: str, time: np.ndarray, places: np.ndarray, colour: str
 ) -> None:
     """Log a point (T, 2) that moves on a flat picture, and the path behind it, in the foreground."""
-    times = [time_column(time)]
-    look: dict[str, Any] = {"colors": rgba([colour]), "draw_order": IN_FRONT}
-    stream.log(f"{path}/now", rr.Points2D.from_fields(radii=CONTACT_MM, **look), static=True)
-    stream.send_columns(f"{path}/now", times, rr.Points2D.columns(positions=places))
-    stream.log(f"{path}/trail", rr.LineStrips2D.from_fields(radii=-2.0, **look), static=True)
+    send_moving_point(stream, f"{path}/now", time, places, colour, CONTACT_MM, IN_FRONT)
+    trail = rr.LineStrips2D.from_fields(radii=-2.0, colors=rgba([colour]), draw_order=IN_FRONT)
+    stream.log(f"{path}/trail", trail, static=True)
     trails = [places[: max(end, 2)] for end in range(1, len(time) + 1)]
-    stream.send_columns(f"{path}/trail", times, rr.LineStrips2D.columns(strips=trails))
+    stream.send_columns(f"{path}/trail", [time_column(time)], rr.LineStrips2D.columns(strips=trails))
 
 
 def send_handle(
@@ -206,20 +202,15 @@ def close_view(
     aside = np.array([ahead[1], -ahead[0], 0.0])
     target = centre - 0.004 * ahead + np.array([0.0, 0.0, 0.006])
     backward = 0.35 * ahead + 0.9 * aside - [0.0, 0.0, 0.25]
-    position, up = target + EYE_M * backward / np.linalg.norm(backward), [0.0, 0.0, 1.0]
-    kind = rrb.Eye3DKind.Orbital
-    eye = rrb.EyeControls3D(kind=kind, position=position, look_target=target, eye_up=up)
-    contents = list(contents)
-    return rrb.Spatial3DView(name=name, origin="/", contents=contents, eye_controls=eye, line_grid=False)
+    return eye_view(name, contents, target, EYE_M * backward / np.linalg.norm(backward))
 
 
-def map_view(name: str, contents: Sequence[str], skin: Skin) -> rrb.Spatial2DView:
-    """View of a flat picture of a skin, or of a latent map in its size."""
-    along, across = (1e3 * np.array(ends) for ends in (skin.along, skin.across))
-    bounds = rrb.VisualBounds2D(
-        x_range=[along[0] - 2.0, along[1] + 2.0], y_range=[-across[1] - 2.0, -across[0] + 2.0]
+def map_view(name: str, paths: Sequence[str], skin: Skin) -> rrb.Spatial2DView:
+    """View of what is drawn below paths on a flat skin, or on a latent map in its size."""
+    (left, right), (low, high) = (1e3 * np.array(ends) for ends in (skin.along, skin.across))
+    return flat_view(
+        name, paths, [left - MARGIN_MM, right + MARGIN_MM], [-high - MARGIN_MM, -low + MARGIN_MM]
     )
-    return rrb.Spatial2DView(name=name, origin="/", contents=list(contents), visual_bounds=bounds)
 
 
 def tab(
