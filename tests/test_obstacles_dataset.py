@@ -24,7 +24,7 @@ from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.readers.demonstration import Demonstration, write_runs
 from structlearn.testbeds.obstacles.files import BASELINE, read_baselines, write_baselines
-from structlearn.testbeds.obstacles.protocol.people import taught
+from structlearn.testbeds.obstacles.protocol.avoidance_scores import taught
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, captured, reaches
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 

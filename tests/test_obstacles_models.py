@@ -104,14 +104,14 @@ def test_errors_tell_fit_from_generalisation_and_the_phase_helps():
     for inputs in ("features", "phase"):
         parameters = chosen(hidden=(10, 6), inputs=inputs, training={"iterations": 20})
         stack = network_training.fit_networks([dataset.where(~mask)], parameters, "test")
-        errors[inputs] = network_training.fit_errors([dataset], [mask], [stack])
-    for table in errors.values():
-        train, test = (table[table["part"] == part].iloc[0] for part in ("train", "test"))
+        errors[inputs] = network_training.fit_errors(dataset, mask, stack)
+    for train, test in errors.values():
+        assert (train["part"], test["part"]) == ("train", "test")
         assert train["nmse"] == pytest.approx(np.mean([train[f"nmse_{axis}"] for axis in "xyz"]))
         assert train["nmse"] < test["nmse"]
         assert test["dominant"] == "y"
         assert test["nmse_dominant"] == test["nmse_y"]
-    seen, blind = errors["phase"].iloc[1], errors["features"].iloc[1]
+    seen, blind = errors["phase"][1], errors["features"][1]
     assert seen["nmse_y"] < 0.1 < blind["nmse_y"]
 
 

@@ -10,7 +10,8 @@ from structlearn.core.errors import InputError
 SIZES = (4, 3)
 
 
-def random_networks(count=3, columns=avoidance_network.FEATURES, seed=0):
+def random_networks(count=3, inputs="features", seed=0):
+    columns = avoidance_network.seen_columns(inputs)
     rng = np.random.default_rng(seed)
     widths = (len(columns), *SIZES, 3)
     low = rng.normal(size=(count, len(columns)))
@@ -48,10 +49,9 @@ def by_hand(networks, index, features, p, u):
     return networks.output_mean[index] + networks.output_scale[index] * np.array(values)
 
 
-@pytest.mark.parametrize("columns", ["FEATURES", "FEATURES_AND_PHASE", "FEATURES_AND_PHASE_VELOCITY"])
-def test_network_of_each_sample_node_by_node(columns):
-    columns = getattr(avoidance_network, columns)
-    networks, (features, p, u) = random_networks(columns=columns), states(3)
+@pytest.mark.parametrize("inputs", avoidance_network.INPUTS)
+def test_network_of_each_sample_node_by_node(inputs):
+    networks, (features, p, u) = random_networks(inputs=inputs), states(3)
     found = networks(features, p, u)
     for b in range(3):
         np.testing.assert_allclose(found[b], by_hand(networks, b, features[b], p[b], u[b]))
@@ -79,7 +79,7 @@ def test_scaling_takes_training_data_to_the_unit_range():
     inputs[0][:, 4] = 7.0  # constant: no range to divide by
     targets = [rng.normal(size=(20, 3)), 5.0 + rng.normal(size=(30, 3))]
     layers = [np.zeros((18, 2)), np.zeros((3, 3))]
-    stack = avoidance_network.scaled_networks([layers, layers], inputs, targets, avoidance_network.FEATURES)
+    stack = avoidance_network.scaled_networks([layers, layers], inputs, targets, range(17))
     assert len(stack) == 2
     np.testing.assert_allclose(stack.input_low[1], inputs[1].min(axis=0))
     assert (stack.input_high > stack.input_low).all()
@@ -88,10 +88,7 @@ def test_scaling_takes_training_data_to_the_unit_range():
 
 
 def test_files_hold_the_networks_and_others_are_refused(tmp_path):
-    stacks = {
-        "sphere": random_networks(1),
-        "cube": random_networks(2, avoidance_network.FEATURES_AND_PHASE, seed=3),
-    }
+    stacks = {"sphere": random_networks(1), "cube": random_networks(2, "phase", seed=3)}
     path = tmp_path / "networks.safetensors"
     avoidance_network.write_avoidance_networks(stacks, path)
     found = avoidance_network.read_avoidance_networks(path)

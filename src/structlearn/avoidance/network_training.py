@@ -18,10 +18,9 @@ Members can therefore choose by the obstacle only, not by what was done before.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.avoidance import avoidance_network
@@ -42,19 +41,6 @@ from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
-
-COLUMNS = {
-    "features": avoidance_network.FEATURES,
-    "phase_velocity": avoidance_network.FEATURES_AND_PHASE_VELOCITY,
-    "phase": avoidance_network.FEATURES_AND_PHASE,
-}
-"""Columns that a network sees: features alone, with the phase velocity, or with both phase and velocity."""
-
-
-def seen_columns(inputs: str, features: int) -> tuple[int, ...]:
-    """The columns of `COLUMNS` for another number of features than 17."""
-    behind = [column - len(avoidance_network.FEATURES) for column in COLUMNS[inputs]]
-    return (*range(features), *(features + column for column in behind if column >= 0))
 
 
 class NetworkParameters(Parameters):
@@ -110,10 +96,10 @@ def fit_networks(
         for place, one in enumerate(datasets)
         for member in range(parameters.members)
     ]
-    trained = parallel_map(_trained, work, description)
+    layers = parallel_map(trained, work, description)
     members = np.array_split(np.arange(len(work)), len(datasets))
-    layers = [avoidance_network.averaged([trained[index] for index in its]) for its in members]
-    return stacked(layers, datasets, parameters)
+    means = [avoidance_network.averaged([layers[index] for index in its]) for its in members]
+    return stacked(means, datasets, parameters)
 
 
 def lesson(
@@ -135,7 +121,7 @@ def stacked(
     parameters: NetworkParameters,
 ) -> AvoidanceNetworks:
     """Networks of `train_member`, or means of them, each with the dataset that it was trained on."""
-    columns = seen_columns(parameters.inputs, datasets[0].features.shape[1])
+    columns = avoidance_network.seen_columns(parameters.inputs, datasets[0].features.shape[1])
     inputs = [_inputs(one, columns) for one in datasets]
     return avoidance_network.scaled_networks(layers, inputs, [one.target for one in datasets], columns)
 
@@ -152,7 +138,7 @@ def train_member(
     from; default all; `stream` seeds it. Raises InputError: the target of an axis is constant, or there is
     one demonstration and none to validate.
     """
-    columns = seen_columns(parameters.inputs, dataset.features.shape[1])
+    columns = avoidance_network.seen_columns(parameters.inputs, dataset.features.shape[1])
     seen = dataset if seen is None else seen
     low, high = avoidance_network.input_range(_inputs(dataset, columns))
     samples = Samples(
@@ -166,32 +152,35 @@ def train_member(
     return train(samples, parameters.hidden, training, validation, stream)
 
 
+def trained(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
+    """`train_member` of its arguments; a member of an ensemble sees its `lesson` unless told otherwise."""
+    dataset, parameters, stream, *seen = work
+    if isinstance(parameters, EnsembleParameters) and not seen:
+        seen = [lesson(dataset, parameters, stream)]
+    return train_member(dataset, parameters, stream, *seen)
+
+
 def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description: str) -> HumanInspiredModels:
     """Fit one model of Rai et al. per dataset, over processes; InputError with too few samples."""
     models = parallel_map(_steered, datasets, description)
     return HumanInspiredModels(np.concatenate([model.weights for model in models]))
 
 
-def fit_errors(
-    datasets: Sequence[AvoidanceDataset], tests: Sequence[np.ndarray], models: Sequence[CouplingModel]
-) -> pd.DataFrame:
-    """Training and test errors of one model per dataset, with the mask (S,) of its test samples.
+def fit_errors(dataset: AvoidanceDataset, test: np.ndarray, model: CouplingModel) -> list[dict[str, Any]]:
+    """Training and test errors of a model, with the mask (S,) of test samples, a row per `part`.
 
-    Returns per `model` (number from 0) and `part` (`train`, `test`): `nmse_x`, `nmse_y`, `nmse_z` and their
-    mean `nmse`; `dominant` (see `dominant_axis`, of a single scenario, or "") and `nmse_dominant` (or NaN).
+    `part` is `train` or `test`; `nmse_x`, `nmse_y`, `nmse_z` and their mean `nmse`; `dominant` (see
+    `dominant_axis`, of a single scenario, or "") and `nmse_dominant` (or NaN).
     """
-    rows = []
-    for place, (dataset, mask, model) in enumerate(zip(datasets, tests, models, strict=True)):
-        axis = dominant_axis(dataset) if len(np.unique(dataset.scenario)) == 1 else None
-        for part, chosen in (("train", ~mask), ("test", mask)):
-            its = dataset.where(chosen)
-            found = nmse(model(its.features, its.phase, its.phase_velocity), its.target)
-            row = {"model": place, "part": part}
-            row |= {f"nmse_{name}": value for name, value in zip(AXES, found, strict=True)}
-            row |= {"nmse": found.mean(), "dominant": axis or ""}
-            row["nmse_dominant"] = found[AXES.index(axis)] if axis else np.nan
-            rows.append(row)
-    return pd.DataFrame(rows)
+    axis, rows = dominant_axis(dataset) if len(np.unique(dataset.scenario)) == 1 else None, []
+    for part, chosen in (("train", ~test), ("test", test)):
+        its = dataset.where(chosen)
+        found = nmse(model(its.features, its.phase, its.phase_velocity), its.target)
+        errors = {f"nmse_{name}": value for name, value in zip(AXES, found, strict=True)}
+        dominant = found[AXES.index(axis)] if axis else np.nan
+        errors |= {"nmse": found.mean(), "dominant": axis or "", "nmse_dominant": dominant}
+        rows.append({"part": part} | errors)
+    return rows
 
 
 def dominant_axis(dataset: AvoidanceDataset) -> str | None:
@@ -221,12 +210,6 @@ COURSE_SAMPLES = 50  # of a demonstration in normalised time
 
 def _inputs(dataset: AvoidanceDataset, columns: Sequence[int]) -> np.ndarray:
     return avoidance_network.selected_inputs(dataset.features, dataset.phase, dataset.phase_velocity, columns)
-
-
-def _trained(work: tuple[AvoidanceDataset, NetworkParameters, tuple[int, int]]) -> tuple[np.ndarray, ...]:
-    dataset, parameters, stream = work
-    seen = lesson(dataset, parameters, stream) if isinstance(parameters, EnsembleParameters) else None
-    return train_member(dataset, parameters, stream, seen)
 
 
 def _demonstrations(dataset: AvoidanceDataset) -> np.ndarray:

@@ -12,10 +12,10 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
-from structlearn.avoidance.avoidance_network import averaged, selected_inputs
+from structlearn.avoidance.avoidance_network import INPUTS, averaged, seen_columns, selected_inputs
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
-from structlearn.avoidance.network_training import COLUMNS, NetworkParameters, stacked, train_member
+from structlearn.avoidance.network_training import NetworkParameters, stacked, train_member
 from structlearn.avoidance.rai_2014 import fit_human_inspired
 from structlearn.avoidance.scene_models import (
     reach_scenes,
@@ -31,8 +31,6 @@ from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.readers.demonstration import Demonstration
 
-INPUTS = tuple(COLUMNS)
-
 
 class RepresentationParameters(Parameters):
     """Number of blocks left out in turn, and the models compared."""
@@ -46,7 +44,7 @@ class RepresentationParameters(Parameters):
 
 RIDGE, HUMAN_INSPIRED, STOPPED = "ridge", "human_inspired", "network_validation"
 NETWORK, ENSEMBLE, PMNN = "network", "ensemble", "pmnn"
-# representations, and their inputs beside the features (`network_training.COLUMNS`)
+# representations, and their inputs beside the features (`avoidance_network.INPUTS`)
 REPRESENTATIONS = (
     (HUMAN_INSPIRED, "features"),
     (STOPPED, "features"),
@@ -55,7 +53,7 @@ REPRESENTATIONS = (
 )
 # longest first; the ensemble's first member is the network
 FITS = (
-    *((ENSEMBLE, inputs) for inputs in reversed(INPUTS)),
+    *((ENSEMBLE, inputs) for inputs in reversed(INPUTS.keys())),
     (PMNN, "phase"),
     (HUMAN_INSPIRED, "features"),
     (STOPPED, "features"),
@@ -156,7 +154,7 @@ def _ridge(training: AvoidanceDataset, inputs: str, decay: float) -> CouplingMod
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
 
-    columns = COLUMNS[inputs]
+    columns = seen_columns(inputs)
     regression = make_pipeline(StandardScaler(), Ridge(alpha=decay))
     seen = selected_inputs(training.features, training.phase, training.phase_velocity, columns)
     regression.fit(seen, training.target)

@@ -68,7 +68,7 @@ class ObstacleResults:
 
     scores: pd.DataFrame  # of every unroll, see `avoidance_protocols.evaluate`
     paths: pd.DataFrame  # of the unrolls with limits at the goal of the person shown, see there
-    demonstration_scores: pd.DataFrame  # of everybody, see `people.demonstration_scores`
+    demonstration_scores: pd.DataFrame  # of everybody, see `avoidance_scores.demonstration_scores`
     errors: pd.DataFrame  # of the models, see `avoidance_fits.learn`
     baselines: Mapping[int, PositionPrimitive]  # unhindered reaches by person
     scenarios: Sequence[Scenario]  # of the demonstrations, in order
