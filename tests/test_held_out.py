@@ -37,7 +37,7 @@ from tactile_toy import toy_geodesics
 from test_obstacles_models import PARAMETERS as AVOIDANCE
 from test_obstacles_models import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
-from test_tasks_representations import phase_dependent
+from test_tasks_obstacles import phase_dependent
 
 from structlearn.avoidance import scene_folds
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
