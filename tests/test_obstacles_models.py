@@ -87,17 +87,15 @@ def test_mean_of_networks_is_one_network():
 
 
 def test_scaling_takes_training_data_to_the_unit_range():
-    rng = np.random.default_rng(0)
-    inputs = [rng.normal(size=(20, 17)), rng.normal(size=(30, 17))]
-    inputs[0][:, 4] = 7.0  # constant: no range to divide by
-    targets = [rng.normal(size=(20, 3)), 5.0 + rng.normal(size=(30, 3))]
+    first, second = toy_dataset(scenarios=1), toy_dataset(scenarios=1, seed=1)
+    first.features[:, 4] = 7.0  # constant: no range to divide by
     layers = [np.zeros((18, 2)), np.zeros((3, 3))]
-    stack = avoidance_network.scaled_networks([layers, layers], inputs, targets, range(17))
+    stack = network_training.stacked([layers, layers], [first, second], chosen(inputs="features"))
     assert len(stack) == 2
-    np.testing.assert_allclose(stack.input_low[1], inputs[1].min(axis=0))
+    np.testing.assert_allclose(stack.input_low[1], second.features.min(axis=0))
     assert (stack.input_high > stack.input_low).all()
-    found = stack.take([1])(inputs[1], np.zeros(30), np.zeros(30))
-    np.testing.assert_allclose(found, np.broadcast_to(targets[1].mean(axis=0), (30, 3)))
+    found = stack.take([1])(second.features, second.phase, second.phase_velocity)
+    np.testing.assert_allclose(found, np.broadcast_to(second.target.mean(axis=0), found.shape))
 
 
 def test_files_hold_the_networks_and_others_are_refused(tmp_path):
@@ -321,7 +319,7 @@ def test_demonstrations_that_validate_do_not_train(monkeypatch):
     dataset = toy_dataset(scenarios=2, demonstrations=5)
     seen = []
 
-    def train(samples, hidden, training, validation=None, stream=()):
+    def train(layers, samples, training, validation=None):
         seen.extend([samples, validation])
         return ()
 

@@ -96,26 +96,6 @@ def averaged(members: Sequence[Layers]) -> list[np.ndarray]:
     return [first, *inner, summed]
 
 
-def scaled_networks(
-    layers: Sequence[Layers],
-    inputs: Sequence[np.ndarray],
-    targets: Sequence[np.ndarray],
-    columns: Sequence[int],
-) -> AvoidanceNetworks:
-    """Stack networks trained on inputs (S, D) and targets (S, 3) scaled by `input_range`, `output_scale`."""
-    low, high = zip(*(input_range(values) for values in inputs), strict=True)
-    return AvoidanceNetworks(
-        columns=np.array(columns),
-        input_low=np.array(low),
-        input_high=np.array(high),
-        layers=tuple(np.stack(same) for same in zip(*layers, strict=True)),
-        output_mean=np.array([values.mean(axis=0) for values in targets]),
-        output_scale=np.array([output_scale(values) for values in targets]),
-        output_low=np.array([values.min(axis=0) for values in targets]),
-        output_high=np.array([values.max(axis=0) for values in targets]),
-    )
-
-
 def input_range(inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest (D,) of (S, D) inputs; a constant column gets a range of two about its value."""
     low, high = inputs.min(axis=0), inputs.max(axis=0)

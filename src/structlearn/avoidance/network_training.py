@@ -32,8 +32,10 @@ from structlearn.avoidance.levenberg_marquardt import (
     SPLIT,
     VALIDATION,
     VALIDATION_SHARE,
+    WEIGHTS,
     LevenbergMarquardtParameters,
     Samples,
+    initial_layers,
     train,
 )
 from structlearn.avoidance.rai_2014 import HumanInspiredModels, fit_human_inspired
@@ -122,8 +124,18 @@ def stacked(
 ) -> AvoidanceNetworks:
     """Networks of `train_member`, or means of them, each with the dataset that it was trained on."""
     columns = avoidance_network.seen_columns(parameters.inputs, datasets[0].features.shape[1])
-    inputs = [_inputs(one, columns) for one in datasets]
-    return avoidance_network.scaled_networks(layers, inputs, [one.target for one in datasets], columns)
+    ranges = [avoidance_network.input_range(_inputs(one, columns)) for one in datasets]
+    targets = [one.target for one in datasets]
+    return AvoidanceNetworks(
+        columns=np.array(columns),
+        input_low=np.array([low for low, _ in ranges]),
+        input_high=np.array([high for _, high in ranges]),
+        layers=tuple(np.stack(same) for same in zip(*layers, strict=True)),
+        output_mean=np.array([values.mean(axis=0) for values in targets]),
+        output_scale=np.array([avoidance_network.output_scale(values) for values in targets]),
+        output_low=np.array([values.min(axis=0) for values in targets]),
+        output_high=np.array([values.max(axis=0) for values in targets]),
+    )
 
 
 def train_member(
@@ -132,7 +144,7 @@ def train_member(
     stream: Sequence[int],
     seen: AvoidanceDataset | None = None,
 ) -> tuple[np.ndarray, ...]:
-    """Layers of one network for `avoidance_network.scaled_networks`, trained in this process.
+    """Layers of one network for `stacked`, trained from random weights in this process.
 
     `dataset`: training samples, whose ranges scale inputs and outputs; `seen`: the samples that it learns
     from; default all; `stream` seeds it. Raises InputError: the target of an axis is constant, or there is
@@ -148,8 +160,10 @@ def train_member(
     training, validation = parameters.training, None
     if training.rule == VALIDATION:
         held = _validation_rows(seen, training, stream)
-        samples, validation = samples.where(~held), samples.where(held)
-    return train(samples, parameters.hidden, training, validation, stream)
+        samples, validation = (Samples(*(values[rows] for values in samples)) for rows in (~held, held))
+    weights = np.random.default_rng([training.seed, *stream, WEIGHTS])
+    layers = initial_layers((len(columns), *parameters.hidden, seen.target.shape[1]), weights)
+    return train(layers, samples, training, validation)
 
 
 def trained(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:

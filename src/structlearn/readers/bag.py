@@ -49,12 +49,6 @@ class RawMessages:
     data: Sequence[bytes]  # content of each
 
 
-def of_one_type(message_type: str, definition: str, stamps: np.ndarray, content: np.ndarray) -> RawMessages:
-    """Messages (T, L) uint8 of one type, with the text of its definition and (T,) increasing stamps in ns."""
-    schema = Schema(id=0, name=message_type, encoding=SchemaEncoding.ROS2, data=definition.encode())
-    return RawMessages(stamps, [schema] * len(stamps), [row.tobytes() for row in content])
-
-
 @dataclass(frozen=True)
 class Bag:
     """Content of a file."""
