@@ -323,7 +323,7 @@ def test_demonstrations_that_validate_do_not_train(monkeypatch):
         seen.extend([samples, validation])
         return ()
 
-    monkeypatch.setattr(network_training, "train", train)
+    monkeypatch.setattr(network_training.lm, "train", train)
     parameters = chosen(training={"rule": "validation"} | QUICK)
     network_training.train_member(dataset, parameters, (0, 0))
     trains, validates = ({row.tobytes() for row in its.inputs} for its in seen)

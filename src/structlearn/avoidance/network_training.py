@@ -24,20 +24,10 @@ import numpy as np
 from pydantic import Field, PositiveInt
 
 from structlearn.avoidance import avoidance_network
+from structlearn.avoidance import levenberg_marquardt as lm
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import AvoidanceNetworks
 from structlearn.avoidance.features import CouplingModel, displaced
-from structlearn.avoidance.levenberg_marquardt import (
-    LESSON,
-    SPLIT,
-    VALIDATION,
-    VALIDATION_SHARE,
-    WEIGHTS,
-    LevenbergMarquardtParameters,
-    Samples,
-    initial_layers,
-    train,
-)
 from structlearn.avoidance.rai_2014 import HumanInspiredModels, fit_human_inspired
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
@@ -51,7 +41,7 @@ class NetworkParameters(Parameters):
     hidden: tuple[PositiveInt, ...] = Field(min_length=1)
     inputs: Literal["features", "phase_velocity", "phase"]
     members: PositiveInt
-    training: LevenbergMarquardtParameters
+    training: lm.LevenbergMarquardtParameters
 
 
 class EnsembleParameters(NetworkParameters):
@@ -108,7 +98,7 @@ def lesson(
     dataset: AvoidanceDataset, parameters: EnsembleParameters, stream: Sequence[int]
 ) -> AvoidanceDataset:
     """Training samples of one member of an ensemble: some demonstrations, displaced; `stream` seeds it."""
-    rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
+    rng = np.random.default_rng([parameters.training.seed, *stream, lm.LESSON])
     which = _demonstrations(dataset)
     chosen = rng.permutation(which.max() + 1)[: parameters.demonstrations]
     seen = dataset.where(np.isin(which, chosen))
@@ -153,17 +143,17 @@ def train_member(
     columns = avoidance_network.seen_columns(parameters.inputs, dataset.features.shape[1])
     seen = dataset if seen is None else seen
     low, high = avoidance_network.input_range(_inputs(dataset, columns))
-    samples = Samples(
+    samples = lm.Samples(
         2.0 * (_inputs(seen, columns) - low) / (high - low) - 1.0,
         (seen.target - dataset.target.mean(axis=0)) / avoidance_network.output_scale(dataset.target),
     )
     training, validation = parameters.training, None
-    if training.rule == VALIDATION:
+    if training.rule == lm.VALIDATION:
         held = _validation_rows(seen, training, stream)
-        samples, validation = (Samples(*(values[rows] for values in samples)) for rows in (~held, held))
-    weights = np.random.default_rng([training.seed, *stream, WEIGHTS])
-    layers = initial_layers((len(columns), *parameters.hidden, seen.target.shape[1]), weights)
-    return train(layers, samples, training, validation)
+        samples, validation = (lm.Samples(*(values[rows] for values in samples)) for rows in (~held, held))
+    weights = np.random.default_rng([training.seed, *stream, lm.WEIGHTS])
+    layers = lm.initial_layers((len(columns), *parameters.hidden, seen.target.shape[1]), weights)
+    return lm.train(layers, samples, training, validation)
 
 
 def trained(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
@@ -233,15 +223,15 @@ def _demonstrations(dataset: AvoidanceDataset) -> np.ndarray:
 
 
 def _validation_rows(
-    dataset: AvoidanceDataset, training: LevenbergMarquardtParameters, stream: Sequence[int]
+    dataset: AvoidanceDataset, training: lm.LevenbergMarquardtParameters, stream: Sequence[int]
 ) -> np.ndarray:
     """Mask (S,) of whole demonstrations for early stopping; InputError where there is only one."""
     which = _demonstrations(dataset)
     number = int(which.max()) + 1
     if number < 2:
         raise InputError("one demonstration only: none would be left to validate")
-    count = min(max(round(VALIDATION_SHARE * number), 1), number - 1)
-    chosen = np.random.default_rng([training.seed, *stream, SPLIT]).permutation(number)[:count]
+    count = min(max(round(lm.VALIDATION_SHARE * number), 1), number - 1)
+    chosen = np.random.default_rng([training.seed, *stream, lm.SPLIT]).permutation(number)[:count]
     return np.isin(which, chosen)
 
 

@@ -9,16 +9,7 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.core.reading import require_file
-from structlearn.readers.bag import (
-    Bag,
-    RawMessages,
-    damage_named,
-    joined,
-    read_bag,
-    read_db3,
-    read_ros1_bag,
-    write_bag,
-)
+from structlearn.readers.bag import Bag, RawMessages, damage_named, read_bags, write_bag
 from structlearn.readers.cdr import short_name
 from structlearn.readers.clock import MAX_GAP_S, check_recording, synchronise
 from structlearn.readers.computed_pose import joint_pose, transform_pose
@@ -60,8 +51,7 @@ def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
             require_file(path, whole=False)
     if file.format == "table":
         return read_pose_table(file.paths[0])
-    read = {"mcap": read_bag, "db3": read_db3, "bag": read_ros1_bag}[file.format]
-    return joined([read(path, topics) for path in file.paths])
+    return read_bags(file, topics)
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
