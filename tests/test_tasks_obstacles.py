@@ -377,7 +377,7 @@ def write(folder, found):
 def test_samples_and_their_phase_are_read(tmp_path):
     found, time = tables()
     write(tmp_path, found)
-    dataset = coupling_samples.read_coupling_samples(tmp_path)
+    dataset, provenance = coupling_samples.read_obstacles(tmp_path)
     np.testing.assert_array_equal(dataset.features, found["features"])
     np.testing.assert_array_equal(dataset.target, found["target"])
     p, u = canonical.phase(time, canonical.TAU_PER_DURATION)
@@ -385,14 +385,13 @@ def test_samples_and_their_phase_are_read(tmp_path):
     np.testing.assert_allclose(dataset.phase, p, atol=1e-3)
     np.testing.assert_allclose(dataset.phase_velocity, u, atol=1e-12)
     assert len(np.unique(dataset.demonstration)) == ROWS
-    provenance = coupling_samples.read_obstacles(tmp_path, None, {}).provenance
     assert provenance["origin"] == "recorded"
     assert len(provenance["sha256"].split()) == 3
 
 
 def test_faults_name_the_file(tmp_path):
     with pytest.raises(InputError, match="holds no samples of obstacle avoidance"):
-        coupling_samples.read_coupling_samples(tmp_path)
+        coupling_samples.read_obstacles(tmp_path)
     found, _ = tables()
     wrong = found["features"].copy()
     wrong[3, 15] += 0.5
@@ -406,7 +405,7 @@ def test_faults_name_the_file(tmp_path):
     ):
         write(tmp_path, found | changes)
         with pytest.raises(InputError, match=message):
-            coupling_samples.read_coupling_samples(tmp_path)
+            coupling_samples.read_obstacles(tmp_path)
 
 
 def phase_dependent(count=120, seed=0):
@@ -479,7 +478,7 @@ def test_claims_follow_the_tables(root):
 
 
 def test_the_recorded_samples():
-    dataset = coupling_samples.read_coupling_samples(recorded_data("clmc"))
+    dataset, _ = coupling_samples.read_obstacles(recorded_data("clmc"))
     assert len(dataset) == 823
     _, u = canonical.phase(dataset.time, canonical.time_constant(1.0))
     np.testing.assert_allclose(dataset.phase_velocity, u, atol=0.07)  # two ways to the same phase
