@@ -121,7 +121,7 @@ def displaced_states(
 
 def samples_of_scene(states: SceneStates, scenes: Scenes, ahead: Sequence[float]) -> AvoidanceDataset:
     """The states with the features of their scenes (`look_ahead.scene_features`)."""
-    return _samples(states, lambda b, *state: scenes.features(b, *state, ahead))
+    return _samples(states, lambda b, x, v: scenes.features(b, x, v, ahead))
 
 
 def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> AvoidanceDataset:
@@ -132,7 +132,7 @@ def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> Avoidanc
 
 def samples_of_nearest(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
     """The states with the text's features of the obstacle that is nearest at each of them."""
-    return _samples(states, lambda b, *state: nearest_seen(*state, scenes.clouds[b : b + 1])[0])
+    return _samples(states, lambda b, x, v: nearest_seen(x, v, scenes.clouds[b : b + 1])[0])
 
 
 def _samples(states: SceneStates, see: Callable[..., np.ndarray]) -> AvoidanceDataset:
