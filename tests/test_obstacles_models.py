@@ -24,7 +24,7 @@ SIZES = (4, 3)
 
 
 def random_networks(count=3, inputs="features", seed=0):
-    columns = avoidance_network.seen_columns(inputs)
+    columns = network_training.seen_columns(inputs)
     rng = np.random.default_rng(seed)
     widths = (len(columns), *SIZES, 3)
     low = rng.normal(size=(count, len(columns)))
@@ -62,7 +62,7 @@ def by_hand(networks, index, features, p, u):
     return networks.output_mean[index] + networks.output_scale[index] * np.array(values)
 
 
-@pytest.mark.parametrize("inputs", avoidance_network.INPUTS)
+@pytest.mark.parametrize("inputs", network_training.COLUMNS)
 def test_network_of_each_sample_node_by_node(inputs):
     networks, (features, p, u) = random_networks(inputs=inputs), states(3)
     found = networks(features, p, u)

@@ -20,9 +20,6 @@ from scipy.linalg import block_diag
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 
-INPUTS = {"features": (), "phase_velocity": (1,), "phase": (0, 1)}
-"""What a network sees behind the features, of phase (0) and phase velocity (1). The text's: nothing."""
-
 Layers = Sequence[np.ndarray]  # one network: (before + 1, after) of each layer, the biases in the last row
 
 
@@ -62,11 +59,6 @@ class AvoidanceNetworks:
         index = np.asarray(index)
         arrays = {name: getattr(self, name)[index] for name in _PER_NETWORK}
         return type(self)(self.columns, layers=tuple(layer[index] for layer in self.layers), **arrays)
-
-
-def seen_columns(inputs: str, features: int = 17) -> tuple[int, ...]:
-    """Columns of features, phase and phase velocity side by side that belong to one of `INPUTS`."""
-    return (*range(features), *(features + column for column in INPUTS[inputs]))
 
 
 def selected_inputs(

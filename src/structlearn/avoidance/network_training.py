@@ -34,6 +34,14 @@ from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 
+COLUMNS = {"features": (), "phase_velocity": (1,), "phase": (0, 1)}
+"""What a network sees behind the features, of phase (0) and phase velocity (1). The text's: nothing."""
+
+
+def seen_columns(inputs: str, features: int = 17) -> tuple[int, ...]:
+    """Columns of features, phase and phase velocity side by side that belong to one of `COLUMNS`."""
+    return (*range(features), *(features + column for column in COLUMNS[inputs]))
+
 
 class NetworkParameters(Parameters):
     """A feed-forward avoidance network. Fields: `params.yaml`, `obstacle_training.per_setting`."""
@@ -113,7 +121,7 @@ def stacked(
     parameters: NetworkParameters,
 ) -> AvoidanceNetworks:
     """Networks of `train_member`, or means of them, each with the dataset that it was trained on."""
-    columns = avoidance_network.seen_columns(parameters.inputs, datasets[0].features.shape[1])
+    columns = seen_columns(parameters.inputs, datasets[0].features.shape[1])
     ranges = [avoidance_network.input_range(_inputs(one, columns)) for one in datasets]
     targets = [one.target for one in datasets]
     return AvoidanceNetworks(
@@ -140,7 +148,7 @@ def train_member(
     from; default all; `stream` seeds it. Raises InputError: the target of an axis is constant, or there is
     one demonstration and none to validate.
     """
-    columns = avoidance_network.seen_columns(parameters.inputs, dataset.features.shape[1])
+    columns = seen_columns(parameters.inputs, dataset.features.shape[1])
     seen = dataset if seen is None else seen
     low, high = avoidance_network.input_range(_inputs(dataset, columns))
     samples = lm.Samples(

@@ -12,10 +12,16 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
-from structlearn.avoidance.avoidance_network import INPUTS, averaged, seen_columns, selected_inputs
+from structlearn.avoidance.avoidance_network import averaged, selected_inputs
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
-from structlearn.avoidance.network_training import NetworkParameters, stacked, train_member
+from structlearn.avoidance.network_training import (
+    COLUMNS,
+    NetworkParameters,
+    seen_columns,
+    stacked,
+    train_member,
+)
 from structlearn.avoidance.rai_2014 import fit_human_inspired
 from structlearn.avoidance.scene_models import (
     reach_scenes,
@@ -44,20 +50,20 @@ class RepresentationParameters(Parameters):
 
 RIDGE, HUMAN_INSPIRED, STOPPED = "ridge", "human_inspired", "network_validation"
 NETWORK, ENSEMBLE, PMNN = "network", "ensemble", "pmnn"
-# representations, and their inputs beside the features (`avoidance_network.INPUTS`)
+# representations, and their inputs beside the features (`network_training.COLUMNS`)
 REPRESENTATIONS = (
     (HUMAN_INSPIRED, "features"),
     (STOPPED, "features"),
-    *((name, inputs) for name in (RIDGE, NETWORK, ENSEMBLE) for inputs in INPUTS),
+    *((name, inputs) for name in (RIDGE, NETWORK, ENSEMBLE) for inputs in COLUMNS),
     (PMNN, "phase"),
 )
 # longest first; the ensemble's first member is the network
 FITS = (
-    *((ENSEMBLE, inputs) for inputs in reversed(INPUTS.keys())),
+    *((ENSEMBLE, inputs) for inputs in reversed(COLUMNS)),
     (PMNN, "phase"),
     (HUMAN_INSPIRED, "features"),
     (STOPPED, "features"),
-    *((RIDGE, inputs) for inputs in INPUTS),
+    *((RIDGE, inputs) for inputs in COLUMNS),
 )
 
 
