@@ -18,12 +18,7 @@ from structlearn.avoidance.avoidance_network import averaged
 from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel, features
 from structlearn.avoidance.levenberg_marquardt import LESSON
 from structlearn.avoidance.look_ahead import CostToGo, cost_to_go, mirror_signs, scene_features
-from structlearn.avoidance.network_training import (
-    EnsembleParameters,
-    NetworkParameters,
-    stacked,
-    trained,
-)
+from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, stacked, trained
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
 from structlearn.avoidance.rai_2014 import fit_human_inspired
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach

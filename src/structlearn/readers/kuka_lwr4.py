@@ -13,9 +13,7 @@ from structlearn.readers.foreign_tables import LeftOut, PublicSet, read_arrays, 
 from structlearn.readers.joint_log import JointLog, signals_of
 
 SOURCE = PublicSet(
-    "https://github.com/kjyv/FloBaRoID",
-    "e6c077ea5c09bceb49840f49e83450bb5979029b",
-    "LGPL-3.0",
+    "https://github.com/kjyv/FloBaRoID", "e6c077ea5c09bceb49840f49e83450bb5979029b", "LGPL-3.0"
 )
 JOINTS = tuple(f"lwr_{number}_joint" for number in range(7))  # as in the arm's URDF
 

@@ -128,11 +128,7 @@ def _held_out(
 
 
 def _fitted(
-    name: str,
-    inputs: str,
-    training: AvoidanceDataset,
-    fold: int,
-    parameters: RepresentationParameters,
+    name: str, inputs: str, training: AvoidanceDataset, fold: int, parameters: RepresentationParameters
 ) -> dict[str, CouplingModel]:
     """Coupling models of one fit, keyed by representation."""
     if name == RIDGE:

@@ -54,6 +54,7 @@ EVERY = (*SHAPES, ALL)
 FEW_HITS = 1  # of the unseen spheres, that a person's model may hit to be good
 PARTS = {"learned from": "train", "held out": "test"}
 MODEL = ["protocol", "rules", "model", "learned_from"]
+Sources = str | Iterable[str]  # what models learned from
 
 
 @lru_cache
@@ -113,7 +114,7 @@ class ObstacleResults:
         self,
         protocol: str,
         model: str = NO_MODEL,
-        learned_from: str | Iterable[str] = "",
+        learned_from: Sources = "",
         rules: str = LIMITED,
         obstacle: str | None = None,
         person: int | None = None,
@@ -124,21 +125,17 @@ class ObstacleResults:
         return its if obstacle is None else its[its["obstacle"] == obstacle]
 
     def reached(
-        self,
-        protocol: str,
-        model: str = NO_MODEL,
-        learned_from: str | Iterable[str] = "",
-        rules: str = LIMITED,
+        self, protocol: str, model: str = NO_MODEL, learned_from: Sources = "", rules: str = LIMITED
     ) -> pd.DataFrame:
         """Rows of `by_person` of one protocol and kind of model."""
         return _of_model(self.by_person, protocol, model, learned_from, rules)
 
-    def hits(self, protocol: str, model: str = NO_MODEL, learned_from: str | Iterable[str] = "") -> int:
+    def hits(self, protocol: str, model: str = NO_MODEL, learned_from: Sources = "") -> int:
         """Number of hits with limits at the goal, of all people together."""
         return int(self.reached(protocol, model, learned_from)["hits"].sum())
 
     def hits_by_person(
-        self, protocol: str, form: tuple[str, str], learned_from: str | Iterable[str]
+        self, protocol: str, form: tuple[str, str], learned_from: Sources
     ) -> tuple[np.ndarray, np.ndarray]:
         """Hits (P,) and reaches (P,) of each person with a kind of model and its rules."""
         kind, rules = form
@@ -185,7 +182,7 @@ class ObstacleResults:
 
 
 def _of_model(
-    table: pd.DataFrame, protocol: str, model: str, learned_from: str | Iterable[str], rules: str
+    table: pd.DataFrame, protocol: str, model: str, learned_from: Sources, rules: str
 ) -> pd.DataFrame:
     """Rows of one protocol, kind of model, source or sources, and rules."""
     its = matching(table, protocol=protocol, model=model, rules=rules)
