@@ -12,7 +12,7 @@ from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.core.params import Population
 from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
-from structlearn.testbeds.obstacles.protocol.people import demonstration_scores
+from structlearn.testbeds.obstacles.protocol.avoidance_scores import demonstration_scores
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 NEAR, FAR, BESIDE = [0.4, -0.15, 0.25], [0.4, -0.45, 0.6], [0.5, 0.15, 0.3]

@@ -22,7 +22,6 @@ import pytest
 import test_scraping_page
 import test_servoing_page
 import test_tasks_obstacles
-import test_tasks_representations
 import test_touch_page
 from committed import ROOT, committed_entry
 from dynamics_tables import dynamics_results
@@ -173,7 +172,7 @@ def motion_page(name: str) -> Page:
 SCRAPING = "testbeds.scraping.page"
 MADE_UP = {
     "boxes": (test_tasks_obstacles.made_up_ways, lambda its: scene_findings(SceneWays(its))),
-    "avoidance": (test_tasks_representations.made_up_scores, representation_findings),
+    "avoidance": (test_tasks_obstacles.made_up_scores, representation_findings),
 } | {name: (made, test_touch_page.FIND[name]) for name, made in test_touch_page.MADE_UP.items()}
 PAGES = {
     "dynamics": Page(of_package("testbeds.dynamics.page"), lambda get: dynamics(), dynamics_findings),

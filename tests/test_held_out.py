@@ -37,7 +37,7 @@ from tactile_toy import toy_geodesics
 from test_obstacles_models import PARAMETERS as AVOIDANCE
 from test_obstacles_models import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
-from test_tasks_representations import phase_dependent
+from test_tasks_obstacles import phase_dependent
 
 from structlearn.avoidance import scene_folds
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
@@ -95,7 +95,7 @@ from structlearn.testbeds.dynamics.protocol.trainings import (
     train,
     trainings,
 )
-from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
+from structlearn.testbeds.obstacles.protocol import avoidance_fits, avoidance_scores
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 from structlearn.testbeds.scraping.files import read_datasets
@@ -426,12 +426,12 @@ def unhindered_reach(monkeypatch, tmp_path):
     scene = committed(SceneParameters, "obstacle_scene", settings=1)
     person = committed(AvoiderParameters, "obstacle_demonstrator", count=2, baseline_count=3)
     parameters = committed(AvoidanceDataParameters, "obstacle_dataset")
-    sets = [people.demonstrations(place, scene, person) for place in (None, *scenarios(scene))]
+    sets = [avoidance_scores.demonstrations(place, scene, person) for place in (None, *scenarios(scene))]
 
     def learn(data):
         recorded = iter(data)
-        monkeypatch.setattr(people, "read_runs", lambda _: next(recorded))
-        return people.taught(person.seed, tmp_path, scene, person, parameters)[0]
+        monkeypatch.setattr(avoidance_scores, "read_runs", lambda _: next(recorded))
+        return avoidance_scores.taught(person.seed, tmp_path, scene, person, parameters)[0]
 
     return Case(learn, sets, [sets[0], *(moved(its, 0) for its in sets[1:])], [moved(sets[0], 0), *sets[1:]])
 

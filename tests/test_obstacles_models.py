@@ -1,19 +1,203 @@
-"""Models of the coupling term that people's reaches teach: splits, fits, errors."""
+"""Networks and the human-inspired rival, and what people's reaches teach them: splits, fits, errors."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from committed import committed
+from sklearn.linear_model import ARDRegression
 
-from structlearn.avoidance import learned_models, network_training
+from structlearn.avoidance import avoidance_network, learned_models, network_training, rai_2014
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
+from structlearn.avoidance.features import features
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
 from structlearn.avoidance.shapes import obstacle
+from structlearn.core import artefacts
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
 from structlearn.feedback.coupling_model import TrainingParameters, write_networks
 from structlearn.primitives import canonical
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
+
+SIZES = (4, 3)
+
+
+def random_networks(count=3, inputs="features", seed=0):
+    columns = network_training.seen_columns(inputs)
+    rng = np.random.default_rng(seed)
+    widths = (len(columns), *SIZES, 3)
+    low = rng.normal(size=(count, len(columns)))
+    middle = rng.normal(size=(count, 3))
+    return avoidance_network.AvoidanceNetworks(
+        columns=np.array(columns),
+        input_low=low,
+        input_high=low + rng.uniform(0.5, 2.0, low.shape),
+        layers=tuple(rng.normal(size=(count, before + 1, after)) for before, after in pairwise(widths)),
+        output_mean=middle,
+        output_scale=rng.uniform(0.5, 2.0, (count, 3)),
+        output_low=middle - 1e9,
+        output_high=middle + 1e9,
+    )
+
+
+def states(count, seed=1):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(count, 17)), rng.uniform(0.0, 1.0, count), rng.uniform(-4.6, 0.0, count)
+
+
+def by_hand(networks, index, features, p, u):
+    """The module's equations for one sample, node by node."""
+    seen = np.append(features, [p, u])[networks.columns]
+    low, high = networks.input_low[index], networks.input_high[index]
+    values = [2.0 * (s - a) / (b - a) - 1.0 for s, a, b in zip(seen, low, high, strict=True)]
+    for place, layer in enumerate(networks.layers):
+        weights, biases = layer[index][:-1], layer[index][-1]
+        values = [
+            sum(v * w for v, w in zip(values, weights[:, node], strict=True)) + biases[node]
+            for node in range(len(biases))
+        ]
+        if place < len(networks.layers) - 1:
+            values = [max(0.0, value) for value in values]
+    return networks.output_mean[index] + networks.output_scale[index] * np.array(values)
+
+
+@pytest.mark.parametrize("inputs", network_training.COLUMNS)
+def test_network_of_each_sample_node_by_node(inputs):
+    networks, (features, p, u) = random_networks(inputs=inputs), states(3)
+    found = networks(features, p, u)
+    for b in range(3):
+        np.testing.assert_allclose(found[b], by_hand(networks, b, features[b], p[b], u[b]))
+
+
+def test_one_network_serves_all_samples_and_many_must_match():
+    networks, (features, p, u) = random_networks(), states(5)
+    alone, each = networks.take([1]), networks.take([1] * 5)
+    np.testing.assert_allclose(alone(features, p, u), each(features, p, u), rtol=1e-12, atol=1e-12)
+    with pytest.raises(ValueError, match="5 samples for 3 networks"):
+        networks(features, p, u)
+
+
+def test_mean_of_networks_is_one_network():
+    members = [[layer[index] for layer in random_networks(seed=5).layers] for index in range(3)]
+    inputs = np.random.default_rng(0).normal(size=(7, 17))
+    mean = np.mean([avoidance_network.forward(layers, inputs) for layers in members], axis=0)
+    found = avoidance_network.forward(avoidance_network.averaged(members), inputs)
+    np.testing.assert_allclose(found, mean, atol=1e-12)
+
+
+def test_scaling_takes_training_data_to_the_unit_range():
+    first, second = toy_dataset(scenarios=1), toy_dataset(scenarios=1, seed=1)
+    first.features[:, 4] = 7.0  # constant: no range to divide by
+    layers = [np.zeros((18, 2)), np.zeros((3, 3))]
+    stack = network_training.stacked([layers, layers], [first, second], chosen(inputs="features"))
+    assert len(stack) == 2
+    np.testing.assert_allclose(stack.input_low[1], second.features.min(axis=0))
+    assert (stack.input_high > stack.input_low).all()
+    found = stack.take([1])(second.features, second.phase, second.phase_velocity)
+    np.testing.assert_allclose(found, np.broadcast_to(second.target.mean(axis=0), found.shape))
+
+
+def test_files_hold_the_networks_and_others_are_refused(tmp_path):
+    stacks = {"sphere": random_networks(1), "cube": random_networks(2, "phase", seed=3)}
+    path = tmp_path / "networks.safetensors"
+    avoidance_network.write_avoidance_networks(stacks, path)
+    found = avoidance_network.read_avoidance_networks(path)
+    for name, stack in stacks.items():
+        its = states(len(stack))
+        np.testing.assert_array_equal(found[name](*its), stack(*its))
+    artefacts.write_tensors({"a": np.zeros(2)}, path, "{}")
+    with pytest.raises(InputError, match="holds no avoidance networks"):
+        avoidance_network.read_avoidance_networks(path)
+    stacks["sphere"].layers[0][0, 0, 0] = np.nan
+    avoidance_network.write_avoidance_networks(stacks, path)
+    with pytest.raises(InputError, match=r"sphere\.layers\.0 holds a value that is not finite"):
+        avoidance_network.read_avoidance_networks(path)
+
+
+GRID = len(rai_2014.BETA_PER_RAD) * len(rai_2014.DECAY_PER_M)
+
+
+def seen(to, velocity):
+    """Features of a tiny obstacle in direction `to`, seen from the origin at tau 1."""
+    to = np.asarray(to, dtype=float)
+    cloud = to + 1e-9 * np.eye(3)
+    return features(np.zeros(3), np.asarray(velocity, dtype=float), 1.0, cloud, to)
+
+
+def random_states(count, seed=0):
+    rng = np.random.default_rng(seed)
+    to = rng.normal(size=(count, 3))
+    cloud = to[:, None] + 0.05 * rng.normal(size=(count, 6, 3))
+    return features(np.zeros((count, 3)), rng.normal(size=(count, 3)), 1.0, cloud, to)
+
+
+def test_effect_is_the_equation():
+    found = rai_2014.steering_features(seen([1.0, 1.0, 0.0], [2.0, 0.0, 0.0]))
+    angle, distance = np.pi / 4, np.sqrt(2.0)
+    beta, decay = rai_2014.BETA_PER_RAD[1], rai_2014.DECAY_PER_M[3]
+    place = len(rai_2014.DECAY_PER_M) + 3
+    size = 2.0 * angle * np.exp(-beta * angle) * np.exp(-decay * distance)
+    np.testing.assert_allclose(found[:, place], [0.0, -size, 0.0], atol=1e-12)  # away from y > 0
+    np.testing.assert_allclose(found[:, GRID + place], [0.0, -size, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+def test_no_effect_at_rest_or_straight_ahead(velocity):
+    found = rai_2014.steering_features(seen([1.0, 0.0, 0.0], velocity))
+    np.testing.assert_allclose(found, 0.0, atol=1e-8)
+
+
+def test_known_weights_are_found_and_others_pruned():
+    states = random_states(600)
+    weights = np.zeros((1, 3, 2 * GRID))
+    weights[0, 1, 7], weights[0, 2, GRID + 11] = 40.0, -25.0
+    truth = rai_2014.HumanInspiredModels(weights)
+    target = truth(states, np.zeros(600), np.zeros(600))
+    found = rai_2014.fit_human_inspired(states, target)
+    again = random_states(100, seed=1)
+    zero = np.zeros(100)
+    np.testing.assert_allclose(found(again, zero, zero), truth(again, zero, zero), atol=0.05)
+    assert found.weights[0, 0].tolist() == [0.0] * (2 * GRID)  # nothing along x: no weight along x
+    assert np.count_nonzero(found.weights[0]) < 60
+
+
+@pytest.mark.parametrize("count", [40, 500])
+def test_the_regression_is_that_of_the_library(count):
+    rng = np.random.default_rng(count)
+    inputs = rng.normal(size=(count, 50)) @ rng.normal(size=(50, 50))  # correlated, as effects are
+    target = inputs[:, :3].sum(axis=1) + rng.normal(size=count)
+    expected = ARDRegression(max_iter=rai_2014.ITERATIONS, fit_intercept=False).fit(inputs, target)
+    found = rai_2014.pruning_regression(inputs, target)
+    np.testing.assert_allclose(found, expected.coef_, atol=1e-8 * np.abs(expected.coef_).max())
+    assert (found == 0.0).any()
+
+
+def test_model_of_each_sample():
+    rng = np.random.default_rng(0)
+    stack = rai_2014.HumanInspiredModels(rng.normal(size=(4, 3, 2 * GRID)))
+    states, zero = random_states(4), np.zeros(4)
+    found = stack(states, zero, zero)
+    for index in range(4):
+        alone = stack.take([index])(states, zero, zero)
+        np.testing.assert_allclose(found[index], alone[index])
+    with pytest.raises(ValueError, match="3 samples for 4 models"):
+        stack(states[:3], zero[:3], zero[:3])
+
+
+def test_files_hold_the_models(tmp_path):
+    rng, path = np.random.default_rng(0), tmp_path / "models.safetensors"
+    stacks = {
+        name: rai_2014.HumanInspiredModels(rng.normal(size=(2, 3, 2 * GRID))) for name in ("cube", "all")
+    }
+    rai_2014.write_human_inspired(stacks, path)
+    found = rai_2014.read_human_inspired(path)
+    for name, stack in stacks.items():
+        np.testing.assert_array_equal(found[name].weights, stack.weights)
+    artefacts.write_tensors({"a": np.zeros(2)}, path, "{}")
+    with pytest.raises(InputError, match="holds no human-inspired models"):
+        rai_2014.read_human_inspired(path)
+
 
 QUICK = {"iterations": 6}
 SPLIT = committed(SplitParameters, "obstacle_training.split", test_share=0.2)
@@ -104,14 +288,14 @@ def test_errors_tell_fit_from_generalisation_and_the_phase_helps():
     for inputs in ("features", "phase"):
         parameters = chosen(hidden=(10, 6), inputs=inputs, training={"iterations": 20})
         stack = network_training.fit_networks([dataset.where(~mask)], parameters, "test")
-        errors[inputs] = network_training.fit_errors([dataset], [mask], [stack])
-    for table in errors.values():
-        train, test = (table[table["part"] == part].iloc[0] for part in ("train", "test"))
+        errors[inputs] = network_training.fit_errors(dataset, mask, stack)
+    for train, test in errors.values():
+        assert (train["part"], test["part"]) == ("train", "test")
         assert train["nmse"] == pytest.approx(np.mean([train[f"nmse_{axis}"] for axis in "xyz"]))
         assert train["nmse"] < test["nmse"]
         assert test["dominant"] == "y"
         assert test["nmse_dominant"] == test["nmse_y"]
-    seen, blind = errors["phase"].iloc[1], errors["features"].iloc[1]
+    seen, blind = errors["phase"][1], errors["features"][1]
     assert seen["nmse_y"] < 0.1 < blind["nmse_y"]
 
 
@@ -135,11 +319,11 @@ def test_demonstrations_that_validate_do_not_train(monkeypatch):
     dataset = toy_dataset(scenarios=2, demonstrations=5)
     seen = []
 
-    def train(samples, hidden, training, validation=None, stream=()):
+    def train(layers, samples, training, validation=None):
         seen.extend([samples, validation])
         return ()
 
-    monkeypatch.setattr(network_training, "train", train)
+    monkeypatch.setattr(network_training.lm, "train", train)
     parameters = chosen(training={"rule": "validation"} | QUICK)
     network_training.train_member(dataset, parameters, (0, 0))
     trains, validates = ({row.tobytes() for row in its.inputs} for its in seen)

@@ -11,7 +11,7 @@ from structlearn.avoidance.shapes import SHAPES, constant_velocity, obstacle
 from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols, avoidance_scores
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
-from structlearn.testbeds.obstacles.protocol.people import demonstration_scores
+from structlearn.testbeds.obstacles.protocol.avoidance_scores import demonstration_scores
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 PARAMETERS = committed(

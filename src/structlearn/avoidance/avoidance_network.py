@@ -20,12 +20,6 @@ from scipy.linalg import block_diag
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 
-FEATURES = tuple(range(17))
-"""Columns that the dissertation's network sees; 17 and 18 are the phase and the phase velocity."""
-
-FEATURES_AND_PHASE, FEATURES_AND_PHASE_VELOCITY = (*FEATURES, 17, 18), (*FEATURES, 18)
-"""Phase and phase velocity follow the features, however many those are."""
-
 Layers = Sequence[np.ndarray]  # one network: (before + 1, after) of each layer, the biases in the last row
 
 
@@ -92,26 +86,6 @@ def averaged(members: Sequence[Layers]) -> list[np.ndarray]:
     last = [layers[-1] / len(members) for layers in members]
     summed = np.vstack([*(layer[:-1] for layer in last), np.sum([layer[-1:] for layer in last], axis=0)])
     return [first, *inner, summed]
-
-
-def scaled_networks(
-    layers: Sequence[Layers],
-    inputs: Sequence[np.ndarray],
-    targets: Sequence[np.ndarray],
-    columns: Sequence[int],
-) -> AvoidanceNetworks:
-    """Stack networks trained on inputs (S, D) and targets (S, 3) scaled by `input_range`, `output_scale`."""
-    low, high = zip(*(input_range(values) for values in inputs), strict=True)
-    return AvoidanceNetworks(
-        columns=np.array(columns),
-        input_low=np.array(low),
-        input_high=np.array(high),
-        layers=tuple(np.stack(same) for same in zip(*layers, strict=True)),
-        output_mean=np.array([values.mean(axis=0) for values in targets]),
-        output_scale=np.array([output_scale(values) for values in targets]),
-        output_low=np.array([values.min(axis=0) for values in targets]),
-        output_high=np.array([values.max(axis=0) for values in targets]),
-    )
 
 
 def input_range(inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, PositiveInt
@@ -54,16 +54,11 @@ SETTLING_STEPS = 5
 """Steps before the first estimate: random weights explain nothing, so decay would remove them."""
 
 
-@dataclass(frozen=True)
-class Samples:
+class Samples(NamedTuple):
     """Scaled inputs (S, D) and targets (S, O) of one network."""
 
     inputs: np.ndarray
     target: np.ndarray
-
-    def where(self, mask: np.ndarray) -> "Samples":
-        """The samples of a mask (S,) or of indices."""
-        return Samples(self.inputs[mask], self.target[mask])
 
 
 def normal_equations(layers: Layers, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
@@ -172,26 +167,6 @@ class LevenbergMarquardtParameters(Parameters):
     seed: int = Field(ge=0)
 
 
-def train(
-    samples: Samples,
-    hidden: Sequence[int],
-    parameters: LevenbergMarquardtParameters,
-    validation: Samples | None = None,
-    stream: Sequence[int] = (),
-) -> tuple[np.ndarray, ...]:
-    """Layers of one network, trained from random initial weights; `stream` is its stream of random numbers.
-
-    Raises ValueError: validation samples are missing, or given to the other rule.
-    """
-    if (parameters.rule == VALIDATION) != (validation is not None):
-        raise ValueError(
-            f"rule '{parameters.rule}': validation samples are for '{VALIDATION}' and needed there"
-        )
-    sizes = (samples.inputs.shape[1], *hidden, samples.target.shape[1])
-    weights = np.random.default_rng([parameters.seed, *stream, WEIGHTS])
-    return train_from(initial_layers(sizes, weights), samples, parameters, validation)
-
-
 def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> list[np.ndarray]:
     """Random layers (before + 1, after): weights of variance 2 / before (ReLU keeps half), small biases."""
     layers = []
@@ -201,13 +176,20 @@ def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> list[np.nd
     return layers
 
 
-def train_from(
+def train(
     layers: Layers,
     samples: Samples,
     parameters: LevenbergMarquardtParameters,
     validation: Samples | None = None,
 ) -> tuple[np.ndarray, ...]:
-    """Layers of one network, trained from given ones; arguments as `train`."""
+    """Layers of one network, trained from given ones.
+
+    Raises ValueError: validation samples are missing, or given to the other rule.
+    """
+    if (parameters.rule == VALIDATION) != (validation is not None):
+        raise ValueError(
+            f"rule '{parameters.rule}': validation samples are for '{VALIDATION}' and needed there"
+        )
     shapes = [layer.shape for layer in layers]
     weights = np.concatenate([layer.ravel() for layer in layers])
     error = squared_error(layers, samples)

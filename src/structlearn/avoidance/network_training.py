@@ -18,43 +18,29 @@ Members can therefore choose by the obstacle only, not by what was done before.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.avoidance import avoidance_network
+from structlearn.avoidance import levenberg_marquardt as lm
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import AvoidanceNetworks
 from structlearn.avoidance.features import CouplingModel, displaced
-from structlearn.avoidance.levenberg_marquardt import (
-    LESSON,
-    SPLIT,
-    VALIDATION,
-    VALIDATION_SHARE,
-    LevenbergMarquardtParameters,
-    Samples,
-    train,
-)
 from structlearn.avoidance.rai_2014 import HumanInspiredModels, fit_human_inspired
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 
-COLUMNS = {
-    "features": avoidance_network.FEATURES,
-    "phase_velocity": avoidance_network.FEATURES_AND_PHASE_VELOCITY,
-    "phase": avoidance_network.FEATURES_AND_PHASE,
-}
-"""Columns that a network sees: features alone, with the phase velocity, or with both phase and velocity."""
+COLUMNS = {"features": (), "phase_velocity": (1,), "phase": (0, 1)}
+"""What a network sees behind the features, of phase (0) and phase velocity (1). The text's: nothing."""
 
 
-def seen_columns(inputs: str, features: int) -> tuple[int, ...]:
-    """The columns of `COLUMNS` for another number of features than 17."""
-    behind = [column - len(avoidance_network.FEATURES) for column in COLUMNS[inputs]]
-    return (*range(features), *(features + column for column in behind if column >= 0))
+def seen_columns(inputs: str, features: int = 17) -> tuple[int, ...]:
+    """Columns of features, phase and phase velocity side by side that belong to one of `COLUMNS`."""
+    return (*range(features), *(features + column for column in COLUMNS[inputs]))
 
 
 class NetworkParameters(Parameters):
@@ -63,7 +49,7 @@ class NetworkParameters(Parameters):
     hidden: tuple[PositiveInt, ...] = Field(min_length=1)
     inputs: Literal["features", "phase_velocity", "phase"]
     members: PositiveInt
-    training: LevenbergMarquardtParameters
+    training: lm.LevenbergMarquardtParameters
 
 
 class EnsembleParameters(NetworkParameters):
@@ -110,17 +96,17 @@ def fit_networks(
         for place, one in enumerate(datasets)
         for member in range(parameters.members)
     ]
-    trained = parallel_map(_trained, work, description)
+    layers = parallel_map(trained, work, description)
     members = np.array_split(np.arange(len(work)), len(datasets))
-    layers = [avoidance_network.averaged([trained[index] for index in its]) for its in members]
-    return stacked(layers, datasets, parameters)
+    means = [avoidance_network.averaged([layers[index] for index in its]) for its in members]
+    return stacked(means, datasets, parameters)
 
 
 def lesson(
     dataset: AvoidanceDataset, parameters: EnsembleParameters, stream: Sequence[int]
 ) -> AvoidanceDataset:
     """Training samples of one member of an ensemble: some demonstrations, displaced; `stream` seeds it."""
-    rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
+    rng = np.random.default_rng([parameters.training.seed, *stream, lm.LESSON])
     which = _demonstrations(dataset)
     chosen = rng.permutation(which.max() + 1)[: parameters.demonstrations]
     seen = dataset.where(np.isin(which, chosen))
@@ -136,8 +122,18 @@ def stacked(
 ) -> AvoidanceNetworks:
     """Networks of `train_member`, or means of them, each with the dataset that it was trained on."""
     columns = seen_columns(parameters.inputs, datasets[0].features.shape[1])
-    inputs = [_inputs(one, columns) for one in datasets]
-    return avoidance_network.scaled_networks(layers, inputs, [one.target for one in datasets], columns)
+    ranges = [avoidance_network.input_range(_inputs(one, columns)) for one in datasets]
+    targets = [one.target for one in datasets]
+    return AvoidanceNetworks(
+        columns=np.array(columns),
+        input_low=np.array([low for low, _ in ranges]),
+        input_high=np.array([high for _, high in ranges]),
+        layers=tuple(np.stack(same) for same in zip(*layers, strict=True)),
+        output_mean=np.array([values.mean(axis=0) for values in targets]),
+        output_scale=np.array([avoidance_network.output_scale(values) for values in targets]),
+        output_low=np.array([values.min(axis=0) for values in targets]),
+        output_high=np.array([values.max(axis=0) for values in targets]),
+    )
 
 
 def train_member(
@@ -146,7 +142,7 @@ def train_member(
     stream: Sequence[int],
     seen: AvoidanceDataset | None = None,
 ) -> tuple[np.ndarray, ...]:
-    """Layers of one network for `avoidance_network.scaled_networks`, trained in this process.
+    """Layers of one network for `stacked`, trained from random weights in this process.
 
     `dataset`: training samples, whose ranges scale inputs and outputs; `seen`: the samples that it learns
     from; default all; `stream` seeds it. Raises InputError: the target of an axis is constant, or there is
@@ -155,15 +151,25 @@ def train_member(
     columns = seen_columns(parameters.inputs, dataset.features.shape[1])
     seen = dataset if seen is None else seen
     low, high = avoidance_network.input_range(_inputs(dataset, columns))
-    samples = Samples(
+    samples = lm.Samples(
         2.0 * (_inputs(seen, columns) - low) / (high - low) - 1.0,
         (seen.target - dataset.target.mean(axis=0)) / avoidance_network.output_scale(dataset.target),
     )
     training, validation = parameters.training, None
-    if training.rule == VALIDATION:
+    if training.rule == lm.VALIDATION:
         held = _validation_rows(seen, training, stream)
-        samples, validation = samples.where(~held), samples.where(held)
-    return train(samples, parameters.hidden, training, validation, stream)
+        samples, validation = (lm.Samples(*(values[rows] for values in samples)) for rows in (~held, held))
+    weights = np.random.default_rng([training.seed, *stream, lm.WEIGHTS])
+    layers = lm.initial_layers((len(columns), *parameters.hidden, seen.target.shape[1]), weights)
+    return lm.train(layers, samples, training, validation)
+
+
+def trained(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
+    """`train_member` of its arguments; a member of an ensemble sees its `lesson` unless told otherwise."""
+    dataset, parameters, stream, *seen = work
+    if isinstance(parameters, EnsembleParameters) and not seen:
+        seen = [lesson(dataset, parameters, stream)]
+    return train_member(dataset, parameters, stream, *seen)
 
 
 def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description: str) -> HumanInspiredModels:
@@ -172,26 +178,21 @@ def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description:
     return HumanInspiredModels(np.concatenate([model.weights for model in models]))
 
 
-def fit_errors(
-    datasets: Sequence[AvoidanceDataset], tests: Sequence[np.ndarray], models: Sequence[CouplingModel]
-) -> pd.DataFrame:
-    """Training and test errors of one model per dataset, with the mask (S,) of its test samples.
+def fit_errors(dataset: AvoidanceDataset, test: np.ndarray, model: CouplingModel) -> list[dict[str, Any]]:
+    """Training and test errors of a model, with the mask (S,) of test samples, a row per `part`.
 
-    Returns per `model` (number from 0) and `part` (`train`, `test`): `nmse_x`, `nmse_y`, `nmse_z` and their
-    mean `nmse`; `dominant` (see `dominant_axis`, of a single scenario, or "") and `nmse_dominant` (or NaN).
+    `part` is `train` or `test`; `nmse_x`, `nmse_y`, `nmse_z` and their mean `nmse`; `dominant` (see
+    `dominant_axis`, of a single scenario, or "") and `nmse_dominant` (or NaN).
     """
-    rows = []
-    for place, (dataset, mask, model) in enumerate(zip(datasets, tests, models, strict=True)):
-        axis = dominant_axis(dataset) if len(np.unique(dataset.scenario)) == 1 else None
-        for part, chosen in (("train", ~mask), ("test", mask)):
-            its = dataset.where(chosen)
-            found = nmse(model(its.features, its.phase, its.phase_velocity), its.target)
-            row = {"model": place, "part": part}
-            row |= {f"nmse_{name}": value for name, value in zip(AXES, found, strict=True)}
-            row |= {"nmse": found.mean(), "dominant": axis or ""}
-            row["nmse_dominant"] = found[AXES.index(axis)] if axis else np.nan
-            rows.append(row)
-    return pd.DataFrame(rows)
+    axis, rows = dominant_axis(dataset) if len(np.unique(dataset.scenario)) == 1 else None, []
+    for part, chosen in (("train", ~test), ("test", test)):
+        its = dataset.where(chosen)
+        found = nmse(model(its.features, its.phase, its.phase_velocity), its.target)
+        errors = {f"nmse_{name}": value for name, value in zip(AXES, found, strict=True)}
+        dominant = found[AXES.index(axis)] if axis else np.nan
+        errors |= {"nmse": found.mean(), "dominant": axis or "", "nmse_dominant": dominant}
+        rows.append({"part": part} | errors)
+    return rows
 
 
 def dominant_axis(dataset: AvoidanceDataset) -> str | None:
@@ -223,12 +224,6 @@ def _inputs(dataset: AvoidanceDataset, columns: Sequence[int]) -> np.ndarray:
     return avoidance_network.selected_inputs(dataset.features, dataset.phase, dataset.phase_velocity, columns)
 
 
-def _trained(work: tuple[AvoidanceDataset, NetworkParameters, tuple[int, int]]) -> tuple[np.ndarray, ...]:
-    dataset, parameters, stream = work
-    seen = lesson(dataset, parameters, stream) if isinstance(parameters, EnsembleParameters) else None
-    return train_member(dataset, parameters, stream, seen)
-
-
 def _demonstrations(dataset: AvoidanceDataset) -> np.ndarray:
     """Number (S,) of each sample's demonstration among all, from 0."""
     keys = np.stack([dataset.scenario, dataset.demonstration], axis=1)
@@ -236,15 +231,15 @@ def _demonstrations(dataset: AvoidanceDataset) -> np.ndarray:
 
 
 def _validation_rows(
-    dataset: AvoidanceDataset, training: LevenbergMarquardtParameters, stream: Sequence[int]
+    dataset: AvoidanceDataset, training: lm.LevenbergMarquardtParameters, stream: Sequence[int]
 ) -> np.ndarray:
     """Mask (S,) of whole demonstrations for early stopping; InputError where there is only one."""
     which = _demonstrations(dataset)
     number = int(which.max()) + 1
     if number < 2:
         raise InputError("one demonstration only: none would be left to validate")
-    count = min(max(round(VALIDATION_SHARE * number), 1), number - 1)
-    chosen = np.random.default_rng([training.seed, *stream, SPLIT]).permutation(number)[:count]
+    count = min(max(round(lm.VALIDATION_SHARE * number), 1), number - 1)
+    chosen = np.random.default_rng([training.seed, *stream, lm.SPLIT]).permutation(number)[:count]
     return np.isin(which, chosen)
 
 

@@ -7,24 +7,10 @@ from itertools import chain, combinations
 import numpy as np
 import pandas as pd
 
+from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AXES
 from structlearn.avoidance.look_ahead import nearest_distance
-from structlearn.avoidance.scene_models import (
-    ENSEMBLE,
-    HUMAN_INSPIRED,
-    NONE,
-    PLANNED,
-    SCENE,
-    TEXT,
-    Learned,
-    Scenes,
-    learn,
-    reach_scenes,
-    reach_through,
-    samples_of_nearest,
-    samples_of_scene,
-    scene_states,
-)
+from structlearn.avoidance.scene_models import ENSEMBLE, HUMAN_INSPIRED, NONE, PLANNED, SCENE, TEXT
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach, reaches_past_obstacles
 from structlearn.core.errors import MissingInputError
 from structlearn.readers.demonstration import Demonstration
@@ -95,17 +81,17 @@ def judge_folds(
     parameters: SceneLearningParameters,
 ) -> SceneResults:
     """Learn from everybody but the people of a fold and test on them, fold by fold."""
-    scenes = reach_scenes(reaches, parameters)
+    scenes = scene_models.reach_scenes(reaches, parameters)
     person = np.array([reach.person for reach in reaches])
     tests = [np.flatnonzero(np.isin(person, people)).tolist() for people in folds]
     lessons = [np.flatnonzero(~np.isin(person, people)).tolist() for people in folds]
     scored, errors = [], []
     unrolled: dict[tuple[str, str], np.ndarray] = {}
-    for fold, learned in enumerate(learn(reaches, scenes, lessons, parameters)):
+    for fold, learned in enumerate(scene_models.learn(reaches, scenes, lessons, parameters)):
         own, its = [reaches[place] for place in tests[fold]], scenes.take(tests[fold])
         errors.append(_errors(learned, own, its, parameters).assign(fold=fold))
         for way in WAYS:
-            paths, left = reach_through(learned, way, its, parameters)
+            paths, left = scene_models.reach_through(learned, way, its, parameters)
             unrolled |= {(own[place].name, way): path for place, path in enumerate(paths)}
             scored.append(scores(own, paths, left, parameters.hand_radius_m).assign(way=way, fold=fold))
     table = pd.concat(scored, ignore_index=True)
@@ -143,12 +129,16 @@ def _beside(reach: SceneReach, path: np.ndarray, other: np.ndarray) -> tuple[flo
 
 
 def _errors(
-    learned: Learned, reaches: Sequence[SceneReach], scenes: Scenes, parameters: SceneLearningParameters
+    learned: scene_models.Learned,
+    reaches: Sequence[SceneReach],
+    scenes: scene_models.Scenes,
+    parameters: SceneLearningParameters,
 ) -> pd.DataFrame:
     """Rows of `SceneResults.errors` on reaches left out."""
-    states = scene_states([reach.path for reach in reaches], learned.baseline, parameters.keep_every)
-    nearest = samples_of_nearest(states, scenes)
-    seen = samples_of_scene(states, scenes, parameters.look_ahead.ahead_m)
+    paths = [reach.path for reach in reaches]
+    states = scene_models.scene_states(paths, learned.baseline, parameters.keep_every)
+    nearest = scene_models.samples_of_nearest(states, scenes)
+    seen = scene_models.samples_of_scene(states, scenes, parameters.look_ahead.ahead_m)
     variance = np.square(states.target - states.target.mean(axis=0)).sum(axis=0)
     rows = []
     for way in MODELS:

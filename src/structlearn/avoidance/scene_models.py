@@ -18,12 +18,7 @@ from structlearn.avoidance.avoidance_network import averaged
 from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel, features
 from structlearn.avoidance.levenberg_marquardt import LESSON
 from structlearn.avoidance.look_ahead import CostToGo, cost_to_go, mirror_signs, scene_features
-from structlearn.avoidance.network_training import (
-    EnsembleParameters,
-    NetworkParameters,
-    stacked,
-    train_member,
-)
+from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, stacked, trained
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
 from structlearn.avoidance.rai_2014 import fit_human_inspired
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
@@ -121,11 +116,7 @@ def displaced_states(
 
 def samples_of_scene(states: SceneStates, scenes: Scenes, ahead: Sequence[float]) -> AvoidanceDataset:
     """The states with the features of their scenes (`look_ahead.scene_features`)."""
-    columns = [
-        scenes.features(b, states.position[rows], states.scaled_velocity[rows], ahead)
-        for b, rows in _rows_by_scene(states)
-    ]
-    return _dataset(states, columns)
+    return _samples(states, lambda b, x, v: scenes.features(b, x, v, ahead))
 
 
 def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> AvoidanceDataset:
@@ -136,31 +127,32 @@ def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> Avoidanc
 
 def samples_of_nearest(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
     """The states with the text's features of the obstacle that is nearest at each of them."""
-    columns = []
-    for b, rows in _rows_by_scene(states):
-        clouds = np.broadcast_to(scenes.clouds[b], (len(rows), *scenes.clouds[b].shape))
-        columns.append(nearest_seen(states.position[rows], states.scaled_velocity[rows], clouds)[0])
-    return _dataset(states, columns)
+    return _samples(states, lambda b, x, v: nearest_seen(x, v, scenes.clouds[b : b + 1])[0])
 
 
-def _rows_by_scene(states: SceneStates) -> list[tuple[int, np.ndarray]]:
-    return [(int(b), np.flatnonzero(states.scene == b)) for b in np.unique(states.scene)]
-
-
-def _dataset(states: SceneStates, columns: Sequence[np.ndarray]) -> AvoidanceDataset:
-    """Samples in the order of the states, from features of each scene in turn."""
-    order = np.concatenate([rows for _, rows in _rows_by_scene(states)])
-    features = np.empty((len(order), columns[0].shape[1]))
-    features[order] = np.concatenate(columns)
+def _samples(states: SceneStates, see: Callable[..., np.ndarray]) -> AvoidanceDataset:
+    """The states with what is seen in their scenes: `see` of scene, positions, tau v -> features (N, F)."""
+    order = np.argsort(states.scene, kind="stable")
+    scenes, starts = np.unique(states.scene[order], return_index=True)
+    found = [
+        see(int(b), states.position[rows], states.scaled_velocity[rows])
+        for b, rows in zip(scenes, np.split(order, starts[1:]), strict=True)
+    ]
+    columns = np.empty((len(order), found[0].shape[1]))
+    columns[order] = np.concatenate(found)
     p, u = canonical.phase(states.time, TAU)
     none = np.zeros(len(order), dtype=int)
-    return AvoidanceDataset(features, states.target, p, u, none, states.scene, states.time)
+    return AvoidanceDataset(columns, states.target, p, u, none, states.scene, states.time)
 
 
 def nearest_seen(
     position: np.ndarray, scaled_velocity: np.ndarray, clouds: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The text's features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m."""
+    """The text's features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m.
+
+    One scene's clouds (1, O, P, 3) serve all states.
+    """
+    clouds = np.broadcast_to(clouds, (len(position), *clouds.shape[1:]))
     every = features(position[:, None], scaled_velocity[:, None], 1.0, clouds, clouds.mean(axis=2))
     nearest = np.linalg.norm(every[..., [3, 6, 9]], axis=-1).argmin(axis=1)
     rows = np.arange(len(position))
@@ -222,7 +214,7 @@ def learn(
         for network, whole, lessons in networks.values()
         for member, seen in enumerate(lessons)
     ]
-    layers = iter(parallel_map(_trained, work, "networks of reaches through scenes"))
+    layers = iter(parallel_map(trained, work, "networks of reaches through scenes"))
     learned = []
     for baseline, nearest, networks in sets:
         models: dict[str, CouplingModel] = {
@@ -260,12 +252,6 @@ def _lessons(
         SCENE: (ensemble, every_far, far),
     }
     return baseline, nearest, networks
-
-
-def _trained(
-    work: tuple[AvoidanceDataset, NetworkParameters, tuple[int, int], AvoidanceDataset],
-) -> tuple[np.ndarray, ...]:
-    return train_member(*work)
 
 
 def reach_through(

@@ -125,10 +125,7 @@ DIGEST = "sha256 "
 
 def _signed(path: str | Path) -> tuple[str, str]:
     """Description and digest of a safetensors file."""
-    with (
-        _readable(path, "readable safetensors", SafetensorError),
-        safe_open(path, framework="np") as file,
-    ):
+    with _readable(path, "readable safetensors", SafetensorError), safe_open(path, framework="np") as file:
         text = (file.metadata() or {}).get("description", "")
     description, _, last = text.rpartition("\n")
     if not last.startswith(DIGEST):

@@ -3,31 +3,10 @@
 `read_demonstrations` is the way in for a pipeline. Below it: `source` (a source -> files of any format),
 `bag` and `user_tables` (a file <-> raw messages), `cdr`, `messages`, `joint_log` and `computed_pose` (raw
 messages <-> streams), `clock` (streams -> one clock). Stages hand sets on as tables: `runs`, and `joint_log`
-where no pose was recorded.
+where no pose was recorded. What users import stands in the stub beside this file, and is loaded when it is
+first used.
 """
 
-from structlearn.readers.bag_recording import (
-    read_demonstrations,
-    read_recording,
-    read_recordings,
-    write_recording,
-    write_recordings,
-)
-from structlearn.readers.clock import synchronise
-from structlearn.readers.demonstration import Demonstration, Recording, Stream
-from structlearn.readers.source import OWN_TOPICS, StampPolicy, TopicMap
+import lazy_loader
 
-__all__ = [
-    "OWN_TOPICS",
-    "Demonstration",
-    "Recording",
-    "StampPolicy",
-    "Stream",
-    "TopicMap",
-    "read_demonstrations",
-    "read_recording",
-    "read_recordings",
-    "synchronise",
-    "write_recording",
-    "write_recordings",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

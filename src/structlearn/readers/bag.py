@@ -28,7 +28,7 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 from structlearn.core.errors import InputError
 from structlearn.core.reading import PER_MESSAGE, Budget, require_file
-from structlearn.readers.source import COMPRESSED
+from structlearn.readers.source import COMPRESSED, RecordingFile
 
 METADATA = "structlearn"  # name of the metadata record of our own files
 
@@ -47,12 +47,6 @@ class RawMessages:
     log_times: np.ndarray  # (T,) int64 ns
     schemas: Sequence[Schema | None]  # definition of each; None where the file has none
     data: Sequence[bytes]  # content of each
-
-
-def of_one_type(message_type: str, definition: str, stamps: np.ndarray, content: np.ndarray) -> RawMessages:
-    """Messages (T, L) uint8 of one type, with the text of its definition and (T,) increasing stamps in ns."""
-    schema = Schema(id=0, name=message_type, encoding=SchemaEncoding.ROS2, data=definition.encode())
-    return RawMessages(stamps, [schema] * len(stamps), [row.tobytes() for row in content])
 
 
 @dataclass(frozen=True)
@@ -88,8 +82,10 @@ def _bag(types: Iterable[tuple[str, str]], rows: Mapping[str, Iterable[Row]], me
     return Bag({topic: list(its) for topic, its in topics.items()}, messages, metadata)
 
 
-def joined(bags: Sequence[Bag]) -> Bag:
-    """The parts of a bag that is split over several files, with the metadata of the first that has any."""
+def read_bags(file: RecordingFile, topics: Collection[str]) -> Bag:
+    """Some topics of a bag; one that is split over several files has the metadata of the first with any."""
+    read = {"mcap": read_bag, "db3": read_db3, "bag": read_ros1_bag}[file.format]
+    bags = [read(path, topics) for path in file.paths]
     if len(bags) == 1:
         return bags[0]
     types = ((topic, one) for bag in bags for topic, its in bag.topics.items() for one in its)

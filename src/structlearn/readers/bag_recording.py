@@ -9,22 +9,14 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.core.reading import require_file
-from structlearn.readers.bag import (
-    Bag,
-    RawMessages,
-    damage_named,
-    joined,
-    read_bag,
-    read_db3,
-    read_ros1_bag,
-    write_bag,
-)
+from structlearn.readers.bag import Bag, RawMessages, damage_named, read_bags, write_bag
+from structlearn.readers.cdr import short_name
 from structlearn.readers.clock import MAX_GAP_S, check_recording, synchronise
 from structlearn.readers.computed_pose import joint_pose, transform_pose
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, NamedShape, Recording, Stream
 from structlearn.readers.joint_log import JointLog, JointSeries, chosen, joint_series
 from structlearn.readers.messages import (
-    check_readable,
+    READERS,
     joint_messages,
     shapes_message,
     to_messages,
@@ -59,8 +51,7 @@ def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
             require_file(path, whole=False)
     if file.format == "table":
         return read_pose_table(file.paths[0])
-    read = {"mcap": read_bag, "db3": read_db3, "bag": read_ros1_bag}[file.format]
-    return joined([read(path, topics) for path in file.paths])
+    return read_bags(file, topics)
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
@@ -115,8 +106,7 @@ def read_recording(
             that is not allowed; two topics give the same signal; or the pose cannot be computed. The message
             names file and topic.
     """
-    if not isinstance(file, RecordingFile):
-        file = as_recording_file(Path(file))
+    file = as_recording_file(file)
     bag = open_bag(file, topics.topics)
     with damage_named(file.path):
         known = None if bag.metadata is None else json.loads(bag.metadata["true_segments"])
@@ -224,9 +214,10 @@ def read_joint_log(
     Columns are those of the joints that are named, or of all joints of the publisher that has the most, in
     the order of its first message. An InputError says what a dynamics model cannot do without.
     """
-    file = path if isinstance(path, RecordingFile) else as_recording_file(Path(path))
-    where, bag = f"{file.path}: topic '{topic}'", open_bag(file, [topic])
-    series, note = joint_series(where, topic, readable(file.path, bag, topic, "joint_states"), stamps)
+    file = as_recording_file(path)
+    bag = open_bag(file, [topic])
+    where, messages = readable(file.path, bag, topic, "joint_states")
+    series, note = joint_series(where, topic, messages, stamps)
     if not series[0].names:
         raise InputError(f"{where} does not name the joints")
     series, others = chosen(where, series, joints)
@@ -248,16 +239,21 @@ def read_joint_log(
     return JointLog(file.name, one.names, one.stamps, *signals, provenance=provenance)
 
 
-def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"]) -> RawMessages:
-    """Messages of a topic; an InputError unless it is there, can be read in its role, and has messages."""
+def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"]) -> tuple[str, RawMessages]:
+    """File and topic in words, and its messages; an InputError unless they can be read in a role."""
+    where = f"{path}: topic '{topic}'"
     if topic not in bag.topics:
         present = sorted(bag.topics.items())
         listing = ", ".join(f"{name} ({' and '.join(its)})" for name, its in present) or "no topics"
         raise InputError(f"{path}: has no topic '{topic}' for {role}; it has {listing}")
-    check_readable(f"{path}: topic '{topic}'", role, bag.topics[topic])
+    if len(types := bag.topics[topic]) > 1:
+        raise InputError(f"{where} has messages of several types: {', '.join(types)}")
+    if short_name(types[0]) not in READERS[role]:
+        listing = ", ".join(READERS[role])
+        raise InputError(f"{where} has messages of type {types[0]}; {role} can be read from {listing}")
     if topic not in bag.messages:
-        raise InputError(f"{path}: topic '{topic}' has no messages")
-    return bag.messages[topic]
+        raise InputError(f"{where} has no messages")
+    return where, bag.messages[topic]
 
 
 class _Reading:
@@ -281,8 +277,7 @@ class _Reading:
                 place = place if joints else len(streams)
                 joints += self._joints(topic)
             else:
-                messages = readable(self._path, self._bag, topic, role)
-                where = f"{self._path}: topic '{topic}'"
+                where, messages = readable(self._path, self._bag, topic, role)
                 stream, self.mended[topic] = to_stream(where, topic, role, messages, self._policy)
                 streams.append(stream)
         if joints:
@@ -293,9 +288,7 @@ class _Reading:
         """Solids on the topic that is named for them."""
         for topic, role in self._topics.roles():
             if role == "obstacles" and not self._is_absent(topic, role):
-                return to_shapes(
-                    f"{self._path}: topic '{topic}'", readable(self._path, self._bag, topic, role)
-                )
+                return to_shapes(*readable(self._path, self._bag, topic, role))
         return ()
 
     def _is_absent(self, topic: str, role: Role) -> bool:
@@ -320,8 +313,8 @@ class _Reading:
     def _joint_series(self, topic: str) -> list[JointSeries]:
         """All joint states of a topic, which may give the pose too."""
         if topic not in self._series:
-            messages = readable(self._path, self._bag, topic, "joint_states")
-            found = joint_series(f"{self._path}: topic '{topic}'", topic, messages, self._policy)
+            where, messages = readable(self._path, self._bag, topic, "joint_states")
+            found = joint_series(where, topic, messages, self._policy)
             self._series[topic], self.mended[topic] = found
         return self._series[topic]
 

@@ -58,7 +58,7 @@ def decoded(where: str, messages: RawMessages) -> list[Decoded]:
             rows = np.flatnonzero(owners.ravel() == number)
             raw = np.frombuffer(b"".join(messages.data[row] for row in rows.tolist()), dtype=np.uint8)
             schema = schemas[kind]
-            assert schema is not None  # `messages.check_readable` lets none pass
+            assert schema is not None  # `bag_recording.readable` lets none pass
             groups += _of_one_length(schema, rows, raw.reshape(len(rows), length))
     return sorted(groups, key=lambda group: int(group.rows[0]))
 
@@ -79,7 +79,7 @@ def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterato
     from mcap_ros2.decoder import DecoderFactory  # seldom needed
 
     decode = DecoderFactory().decoder_for(MessageEncoding.CDR, schema)
-    assert decode is not None  # the schema is one of ROS 2, see `messages.check_readable`
+    assert decode is not None  # the schema is one of ROS 2, see `bag_recording.readable`
     for row, message in zip(rows, raw, strict=True):
         yield Decoded(np.array([row]), decode(message.tobytes()))
 

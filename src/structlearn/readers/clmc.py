@@ -14,6 +14,7 @@ import numpy as np
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.demonstration import Recording, Stream
 from structlearn.readers.foreign_tables import (
+    LeftOut,
     PublicSet,
     natural_order,
     read_each,
@@ -50,50 +51,48 @@ def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Re
     return [replace(named[name], name=name) for name in sorted(named, key=natural_order)]
 
 
-def read_reaches(
-    folder: str | Path, dataset: str = "dataset1", left_out: dict[str, str] | None = None
-) -> list[Recording]:
+def read_reaches(folder: Path, dataset: str = "dataset1", left_out: LeftOut = None) -> list[Recording]:
     """Reaches of one end-effector, 1000 Hz, named by their number.
 
     The orientation was not recorded: poses have the identity and twists no rotation, and the provenance says
     so (`"orientation": "not recorded"`), which makes both None in a demonstration. `dataset` is their folder
     in `cart_coord_dmp`, or in a folder there; of several that match a pattern, the first by the alphabet.
     """
-    reaches = Path(folder) / "cart_coord_dmp" / dataset
+    reaches = folder / "cart_coord_dmp" / dataset
     reaches = next(iter(sorted(reaches.parent.rglob(dataset))), reaches)
     files = sorted(
         (path for path in reaches.glob("*.txt") if path.stem.isdecimal()), key=lambda path: int(path.stem)
     )
     if not files:
         raise MissingInputError(f"{reaches}: holds no reaches (1.txt, 2.txt, ...)")
-    return read_each(partial(_reach, Path(folder)), files, left_out)
+    return read_each(partial(_reach, folder), files, left_out)
 
 
-def read_unscrewing(folder: str | Path, left_out: dict[str, str] | None = None) -> list[Recording]:
+def read_unscrewing(folder: Path, left_out: LeftOut = None) -> list[Recording]:
     """Robot logs of unscrewing by one full turn, 300 Hz: pose, twist, wrench, left finger's electrodes.
 
     Times are printed with five digits, up to 0.03 ms off 300 Hz, and restored; other times are an error.
     """
-    logs = Path(folder) / "quat_dmp_unscrewing"
+    logs = folder / "quat_dmp_unscrewing"
     files = sorted(logs.rglob("*.txt"), key=lambda path: natural_order(path.stem))
     if not files:
         raise MissingInputError(f"{logs}: holds no logs (01.txt, 02.txt, ...)")
-    return read_each(partial(_unscrewing, Path(folder)), files, left_out)
+    return read_each(partial(_unscrewing, folder), files, left_out)
 
 
-def read_scraping_execution(folder: str | Path, trial: str | None = None) -> list[Recording]:
+def read_scraping_execution(folder: Path, trial: str | None = None) -> list[Recording]:
     """One robot execution of the scraping primitives on a tilted board, 300 Hz, without times.
 
     Recordings "prim1", "prim2", ... have pose, twist, joint positions and two fingers' electrodes (left,
     right); each starts at time 0. `trial` is a folder in `scraping`; None: the first that holds primitives.
     """
-    scraping = Path(folder) / "scraping"
+    scraping = folder / "scraping"
     found = [path for path in scraping.glob(f"{trial or '*'}/prim*") if path.is_dir()]
     if not found:
         raise MissingInputError(f"{scraping / (trial or '')}: holds no execution (prim1, prim2, ...)")
     first = min((path.parent for path in found), key=lambda path: natural_order(path.name))
     primitives = sorted(first.glob("prim*"), key=lambda path: natural_order(path.name))
-    return [_primitive(Path(folder), primitive) for primitive in primitives]
+    return [_primitive(folder, primitive) for primitive in primitives]
 
 
 def _reach(folder: Path, path: Path) -> Recording:

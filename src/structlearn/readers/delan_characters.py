@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.core.errors import InputError
-from structlearn.readers.foreign_tables import PublicSet, read_arrays, stamps_of
+from structlearn.readers.foreign_tables import LeftOut, PublicSet, read_arrays, stamps_of
 from structlearn.readers.joint_log import PartedLog, signals_of
 
 SOURCE = PublicSet("https://github.com/milutter/deep_lagrangian_networks", "not stated", "MIT")
@@ -24,11 +24,8 @@ ARRAYS = {  # signals and the names of their arrays
 }
 
 
-def read_motion(
-    folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
-) -> list[PartedLog]:
+def read_motion(folder: Path, entry: Any = None, left_out: LeftOut = None) -> list[PartedLog]:
     """A log per character, 25 Hz, in the order of the alphabet."""
-    folder = Path(folder)
     path, *_ = SOURCE.files(folder, "characters.npz", "characters.npz")
     arrays = read_arrays(path)
     provenance = SOURCE.provenance(folder, [path]) | {"origin": "simulated"}

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.foreign_tables import PublicSet, check_rising, read_each, read_stamped_table
+from structlearn.readers.foreign_tables import LeftOut, PublicSet, check_rising, read_each, read_stamped_table
 from structlearn.readers.user_tables import TouchLog
 
 SOURCE = PublicSet("https://github.com/notvenky/eFlesh", "ab5ca56a87df7cbf59264138998bf74efc216b13", "MIT")
@@ -35,9 +35,8 @@ def read_touch(folder: Path, entry: object, left_out: dict[str, str]) -> list[To
     return [run for runs in found.values() for run in runs]
 
 
-def read_runs(folder: str | Path, kind: str, left_out: dict[str, str] | None = None) -> list[TouchLog]:
+def read_runs(folder: Path, kind: str, left_out: LeftOut = None) -> list[TouchLog]:
     """All runs of one kind, a key of `FOLDERS`, in the order of their names."""
-    folder = Path(folder)
     paths = sorted(path.parent for path in (folder / FOLDERS[kind]).glob("*/states.csv"))
     return read_each(lambda path: read_run(path, folder, kind), paths, left_out)
 

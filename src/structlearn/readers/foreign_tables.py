@@ -17,6 +17,8 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.reading import LARGEST, Budget, digest, require_file
 
 T = TypeVar("T")
+LeftOut = dict[str, str] | None
+"""Why files are left out, by their names; None where none may be."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ def natural_order(name: str) -> list[str | int]:
     return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"(\d+)", name))]
 
 
-def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: dict[str, str] | None) -> list[T]:
+def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: LeftOut) -> list[T]:
     """Read files one by one; with a dict for the reasons, those that cannot be read are left out."""
     found = []
     for path in paths:

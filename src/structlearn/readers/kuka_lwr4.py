@@ -9,22 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.core.errors import InputError
-from structlearn.readers.foreign_tables import PublicSet, read_arrays, read_each, stamps_of
+from structlearn.readers.foreign_tables import LeftOut, PublicSet, read_arrays, read_each, stamps_of
 from structlearn.readers.joint_log import JointLog, signals_of
 
 SOURCE = PublicSet(
-    "https://github.com/kjyv/FloBaRoID",
-    "e6c077ea5c09bceb49840f49e83450bb5979029b",
-    "LGPL-3.0",
+    "https://github.com/kjyv/FloBaRoID", "e6c077ea5c09bceb49840f49e83450bb5979029b", "LGPL-3.0"
 )
 JOINTS = tuple(f"lwr_{number}_joint" for number in range(7))  # as in the arm's URDF
 
 
-def read_motion(
-    folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
-) -> list[JointLog]:
+def read_motion(folder: Path, entry: Any = None, left_out: LeftOut = None) -> list[JointLog]:
     """All logs `measurements_*.npz` of a folder, or of folders there, about 200 Hz and uneven."""
-    folder = Path(folder)
     found = SOURCE.files(folder, "measurements_*.npz", "logs (measurements_1.npz, ...)")
     return read_each(partial(_read, folder), found, left_out)
 

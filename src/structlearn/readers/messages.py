@@ -23,11 +23,13 @@ from typing import Any, Literal
 
 import numpy as np
 from mcap.reader import make_reader
+from mcap.records import Schema
+from mcap.well_known import SchemaEncoding
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
-from structlearn.readers.bag import RawMessages, of_one_type
+from structlearn.readers.bag import RawMessages
 from structlearn.readers.cdr import Decoded, columns, decoded, short_name
 from structlearn.readers.clock import at_row, in_order
 from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream
@@ -78,23 +80,13 @@ READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]
 order x, y, z, w. Joint states, transforms and markers have functions of their own."""
 
 
-def check_readable(where: str, role: Role | Literal["transforms"], types: Sequence[str]) -> None:
-    """Raise an InputError unless all messages of a topic have one type that can be read in its role."""
-    if len(types) > 1:
-        raise InputError(f"{where} has messages of several types: {', '.join(types)}")
-    if short_name(types[0]) not in READERS[role]:
-        raise InputError(
-            f"{where} has messages of type {types[0]}; {role} can be read from {', '.join(READERS[role])}"
-        )
-
-
 def to_stream(
     where: str, topic: str, role: Kind, messages: RawMessages, policy: StampPolicy
 ) -> tuple[Stream, str | None]:
     """Stream of one topic, neither of joint states nor of shapes, and what was done about its stamps."""
     groups = decoded(where, messages)
     schema = messages.schemas[0]
-    assert schema is not None  # `check_readable` lets none pass
+    assert schema is not None  # `bag_recording.readable` lets none pass
     short = short_name(schema.name)
     with fields_named(where):
         stamps = sample_stamps(messages, () if short in WITHOUT_HEADER else groups, policy)
@@ -205,7 +197,7 @@ def to_messages(where: str, stream: Stream) -> RawMessages:
             place[:] = column
     if np.isinf(places).any():
         raise InputError(f"{where}: a count is too large for float32")
-    return of_one_type(message_type, definition(message_type), stream.stamps, content)
+    return _of_one_type(message_type, stream.stamps, content)
 
 
 def joint_messages(
@@ -217,7 +209,7 @@ def joint_messages(
     content, fields = _blank(where, message_type, stamps, names, lengths)
     for kind, its in values.items():
         getattr(fields, FIELDS[kind])[:] = its
-    return of_one_type(message_type, definition(message_type), stamps, content)
+    return _of_one_type(message_type, stamps, content)
 
 
 def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
@@ -271,7 +263,7 @@ def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
         for shape in shapes
     ]
     data = np.frombuffer(_encoded(SHAPES_TYPE, {"markers": markers}), dtype=np.uint8)
-    return of_one_type(SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
+    return _of_one_type(SHAPES_TYPE, np.array([stamp]), data[None])
 
 
 @cache
@@ -282,6 +274,13 @@ def definition(message_type: str) -> str:
         nested = re.findall(r"^(\w+/\w+)", texts[name], re.MULTILINE)
         names += [one for one in dict.fromkeys(nested) if one not in names]
     return f"{'=' * 80}\n".join([texts[names[0]], *(f"MSG: {one}\n{texts[one]}" for one in names[1:])])
+
+
+def _of_one_type(message_type: str, stamps: np.ndarray, content: np.ndarray) -> RawMessages:
+    """Messages (T, L) uint8 of one type at (T,) increasing stamps in ns."""
+    text = definition(message_type).encode()
+    schema = Schema(id=0, name=message_type, encoding=SchemaEncoding.ROS2, data=text)
+    return RawMessages(stamps, [schema] * len(stamps), [row.tobytes() for row in content])
 
 
 def _blank(

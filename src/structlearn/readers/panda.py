@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.core.errors import InputError
-from structlearn.readers.foreign_tables import PublicSet, read_each, read_stamped_table, read_table
+from structlearn.readers.foreign_tables import LeftOut, PublicSet, read_each, read_stamped_table, read_table
 from structlearn.readers.joint_log import JointLog
 
 SOURCE = PublicSet(
@@ -26,15 +26,12 @@ SIGNALS = {
 }  # and their files' last word
 
 
-def read_motion(
-    folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
-) -> list[JointLog]:
+def read_motion(folder: Path, entry: Any = None, left_out: LeftOut = None) -> list[JointLog]:
     """All motions NAME_{positions,velocity,torques,time}.txt of a folder, or of folders of them.
 
     The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six
     significant digits. Names of folders precede those of their motions.
     """
-    folder = Path(folder)
     found = SOURCE.files(folder, "*_positions.txt", "motion (exciting_traj_positions.txt, ...)")
     return read_each(partial(_read, folder), found, left_out)
 

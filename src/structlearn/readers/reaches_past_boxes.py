@@ -15,6 +15,7 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.demonstration import Form, NamedShape, Recording, Stream
 from structlearn.readers.foreign_tables import (
+    LeftOut,
     PublicSet,
     check_rising,
     finite_numbers,
@@ -41,7 +42,7 @@ SOURCE_TARGET, SOURCE_BOX = "Target", "FailOnTouchObstacle"
 BOUNDARIES = {f"{side}Boundary": f"{BOUNDARY} {side.lower()}" for side in ("Left", "Right", "Back")}
 
 
-def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str] | None = None) -> list[Recording]:
+def read_obstacles(folder: Path, entry: Any, left_out: LeftOut = None) -> list[Recording]:
     """Trials of all people in natural order: the hand's pose, boxes, walls and target as named shapes.
 
     Trials are named like "sub_01_T012"; provenance says when the hand had moved and when the target was

@@ -268,8 +268,10 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
     return sorted(found, key=lambda file: natural_order(file.name))
 
 
-def as_recording_file(path: Path) -> RecordingFile:
+def as_recording_file(path: str | Path | RecordingFile) -> RecordingFile:
     """A single file, MCAP unless its suffix says otherwise; `~` is the home folder."""
+    if isinstance(path, RecordingFile):
+        return path
     path = home_path(path)
     suffix = _suffix(path)
     return RecordingFile(path.name.removesuffix(suffix) or path.name, SUFFIXES.get(suffix, "mcap"), (path,))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.foreign_tables import PublicSet, check_rising, read_each, read_stamped_table
+from structlearn.readers.foreign_tables import LeftOut, PublicSet, check_rising, read_each, read_stamped_table
 from structlearn.readers.joint_log import DriveLog, signals_of
 from structlearn.readers.source import check_names
 
@@ -27,14 +27,11 @@ SIGNALS = signals_of(DriveLog)  # in the order of the columns, one of each per j
 OLDER_COLUMNS = 19  # of the logs of 2019, which have positions, velocities and currents only: no gain follows
 
 
-def read_motion(
-    folder: str | Path, entry: Any = None, left_out: dict[str, str] | None = None
-) -> list[DriveLog]:
+def read_motion(folder: Path, entry: Any = None, left_out: LeftOut = None) -> list[DriveLog]:
     """All logs `ur-NAME.csv` of a folder or of folders there, without those of `OLDER_COLUMNS`.
 
     They have no header; time in s, then the columns of `SIGNALS`.
     """
-    folder = Path(folder)
     found = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.stem)
     paths = [path for path in found if not _is_older(path)]
     if older := [path.name for path in found if path not in paths]:

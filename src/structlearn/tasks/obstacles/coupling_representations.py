@@ -15,7 +15,13 @@ from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import averaged, selected_inputs
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
-from structlearn.avoidance.network_training import COLUMNS, NetworkParameters, stacked, train_member
+from structlearn.avoidance.network_training import (
+    COLUMNS,
+    NetworkParameters,
+    seen_columns,
+    stacked,
+    train_member,
+)
 from structlearn.avoidance.rai_2014 import fit_human_inspired
 from structlearn.avoidance.scene_models import (
     reach_scenes,
@@ -30,8 +36,6 @@ from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.readers.demonstration import Demonstration
-
-INPUTS = tuple(COLUMNS)
 
 
 class RepresentationParameters(Parameters):
@@ -50,16 +54,16 @@ NETWORK, ENSEMBLE, PMNN = "network", "ensemble", "pmnn"
 REPRESENTATIONS = (
     (HUMAN_INSPIRED, "features"),
     (STOPPED, "features"),
-    *((name, inputs) for name in (RIDGE, NETWORK, ENSEMBLE) for inputs in INPUTS),
+    *((name, inputs) for name in (RIDGE, NETWORK, ENSEMBLE) for inputs in COLUMNS),
     (PMNN, "phase"),
 )
 # longest first; the ensemble's first member is the network
 FITS = (
-    *((ENSEMBLE, inputs) for inputs in reversed(INPUTS)),
+    *((ENSEMBLE, inputs) for inputs in reversed(COLUMNS)),
     (PMNN, "phase"),
     (HUMAN_INSPIRED, "features"),
     (STOPPED, "features"),
-    *((RIDGE, inputs) for inputs in INPUTS),
+    *((RIDGE, inputs) for inputs in COLUMNS),
 )
 
 
@@ -124,11 +128,7 @@ def _held_out(
 
 
 def _fitted(
-    name: str,
-    inputs: str,
-    training: AvoidanceDataset,
-    fold: int,
-    parameters: RepresentationParameters,
+    name: str, inputs: str, training: AvoidanceDataset, fold: int, parameters: RepresentationParameters
 ) -> dict[str, CouplingModel]:
     """Coupling models of one fit, keyed by representation."""
     if name == RIDGE:
@@ -156,7 +156,7 @@ def _ridge(training: AvoidanceDataset, inputs: str, decay: float) -> CouplingMod
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
 
-    columns = COLUMNS[inputs]
+    columns = seen_columns(inputs)
     regression = make_pipeline(StandardScaler(), Ridge(alpha=decay))
     seen = selected_inputs(training.features, training.phase, training.phase_velocity, columns)
     regression.fit(seen, training.target)

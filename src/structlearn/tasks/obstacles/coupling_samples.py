@@ -37,14 +37,7 @@ class RecordedSamples(NamedTuple):
     provenance: Mapping[str, str]
 
 
-def read_obstacles(folder: Path, entry: Any, left_out: dict[str, str]) -> RecordedSamples:
-    """Reader of a task, see `task_import`."""
-    samples = read_coupling_samples(folder)
-    files = list(sample_files(folder).values())
-    return RecordedSamples(samples, SOURCE.provenance(Path(folder), files))
-
-
-def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
+def read_obstacles(folder: Path, entry: Any = None, left_out: Any = None) -> RecordedSamples:
     """Dataset of one scenario in which every row is a separate demonstration; `time` is a fraction.
 
     Raises MissingInputError: there are no files. Raises InputError: a file is missing, has other columns or
@@ -53,7 +46,7 @@ def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
     """
     paths = sample_files(folder)
     if not any(path.exists() for path in paths.values()):
-        raise MissingInputError(f"{Path(folder) / FOLDER}: holds no samples of obstacle avoidance")
+        raise MissingInputError(f"{folder / FOLDER}: holds no samples of obstacle avoidance")
     seen, target, modulation = (read_table(paths[name], columns) for name, (_, columns) in FILES.items())
     for name, table in zip(FILES, (seen, target, modulation), strict=True):
         if len(table) != len(seen):
@@ -74,7 +67,7 @@ def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
             f"(the nearest is {error.max():.3g} off)"
         )
     p, _ = canonical.phase(time, canonical.time_constant(1.0))
-    return AvoidanceDataset(
+    samples = AvoidanceDataset(
         features=seen,
         target=target,
         phase=p,
@@ -83,12 +76,13 @@ def read_coupling_samples(folder: str | Path) -> AvoidanceDataset:
         demonstration=np.arange(len(seen)),
         time=time,
     )
+    return RecordedSamples(samples, SOURCE.provenance(folder, list(paths.values())))
 
 
-def sample_files(folder: str | Path) -> dict[str, Path]:
+def sample_files(folder: Path) -> dict[str, Path]:
     """Path of each table, keyed as in `FILES`."""
     stem = "subsampled_test_unroll_prim_1_{}_obs_avoid.txt"
-    return {name: Path(folder) / FOLDER / stem.format(part) for name, (part, _) in FILES.items()}
+    return {name: folder / FOLDER / stem.format(part) for name, (part, _) in FILES.items()}
 
 
 def phase_times(modulation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

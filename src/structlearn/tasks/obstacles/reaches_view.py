@@ -9,22 +9,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import BLACK, DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_WAYS, Look
-from structlearn.viewer.rrd import (
-    entity,
-    eye_view,
-    layout,
-    legend,
-    notes_view,
-    plot,
-    recording,
-    rgba,
-    send_curve,
-    send_floor_axes,
-    send_moving_frame,
-    send_notes,
-    solid_boxes,
-    time_column,
-)
+from structlearn.viewer import rrd
+from structlearn.viewer.rrd import entity, rgba
 
 LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
     way: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer's ground is black
@@ -49,33 +35,33 @@ def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataF
 
     `tables`: `paths` and `shapes` of `avoidance.scene_folds.SceneResults`.
     """
-    colours = legend({look.name: look.colour for look in LOOKS.values()})
-    with recording(path, title) as stream:
-        send_notes(stream, f"# {title}\n\n{NOTE}\n\n{colours}")
+    colours = rrd.legend({look.name: look.colour for look in LOOKS.values()})
+    with rrd.recording(path, title) as stream:
+        rrd.send_notes(stream, f"# {title}\n\n{NOTE}\n\n{colours}")
         tabs = []
         for name, paths in tables["paths"].groupby("reach", sort=False):
             shapes = tables["shapes"].query("reach == @name")
             middle, floor = _send_shapes(stream, name, shapes)
             for way, look in LOOKS.items():
                 _send_way(stream, name, look, paths[paths["way"] == way], shapes[shapes["box"]])
-            scene = eye_view(name, [f"{entity(name)}/**"], middle, EYE_M, floor)
-            clearance = plot("distance to the nearest obstacle (mm)", [f"{entity('distance', name)}/**"])
-            beside = rrb.Vertical(notes_view(), clearance)
+            scene = rrd.eye_view(name, [f"{entity(name)}/**"], middle, EYE_M, floor)
+            clearance = rrd.plot("distance to the nearest obstacle (mm)", [f"{entity('distance', name)}/**"])
+            beside = rrb.Vertical(rrd.notes_view(), clearance)
             tabs.append(rrb.Horizontal(scene, beside, column_shares=[2, 1], name=name))
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
 def _send_shapes(stream: rr.RecordingStream, name: str, shapes: pd.DataFrame) -> tuple[np.ndarray, float]:
     """Log obstacles, walls and axes; returns the obstacles' middle (3,) m and the floor's height."""
     sizes, centres = (shapes[columns].to_numpy() for columns in (EXTENT, PLACE))
     solid = shapes["box"].to_numpy(bool)
-    stream.log(entity(name, "obstacles"), solid_boxes(sizes[solid], centres[solid], [GREY]), static=True)
+    stream.log(entity(name, "obstacles"), rrd.solid_boxes(sizes[solid], centres[solid], [GREY]), static=True)
     edges = rr.components.FillMode.MajorWireframe
     walls = rr.Boxes3D(
         sizes=sizes[~solid], centers=centres[~solid], colors=rgba([LIGHT_GREY]), fill_mode=edges
     )
     stream.log(entity(name, "walls"), walls, static=True)
-    floor = send_floor_axes(stream, entity(name, "axes"), (centres - 0.5 * sizes)[solid])
+    floor = rrd.send_floor_axes(stream, entity(name, "axes"), (centres - 0.5 * sizes)[solid])
     return centres[solid].mean(axis=0), floor
 
 
@@ -88,7 +74,7 @@ def _send_way(
     line = rr.LineStrips3D([points], colors=rgba([look.colour]), radii=-width)
     path = entity(name, look.name)
     stream.log(f"{path}/path", line, static=True)
-    send_moving_frame(stream, f"{path}/hand", [time_column(time)], points, None, look.colour, 0.0)
+    rrd.send_moving_frame(stream, f"{path}/hand", [rrd.time_column(time)], points, None, look.colour, 0.0)
     beyond = np.abs(points[:, None] - boxes[PLACE].to_numpy()) - 0.5 * boxes[EXTENT].to_numpy()
     apart = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1).min(axis=1)
-    send_curve(stream, entity("distance", name, look.name), time, 1e3 * apart, look.name, look.colour)
+    rrd.send_curve(stream, entity("distance", name, look.name), time, 1e3 * apart, look.name, look.colour)

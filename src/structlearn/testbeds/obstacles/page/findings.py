@@ -54,6 +54,7 @@ EVERY = (*SHAPES, ALL)
 FEW_HITS = 1  # of the unseen spheres, that a person's model may hit to be good
 PARTS = {"learned from": "train", "held out": "test"}
 MODEL = ["protocol", "rules", "model", "learned_from"]
+Sources = str | Iterable[str]  # what models learned from
 
 
 @lru_cache
@@ -68,7 +69,7 @@ class ObstacleResults:
 
     scores: pd.DataFrame  # of every unroll, see `avoidance_protocols.evaluate`
     paths: pd.DataFrame  # of the unrolls with limits at the goal of the person shown, see there
-    demonstration_scores: pd.DataFrame  # of everybody, see `people.demonstration_scores`
+    demonstration_scores: pd.DataFrame  # of everybody, see `avoidance_scores.demonstration_scores`
     errors: pd.DataFrame  # of the models, see `avoidance_fits.learn`
     baselines: Mapping[int, PositionPrimitive]  # unhindered reaches by person
     scenarios: Sequence[Scenario]  # of the demonstrations, in order
@@ -113,35 +114,28 @@ class ObstacleResults:
         self,
         protocol: str,
         model: str = NO_MODEL,
-        learned_from: str | Iterable[str] = "",
+        learned_from: Sources = "",
         rules: str = LIMITED,
         obstacle: str | None = None,
         person: int | None = None,
     ) -> pd.DataFrame:
         """Scores of one protocol and model, in their order, of people of this run."""
-        keys = [(protocol, rules, model, source) for source in _listed(learned_from)]
-        none = self.scores.iloc[:0]
-        found = pd.concat([self._by_model.get(key, none) for key in keys]).sort_index(kind="stable")
-        mask = found["person"].isin(self.people if person is None else [person])
-        return found[mask if obstacle is None else mask & (found["obstacle"] == obstacle)]
+        its = _of_model(self.scores, protocol, model, learned_from, rules)
+        its = its[its["person"].isin(self.people if person is None else [person])]
+        return its if obstacle is None else its[its["obstacle"] == obstacle]
 
     def reached(
-        self,
-        protocol: str,
-        model: str = NO_MODEL,
-        learned_from: str | Iterable[str] = "",
-        rules: str = LIMITED,
+        self, protocol: str, model: str = NO_MODEL, learned_from: Sources = "", rules: str = LIMITED
     ) -> pd.DataFrame:
         """Rows of `by_person` of one protocol and kind of model."""
-        its = matching(self.by_person, protocol=protocol, model=model, rules=rules)
-        return its[its["learned_from"].isin(_listed(learned_from))]
+        return _of_model(self.by_person, protocol, model, learned_from, rules)
 
-    def hits(self, protocol: str, model: str = NO_MODEL, learned_from: str | Iterable[str] = "") -> int:
+    def hits(self, protocol: str, model: str = NO_MODEL, learned_from: Sources = "") -> int:
         """Number of hits with limits at the goal, of all people together."""
         return int(self.reached(protocol, model, learned_from)["hits"].sum())
 
     def hits_by_person(
-        self, protocol: str, form: tuple[str, str], learned_from: str | Iterable[str]
+        self, protocol: str, form: tuple[str, str], learned_from: Sources
     ) -> tuple[np.ndarray, np.ndarray]:
         """Hits (P,) and reaches (P,) of each person with a kind of model and its rules."""
         kind, rules = form
@@ -183,17 +177,16 @@ class ObstacleResults:
         pairs = [(kind, source) for kind in KINDS for source in ("", *EVERY)]
         return [pair for pair in pairs if len(self.rows(UNSEEN, *pair))]
 
-    @cached_property
-    def _by_model(self) -> dict[tuple[str, ...], pd.DataFrame]:
-        """Scores of everybody by protocol, rules, model and what it learned from."""
-        return dict(iter(self.scores.groupby(["protocol", "rules", "model", "learned_from"], sort=False)))
-
     def _of_people(self, table: pd.DataFrame) -> pd.DataFrame:
         return table[table["person"].isin(self.people)]
 
 
-def _listed(names: str | Iterable[str]) -> list[str]:
-    return [names] if isinstance(names, str) else list(names)
+def _of_model(
+    table: pd.DataFrame, protocol: str, model: str, learned_from: Sources, rules: str
+) -> pd.DataFrame:
+    """Rows of one protocol, kind of model, source or sources, and rules."""
+    its = matching(table, protocol=protocol, model=model, rules=rules)
+    return its[its["learned_from"].isin([learned_from] if isinstance(learned_from, str) else learned_from)]
 
 
 def reaches_by_person(scores: pd.DataFrame, farthest_m: float) -> pd.DataFrame:

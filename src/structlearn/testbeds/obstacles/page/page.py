@@ -276,7 +276,7 @@ def hits(results: ObstacleResults) -> pd.DataFrame:
 
 
 def summary(rows: pd.DataFrame) -> Row:
-    """Extremes and means over scenarios of `avoidance_scores.scores` or `people.demonstration_scores`."""
+    """Extremes and means over scenarios of `avoidance_scores.scores` or `demonstration_scores`."""
     goal, obstacle = rows["goal_distance_m"], rows["obstacle_distance"]
     row: Row = {"goal_max": goal.max(), "goal_mean": goal.mean(), "hits": int(rows["hit"].sum())}
     row |= {"obstacle_min": obstacle.min(), "obstacle_mean": obstacle.mean()}

@@ -80,7 +80,7 @@ def learn(
     """Train every model of everybody, from datasets by person.
 
     Phase-modulated networks, on which no claim rests, are trained for the person `modulated` only. Returns
-    models by person, and `network_training.fit_errors` by `KEYS` and `part`; models of all shapes have a row
+    models by person, and `network_training.fit_errors` by `KEYS`; models of all shapes have a row
     for each shape. Raises InputError: datasets of other scenarios, too few samples, a constant target.
     """
     own = own_scenarios(scenarios, list(datasets))
@@ -147,15 +147,14 @@ def _models(lessons: Sequence[_Lesson], stack: Stack, person: int) -> dict[str, 
 
 def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -> pd.DataFrame:
     """Errors on every lesson of the models that learned it, alone or among others."""
-    keys, scored = [], []
+    rows = []
     for (person, source), same in groupby(lessons, key=lambda one: (one.person, one.learned_from)):
         for place, one in enumerate(same):
             for kind, found in models[person].items():
                 for name in (source, ALL) if source != SETTING else (source,):
                     if name in found:
                         model = found[SETTING].take([place]) if source == SETTING else found[name]
-                        keys.append((person, kind, name, one.obstacle, one.setting))
-                        scored.append((one.dataset, one.test, model))
-    found = fit_errors(*zip(*scored, strict=True))
-    rows = pd.DataFrame(keys, columns=KEYS).iloc[found.pop("model")].reset_index(drop=True)
-    return pd.concat([rows, found], axis=1)
+                        values = (person, kind, name, one.obstacle, one.setting)
+                        key = dict(zip(KEYS, values, strict=True))
+                        rows += [key | row for row in fit_errors(one.dataset, one.test, model)]
+    return pd.DataFrame(rows)

@@ -2,19 +2,33 @@
 
 The tables' distance to an obstacle is unitless, (|x - centre| - r) / r with the virtual radius r; a movement
 hits when it is 0 or less. This is exact for spheres only; beside it there is the distance to the closest
-point of the cloud in m.
+point of the cloud in m. Demonstrations are scored likewise: one person's are stored, to be shown, those of
+others simulated.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from structlearn.avoidance.avoidance_dataset import (
+    AvoidanceDataParameters,
+    avoidance_dataset,
+    fit_baseline,
+    to_local,
+    to_table,
+)
 from structlearn.avoidance.avoiding_unroll import AvoidancePaths
 from structlearn.avoidance.features import closest_distance
-from structlearn.avoidance.shapes import CloudBatch
+from structlearn.avoidance.shapes import CLOUD_COUNT, CloudBatch, cloud_batch
 from structlearn.core.errors import InputError
+from structlearn.primitives.position import PositionPrimitive
 from structlearn.primitives.vector import sample_count
+from structlearn.readers.demonstration import Demonstration, read_runs
+from structlearn.testbeds.obstacles.files import BASELINE
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, demonstrations
+from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, scenarios
 
 LATE_FACTOR = 1.5  # durations after which the goal distance is scored again: the forcing term is gone
 
@@ -70,3 +84,51 @@ def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndar
             "restrained": (paths.asked != paths.coupling)[:, :end].any(axis=-1).mean(axis=1),
         }
     )
+
+
+def taught(
+    seed: int,
+    recorded: str | Path,
+    scene: SceneParameters,
+    person: AvoiderParameters,
+    parameters: AvoidanceDataParameters,
+) -> tuple[PositionPrimitive, pd.DataFrame, pd.DataFrame]:
+    """Baseline, samples (`avoidance_dataset.to_table`) and `demonstration_scores` of one person.
+
+    `recorded`: folder with the runs of `person`; other seeds are simulated. Tables have a column `person`.
+    """
+    places = scenarios(scene)
+    if seed == person.seed:
+        names = [BASELINE, *(place.name for place in places)]
+        unhindered, *sets = [read_runs(Path(recorded, f"{name}.parquet")) for name in names]
+    else:
+        other = person.model_copy(update={"seed": seed})
+        unhindered, *sets = [demonstrations(place, scene, other) for place in [None, *places]]
+    baseline = fit_baseline(unhindered, parameters)
+    pairs = zip((place.obstacle for place in places), sets, strict=True)
+    samples = to_table(avoidance_dataset(pairs, baseline, parameters))
+    scored = demonstration_scores(sets, places, baseline, parameters.cloud_count)
+    return baseline, samples.assign(person=seed), scored.assign(person=seed)
+
+
+def demonstration_scores(
+    sets: Sequence[Sequence[Demonstration]],
+    scenarios: Sequence[Scenario],
+    baseline: PositionPrimitive,
+    cloud_count: int = CLOUD_COUNT,
+) -> pd.DataFrame:
+    """Columns of `scores` for the demonstrations, with the goal distance at the last sample.
+
+    By `obstacle`, `scenario` (number of the setting) and `demonstration` (from 1).
+    """
+    goal, rows = to_local(baseline.goal, baseline), []
+    for scenario, its in zip(scenarios, sets, strict=True):
+        cloud = cloud_batch(to_local(scenario.obstacle.cloud(cloud_count), baseline)[None])
+        for number, one in enumerate(its, start=1):
+            position = to_local(one.position, baseline)
+            (distance,), (clearance,) = closest_approaches(one.time, position[None], [cloud])
+            left = np.linalg.norm(position[-1] - goal)
+            keys = (scenario.shape, scenario.setting, number)
+            rows.append((*keys, distance, distance <= 0.0, clearance, left))
+    columns = ["obstacle", "scenario", "demonstration", "obstacle_distance", "hit", "clearance_m"]
+    return pd.DataFrame(rows, columns=[*columns, "goal_distance_m"])

@@ -30,23 +30,8 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
     without_avoidance,
 )
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
-from structlearn.viewer.rrd import (
-    FLOOR_SQUARE_M,
-    entity,
-    layout,
-    legend,
-    notes_view,
-    origin_label,
-    plot,
-    recording,
-    rgba,
-    scene_view,
-    send_curve,
-    send_floor_axes,
-    send_moving_frame,
-    send_notes,
-    time_column,
-)
+from structlearn.viewer import rrd
+from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
 
 BARE = SOURCES[""]  # look of the reach without avoidance
 PALE = 0.5  # opacity of demonstrations, of which there are many, and of future paths
@@ -119,16 +104,16 @@ def write_avoidance_demonstrations(
 
     `places`: a scenario of each setting, and whether the reach without avoidance hits an obstacle there.
     """
-    origin = origin_label([*unhindered, *(one for group in shown for one in group.demonstrations)])
-    with recording(path, title) as stream:
-        send_notes(stream, _notes(title, origin, shown, unhindered, places))
+    origin = rrd.origin_label([*unhindered, *(one for group in shown for one in group.demonstrations)])
+    with rrd.recording(path, title) as stream:
+        rrd.send_notes(stream, _notes(title, origin, shown, unhindered, places))
         everything = _send_settings(stream, unhindered, baseline, places)
-        floor = send_floor_axes(stream, "/axes", everything)
+        floor = rrd.send_floor_axes(stream, "/axes", everything)
         settings = scene_view("all settings", ["/places", "/unhindered/**", "/axes"], everything, floor)
         scenes, details = [], []
         for one in shown:
             name, points = one.scenario.name, send_scenario(stream, one)
-            floor = send_floor_axes(stream, entity(name, "axes"), points)
+            floor = rrd.send_floor_axes(stream, entity(name, "axes"), points)
             parts = ("obstacle", "demonstrated", BARE.name, "hands", "axes")
             contents = [f"{entity(name, part)}/**" for part in parts]
             scenes.append(scene_view(name, contents, points, floor))
@@ -140,10 +125,10 @@ def write_avoidance_demonstrations(
             "all settings": settings,
         }
         tabs = [
-            rrb.Horizontal(view, notes_view(), column_shares=[4, 1], name=words)
+            rrb.Horizontal(view, rrd.notes_view(), column_shares=[4, 1], name=words)
             for words, view in views.items()
         ]
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, *details, active_tab=0)))
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, *details, active_tab=0)))
 
 
 def _send_settings(
@@ -202,7 +187,7 @@ def _notes(
         f"{sum(hit for _, hit in places)} settings the reach without avoidance hits an obstacle: it enters "
         "the virtual radius, as in the tables. Dots on an obstacle are the cloud that models see; a point is "
         "the hand.\n\n"
-        f"{legend(colours)}\n\nPlay the time line to see the hands move.\n"
+        f"{rrd.legend(colours)}\n\nPlay the time line to see the hands move.\n"
     )
 
 
@@ -212,8 +197,8 @@ def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], ti
     A column has paths with coupling terms beside the demonstrations, the distance to the obstacle, and
     coupling terms over time beside the demonstrated ones.
     """
-    origin = origin_label([one for group in shown for one in group.demonstrations])
-    with recording(path, title) as stream:
+    origin = rrd.origin_label([one for group in shown for one in group.demonstrations])
+    with rrd.recording(path, title) as stream:
         tabs = []
         for one in shown:
             name, points = one.scenario.name, send_scenario(stream, one)
@@ -222,13 +207,13 @@ def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], ti
                     curve = entity(name, "demonstrated terms", direction, str(number))
                     time, term = (rows[key].to_numpy(float) for key in ("time_s", f"target_{'xyz'[axis]}"))
                     send_curve(stream, curve, time, term, DEMONSTRATIONS.name, DIM)
-            send_notes(stream, _trained_notes(title, origin, one), name)
-            floor = send_floor_axes(stream, entity(name, "axes"), points)
+            rrd.send_notes(stream, _trained_notes(title, origin, one), name)
+            floor = rrd.send_floor_axes(stream, entity(name, "axes"), points)
             kinds = [kind for kind in KINDS if kind != NO_MODEL and of_model(one.reaches, kind)]
             columns = [_send_model(stream, one, kind, points, floor) for kind in kinds]
             shares = [5] * len(columns) + [4]
-            tabs.append(rrb.Horizontal(*columns, notes_view(name), column_shares=shares, name=name))
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+            tabs.append(rrb.Horizontal(*columns, rrd.notes_view(name), column_shares=shares, name=name))
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
 def _send_model(
@@ -276,7 +261,7 @@ def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:
     ]
     people = min(1e3 * surface(person.position).min() for person in one.demonstrations)
     looks = [DEMONSTRATIONS, *(SOURCES[reach.learned_from] for reach in one.reaches)]
-    colours = legend({look.name: look.colour for look in looks})
+    colours = rrd.legend({look.name: look.colour for look in looks})
     return (
         f"# {title}\n\nThe {one.scenario.shape} in setting {one.scenario.setting:02d}, and what models do "
         f"that learned from it{origin}: from this setting alone, from all {one.scenario.shape}s, or from all "
@@ -323,7 +308,7 @@ def send_hand(
     stream: rr.RecordingStream, path: str, time: np.ndarray, position: np.ndarray, colour: str
 ) -> None:
     """Log a hand over time (T,) in s, as a point (T, 3) in m."""
-    send_moving_frame(stream, path, [time_column(time)], position, None, colour, 0.0)
+    rrd.send_moving_frame(stream, path, [time_column(time)], position, None, colour, 0.0)
 
 
 def arrow_vectors(coupling: np.ndarray) -> np.ndarray:

@@ -30,23 +30,8 @@ from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
     send_hand,
     send_paths,
 )
-from structlearn.viewer.rrd import (
-    FLOOR_SQUARE_M,
-    entity,
-    layout,
-    legend,
-    notes_path,
-    notes_view,
-    plot,
-    recording,
-    rgba,
-    scene_view,
-    send_curve,
-    send_floor_axes,
-    send_notes,
-    send_series,
-    time_column,
-)
+from structlearn.viewer import rrd
+from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
 
 SPHERE, STEPS_PER_S = "sphere", 2.0  # time line on which each step is another sphere
 SHOWN = 3  # reaches per situation, evenly spread over those that hit without avoidance
@@ -68,8 +53,8 @@ def write_unseen_avoidance(
     """
     centres = in_base_frame(situation.obstacles[0].centre, baseline)
     ensembles = ensembles_of(groups)
-    with recording(path, title) as stream:
-        send_notes(stream, _notes(title, groups))
+    with rrd.recording(path, title) as stream:
+        rrd.send_notes(stream, _notes(title, groups))
         steps = [rr.TimeColumn(SPHERE, sequence=situation.numbers)]
         _send_spheres(stream, situation, centres, groups, baseline, steps)
         bare = [without_avoidance(group) for group in groups]
@@ -92,9 +77,9 @@ def write_unseen_avoidance(
             head = f"## Sphere {number}\n\n| path | closest (radii) | |\n|---|---|---|\n"
             texts.append(head + "\n".join(rows))
         columns = rr.TextDocument.columns(text=texts, media_type=[rr.MediaType.MARKDOWN] * len(texts))
-        stream.send_columns(notes_path(SPHERE), steps, columns)
+        stream.send_columns(rrd.notes_path(SPHERE), steps, columns)
         everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
-        floor = send_floor_axes(stream, "/axes", everything)
+        floor = rrd.send_floor_axes(stream, "/axes", everything)
         stream.send_blueprint(_blueprint(ensembles, centres, everything, floor))
 
 
@@ -117,7 +102,7 @@ def hits_table(groups: Sequence[Group]) -> str:
 def ensemble_legend(groups: Sequence[Group]) -> str:
     """Colours of ensembles and spheres, in Markdown."""
     ensembles = {model_name(ENSEMBLE, source): SOURCES[source].colour for source in ensembles_of(groups)}
-    return legend(ensembles | {look.name: look.colour for look in (BARE, HIT, FREE)})
+    return rrd.legend(ensembles | {look.name: look.colour for look in (BARE, HIT, FREE)})
 
 
 def _send_spheres(
@@ -142,7 +127,7 @@ def _send_spheres(
 def _send_closest(stream: rr.RecordingStream, reaches: Group, steps: Sequence[rr.TimeColumn]) -> None:
     look, name = SOURCES[reaches[0].learned_from], reaches[0].learned_from or BARE.name
     closest = np.array([[reach.obstacle_distance] for reach in reaches])
-    send_series(stream, entity("closest", name), steps, closest, [look.name], [look.colour])
+    rrd.send_series(stream, entity("closest", name), steps, closest, [look.name], [look.colour])
 
 
 def _blueprint(
@@ -152,16 +137,16 @@ def _blueprint(
     around = [entity(BARE.name), "/centres", "/axes"]
     one = scene_view("one sphere, all ensembles", ["/one/**", *around], points, floor)
     closest = plot("closest approach (radii; below 0: hit)", ["/closest/**"])
-    beside = rrb.Vertical(closest, notes_view(SPHERE, name="this sphere"), row_shares=[1, 1])
+    beside = rrb.Vertical(closest, rrd.notes_view(SPHERE, name="this sphere"), row_shares=[1, 1])
     stepped = rrb.Horizontal(one, beside, column_shares=[4, 3], name="one by one")
     scenes = [
         scene_view(model_name(ENSEMBLE, source), [entity("all", source), *around], everything, floor)
         for source in ensembles
     ]
     together = rrb.Horizontal(
-        rrb.Grid(*scenes, grid_columns=2), notes_view(), column_shares=[4, 1], name="all paths"
+        rrb.Grid(*scenes, grid_columns=2), rrd.notes_view(), column_shares=[4, 1], name="all paths"
     )
-    return layout(rrb.Tabs(together, stepped, active_tab=0), timeline=SPHERE, steps_per_s=STEPS_PER_S)
+    return rrd.layout(rrb.Tabs(together, stepped, active_tab=0), timeline=SPHERE, steps_per_s=STEPS_PER_S)
 
 
 def _notes(title: str, groups: Sequence[Group]) -> str:
@@ -185,18 +170,18 @@ def write_changing_avoidance(
 
     A tab has some reaches as scenes over time, with the distance to the nearest sphere below each.
     """
-    with recording(path, title) as stream:
+    with rrd.recording(path, title) as stream:
         tabs = []
         for situation in situations:
             protocol, groups = situation.protocol, groups_of(situation, reaches)
-            send_notes(stream, _changing_notes(title, protocol, groups), protocol)
+            rrd.send_notes(stream, _changing_notes(title, protocol, groups), protocol)
             cells = [
                 _send_scene(stream, situation, index, groups[index], baseline)
                 for index in shown_reaches(groups)
             ]
             shares, name = [4] * len(cells) + [3], SITUATIONS[protocol]
-            tabs.append(rrb.Horizontal(*cells, notes_view(protocol), column_shares=shares, name=name))
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+            tabs.append(rrb.Horizontal(*cells, rrd.notes_view(protocol), column_shares=shares, name=name))
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
 def shown_reaches(groups: Sequence[Group], count: int = SHOWN) -> list[int]:
@@ -251,7 +236,7 @@ def _send_scene(
         distance = 1e3 * surface_distances(reach.position, centres, radii).min(axis=0)
         send_curve(stream, entity(*parts, "distance", label), reach.time, distance, label, colour)
     everything = np.concatenate([*(reach.position for reach in drawn), *centres])
-    floor = send_floor_axes(stream, f"{scene}/axes", everything)
+    floor = rrd.send_floor_axes(stream, f"{scene}/axes", everything)
     contents = [f"{scene}/{part}/**" for part in ("spheres", "reaches", "ahead", "goal", "axes")]
     distances = plot("distance to the surface (mm)", [f"{scene}/distance/**"], legend=False)
     view = scene_view(heading, contents, everything, floor)
