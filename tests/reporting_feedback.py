@@ -17,7 +17,6 @@ from structlearn.primitives import canonical
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.studies import OURS, Study
 from structlearn.segmentation.segments import commanded_cuts
-from structlearn.testbeds.scraping.page.board_results import BoardResults
 from structlearn.testbeds.scraping.page.results import FeedbackResults
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION
 
@@ -158,25 +157,11 @@ def forms(metrics: Mapping[str, Mapping[str, float]], count: int = 5, spread: fl
     return Study({"findings": pd.concat(tables, ignore_index=True)})
 
 
-def board_results() -> BoardResults:
-    """Executions in which feedback helps at every tilt and costs something at 0 degrees."""
-    return BoardResults(
-        scores=scores(),
-        traces=traces(),
-        path_errors=path_errors(),
-        examples={
-            "nominal": [execution(seed, 10.0) for seed in range(2)],
-            "pointwise": [execution(seed, 10.0, corrected=8.0 + seed) for seed in range(2)],
-        },
-        corrected=[execution(seed, 10.0, corrected=10.0) for seed in range(2)],
-        example_deg=10.0,
-        axis=AXIS,
-        force_n=1.0,
-    )
-
-
 def feedback_results() -> FeedbackResults:
-    """Everything that the feedback stages would have written."""
+    """Everything that the feedback stages would have written.
+
+    Feedback helps at every tilt and costs something at 0 degrees.
+    """
     unrolls = [execution(seed) for seed in range(3)]
     cuts = commanded_cuts(unrolls, PRIMITIVES)
     table = comparison()
@@ -190,5 +175,15 @@ def feedback_results() -> FeedbackResults:
         comparison=table,
         orderings=orderings(table),
         seen_deg=SEEN,
-        board=board_results(),
+        scores=scores(),
+        traces=traces(),
+        path_errors=path_errors(),
+        examples={
+            "nominal": [execution(seed, 10.0) for seed in range(2)],
+            "pointwise": [execution(seed, 10.0, corrected=8.0 + seed) for seed in range(2)],
+        },
+        corrected=[execution(seed, 10.0, corrected=10.0) for seed in range(2)],
+        example_deg=10.0,
+        axis=AXIS,
+        force_n=1.0,
     )

@@ -12,7 +12,7 @@ from reporting_scraping import grid
 
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
-from structlearn.testbeds.scraping.page.board_results import RefinementResults
+from structlearn.testbeds.scraping.page.executed import RefinementResults
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import CONTACT_M

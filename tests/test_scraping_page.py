@@ -43,9 +43,8 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import OURS, stored_study
 from structlearn.testbeds.scraping.page import findings as own
 from structlearn.testbeds.scraping.page import page as module
-from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
+from structlearn.testbeds.scraping.page.board_figures import snapshots, turned
 from structlearn.testbeds.scraping.page.results import PEOPLE, ScrapingResults
-from structlearn.testbeds.scraping.page.tables import tables
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 
@@ -78,7 +77,7 @@ class Made:
     def __post_init__(self):
         self.find = own.findings(self.results)
         self.numbers = self.find.numbers()
-        shown = tables(self.results, module.published())
+        shown = module.tables(self.results, module.published())
         self.pages = module.pages(self.results, self.find, shown, module.published(), LISTED)
 
 
@@ -100,7 +99,7 @@ def rows(add, *results):
 def feedback_evidence(results, count=5, **changes):
     """What a study of people like that of the results finds."""
     study = people(rows(own.feedback_of_one, results).numbers(), count, **changes)
-    settings = results.board.settings_deg
+    settings = results.settings_deg
     return rows(own.feedback_of_people, own.ScrapingPeople(study, OURS, PRIMITIVES), ADAPTED, settings)
 
 

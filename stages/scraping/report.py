@@ -14,9 +14,8 @@ from structlearn.reporting.publishing import publish_report
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.page.findings import findings
-from structlearn.testbeds.scraping.page.page import drawings, pages, published
+from structlearn.testbeds.scraping.page.page import drawings, pages, published, tables
 from structlearn.testbeds.scraping.page.results import read_results
-from structlearn.testbeds.scraping.page.tables import tables
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters

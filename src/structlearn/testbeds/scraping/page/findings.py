@@ -23,7 +23,7 @@ from structlearn.reporting.studies import OURS, People
 from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import wins_at_every_noise_level
 from structlearn.testbeds.scraping.names import CUT_METHODS
-from structlearn.testbeds.scraping.page.board_results import RefinementResults
+from structlearn.testbeds.scraping.page.executed import RefinementResults
 from structlearn.testbeds.scraping.page.results import (
     PEOPLE,
     FeedbackResults,
@@ -114,7 +114,7 @@ def findings(results: ScrapingResults) -> Findings:
     its = find.among("people", PEOPLE)
     its.exact("people", people.count or np.nan, headline=True)
     segmentation_of_people(its, people, [one.name for one in results.segmentation.found_primitives])
-    feedback_of_people(its, people, feedback.adapted, feedback.board.settings_deg)
+    feedback_of_people(its, people, feedback.adapted, feedback.settings_deg)
     for form in (TEXT, OURS):
         refinement_of_people(its, people_of(results, form), results.refinement)
     return find
@@ -175,7 +175,7 @@ def feedback_of_one(find: Findings, results: FeedbackResults) -> None:
     tilt to tilt, of the roll torque without feedback and of the pointwise model's mean coupling term.
     `shared_nodes`: how many of ten dominant nodes any two phase kernels share.
     """
-    board, primitives = results.board, results.primitives
+    primitives = results.primitives
     named, cases = partial(key, primitives), partial(by_key, primitives)
     for (primitive, model, stopping), error in results.model_errors["generalization_mean"].items():
         find.exact(named(model, primitive, "generalization_nmse", stopping), error)
@@ -183,17 +183,17 @@ def feedback_of_one(find: Findings, results: FeedbackResults) -> None:
     find.exact("shared_nodes", cases({one: its[2] for one, its in dominant.items()}))
     over_phase = {one: sharing_over_phase(its[0]) for one, its in dominant.items()}
     find.exact("shared_nodes_over_phase", cases(over_phase))
-    costs = board.costs.set_index(["model", "primitive", "setting_deg"])["mean"]
-    for model in board.models:
+    costs = results.costs.set_index(["model", "primitive", "setting_deg"])["mean"]
+    for model in results.models:
         if model != NOMINAL:
-            find.exact(named("cost_ratio", model, "over_nominal"), cases(board.ratio(model)["ratio"]))
+            find.exact(named("cost_ratio", model, "over_nominal"), cases(results.ratio(model)["ratio"]))
         find.exact(named("cost", model), cases(costs[model]))
-    force = board.scores["force_n"] / board.force_n
+    force = results.scores["force_n"] / results.force_n
     find.exact("force_largest_error_percent", 100.0 * (force - 1.0).abs().max())
-    torque = board.nominal["roll_torque_mn_m"]
-    coupling = board.coupling.set_index(["setting_deg", "primitive"])["mean"]
+    torque = results.nominal["roll_torque_mn_m"]
+    coupling = results.coupling.set_index(["setting_deg", "primitive"])["mean"]
     for name, values in (("roll_torque", torque), ("coupling", coupling)):
-        steps = {one: smallest_step(values.xs(one, level="primitive")) for one in board.primitives}
+        steps = {one: smallest_step(values.xs(one, level="primitive")) for one in results.adapted}
         find.exact(f"{name}_smallest_step", cases(steps))
 
 
@@ -222,7 +222,7 @@ def refinement_of_one(find: Findings, results: RefinementResults, primitives: Se
         (results.ratios["baseline"] == NOMINAL) & results.ratios["setting_deg"].isin(tilted)
     ]
     largest = over_nominal.groupby("primitive")["ratio"].max()
-    find.exact("rl_over_nominal_max", cases(largest[results.primitives if tilted else []]))
+    find.exact("rl_over_nominal_max", cases(largest[results.adapted if tilted else []]))
     find.exact("rl_over_nominal_0", results.ratio(AFTER)["ratio"].get(0.0, np.nan))
     between: dict[str, float] = {}
     for row in results.between.itertuples():
@@ -311,7 +311,7 @@ def feedback_of_people(
 
 def refinement_of_people(find: Findings, people: ScrapingPeople, results: RefinementResults) -> None:
     """Of the page on refinement, in one form; `results` say what was executed and decide nothing."""
-    form, of, refined, executed = people.variant, people.of, results.refined, results.primitives
+    form, of, refined, executed = people.variant, people.of, results.refined, results.adapted
     lower = {name: of("rl_cost_ratio", name) for name in refined}
     find.geometric_mean(f"lower_{form}", lower, headline=True)
     worst = {name: np.nan if its is None or not len(its) else its.max() for name, its in lower.items()}

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import pandas as pd
 
 from structlearn.core import signals
 from structlearn.core.artefacts import read_table
+from structlearn.core.metrics import matching
 from structlearn.feedback.coupling_dataset import PARTS, CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.feedback.feedback_models import POINTWISE, REPRESENTATIONS, STOPPINGS
@@ -20,6 +21,7 @@ from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
+from structlearn.reporting.claims import UNKNOWN
 from structlearn.reporting.studies import Study, read_study
 from structlearn.segmentation import cut_errors
 from structlearn.segmentation.alignment import RESULT
@@ -27,7 +29,7 @@ from structlearn.segmentation.parameters import PrimitiveParameters, SegmentPara
 from structlearn.segmentation.segments import Segmentation, commanded_cuts, read_segmentation
 from structlearn.tactile.electrodes import ELECTRODES_MM
 from structlearn.testbeds.scraping import files
-from structlearn.testbeds.scraping.page.board_results import BoardResults, RefinementResults
+from structlearn.testbeds.scraping.page.executed import ExecutionResults, RefinementResults, welch
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     AFTER,
     BEFORE,
@@ -161,8 +163,8 @@ class SegmentationResults:
 
 
 @dataclass(frozen=True)
-class FeedbackResults:
-    """Feedback models (IV.6, IV.9.3)."""
+class FeedbackResults(ExecutionResults):
+    """Feedback models and executions with and without (IV.6, IV.9.3); `example_deg` is the largest tilt."""
 
     primitives: Sequence[str]  # names of all primitives in order of time
     unrolls: Sequence[Demonstration]  # nominal executions in the default setting
@@ -173,15 +175,13 @@ class FeedbackResults:
     comparison: pd.DataFrame  # of `feedback_models.compare_representations`, with `primitive`
     orderings: pd.DataFrame  # of `feedback_models.paired_orderings`, with `primitive`
     seen_deg: Sequence[float]  # settings that are learned from
-    board: BoardResults  # what was executed with the models
-
-    @property
-    def adapted(self) -> list[str]:
-        """Primitives with feedback, in order of time."""
-        return [name for name in self.primitives if name in self.datasets]
+    traces: pd.DataFrame  # of `execution_scores.traces`
+    path_errors: pd.DataFrame  # of `corrected_paths.path_errors`
+    corrected: Sequence[Demonstration]  # corrected demonstrations in the setting `example_deg`
+    force_n: float  # that the robot was asked to hold
 
     @cached_property
-    def settings_deg(self) -> list[float]:
+    def corrected_deg(self) -> list[float]:
         """Settings with corrections, rising."""
         return np.unique(np.concatenate([one.setting for one in self.datasets.values()])).tolist()
 
@@ -201,7 +201,7 @@ class FeedbackResults:
         return f"channel {channel + 1} ({FINGERS[finger]} finger, electrode {electrode + 1})"
 
     @cached_property
-    def traces(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def felt(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """By primitive, counts (R, T, E) of the executions over normalised time, and (T, E) expected ones."""
         cuts, found = commanded_cuts(self.unrolls, self.primitives), {}
         for name in self.primitives:
@@ -218,9 +218,9 @@ class FeedbackResults:
     @property
     def expected_errors(self) -> tuple[float, float]:
         """Counts, rms over everything: the expected trace off the mean run, and the std of the runs."""
-        off = [np.mean((runs.mean(axis=0) - learned) ** 2) for runs, learned in self.traces.values()]
+        off = [np.mean((runs.mean(axis=0) - learned) ** 2) for runs, learned in self.felt.values()]
         spread = [
-            np.mean(runs.var(axis=0, ddof=1)) if len(runs) > 1 else np.nan for runs, _ in self.traces.values()
+            np.mean(runs.var(axis=0, ddof=1)) if len(runs) > 1 else np.nan for runs, _ in self.felt.values()
         ]
         return float(np.sqrt(np.mean(off))), float(np.sqrt(np.mean(spread)))
 
@@ -238,11 +238,43 @@ class FeedbackResults:
 
     @cached_property
     def demonstrated_costs(self) -> pd.DataFrame:
-        """Scores of the corrected demonstrations of `board`, see `execution_scores`."""
-        board = self.board
-        cuts = commanded_cuts(board.corrected, self.primitives)
-        scored = {name: cuts[name] for name in board.primitives}
-        return execution_scores(board.corrected, scored, nominal_orientation(self.unrolls), board.axis)
+        """Scores of the corrected demonstrations, see `execution_scores`."""
+        cuts = commanded_cuts(self.corrected, self.primitives)
+        scored = {name: cuts[name] for name in self.adapted}
+        return execution_scores(self.corrected, scored, nominal_orientation(self.unrolls), self.axis)
+
+    @cached_property
+    def nominal(self) -> pd.DataFrame:
+        """Executions without feedback: means over runs per `setting_deg` and `primitive`."""
+        rows = matching(self.scores, model=NOMINAL).drop(columns=["run", "model"])
+        return rows.groupby(["setting_deg", "primitive"]).mean()
+
+    @cached_property
+    def felt_counts(self) -> pd.Series:
+        """By `setting_deg`, rms over channels and time of the deviation from what was expected, counts.
+
+        Of executions without feedback: on the level board it is how much one contact differs from another.
+        """
+        nominal = matching(self.traces, model=NOMINAL)
+        squares = nominal.filter(like="channel_").pow(2).mean(axis=1)
+        return squares.groupby(nominal["setting_deg"]).mean().pow(0.5)
+
+    @cached_property
+    def coupling(self) -> pd.DataFrame:
+        """Mean coupling term of the pointwise model over a primitive, and its step from setting to setting.
+
+        One row per `primitive` and `setting_deg`: `mean`, `std` over the runs; `step` from the setting below
+        with its 95 % interval `low`, `high` (Welch, runs are independent).
+        """
+        fed = matching(self.traces, model=POINTWISE)
+        each = fed.groupby(["primitive", "setting_deg", "run"])["coupling"].mean()
+        rows = []
+        for name in self.adapted:
+            values = [each[name, setting] for setting in self.settings_deg]
+            steps = [UNKNOWN, *(welch(above, below) for below, above in pairwise(values))]
+            for setting, its, step in zip(self.settings_deg, values, steps, strict=True):
+                rows.append((name, setting, its.mean(), its.std(), step.value, step.low, step.high))
+        return pd.DataFrame(rows, columns=["primitive", "setting_deg", "mean", "std", "step", "low", "high"])
 
     def dominant(self, primitive: str) -> tuple[np.ndarray, float, float] | None:
         """Figure IV.16 bottom; None of a network without phase kernels.
@@ -321,20 +353,15 @@ def read_results(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> S
         fit_parameters=parameters["fit_primitives"],
         **tables("noise", "downsampling", "downsampling_people", "reproduction", "nominal", "generalised"),
     )
-    board = BoardResults(
-        examples={model: found.runs_at(largest, files.CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
-        corrected=found.runs_at(largest, files.CORRECTIONS),
-        example_deg=largest,
-        axis=axis,
-        force_n=parameters["testbed"].control.force_n,
-        **tables("scores", "traces", "path_errors"),
-    )
     checks = [
         read_table(folder / f"dataset/{files.CHECKS}{name}.parquet").assign(primitive=name)
         for name in names
         if name in datasets
     ]
     feedback = FeedbackResults(
+        examples={model: found.runs_at(largest, files.CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
+        example_deg=largest,
+        axis=axis,
         primitives=names,
         unrolls=found.runs("unrolls"),
         expected=files.read_expected(folder / "expected"),
@@ -342,8 +369,9 @@ def read_results(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> S
         checks=pd.concat(checks, ignore_index=True),
         networks=read_networks(folder / f"models/{POINTWISE}.safetensors"),
         seen_deg=parameters["coupling_dataset"].settings_deg,
-        board=board,
-        **tables("comparison", "orderings"),
+        corrected=found.runs_at(largest, files.CORRECTIONS),
+        force_n=parameters["testbed"].control.force_n,
+        **tables("comparison", "orderings", "scores", "traces", "path_errors"),
     )
     examples = {model: found.runs_at(tilt, files.REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
     refinement = RefinementResults(

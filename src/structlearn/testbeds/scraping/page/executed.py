@@ -4,16 +4,15 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, pairwise, product
+from itertools import combinations, product
 
 import numpy as np
 import pandas as pd
 
-from structlearn.core.metrics import mean_interval, verdict
-from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.core.metrics import matching, mean_interval, verdict
 from structlearn.policy_search.refinement import FEEDBACK
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import UNKNOWN, Evidence
+from structlearn.reporting.claims import Evidence
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL, cost_ratios
 from structlearn.testbeds.scraping.world.layout import hand_roll_deg
@@ -43,8 +42,8 @@ class ExecutionResults:
         return [setting for setting in self.settings_deg if setting != 0.0]
 
     @property
-    def primitives(self) -> list[str]:
-        """Primitives that are scored, in order of time."""
+    def adapted(self) -> list[str]:
+        """Primitives with feedback, in order of time."""
         return list(self.scores["primitive"].unique())
 
     @property
@@ -71,8 +70,8 @@ class ExecutionResults:
         `execution_scores.cost_ratios`, and the `verdict` on the model.
         """
         tables = []
-        for name, (baseline, model) in product((*self.primitives, ALL), combinations(self.models, 2)):
-            chosen = self.scores if name == ALL else _rows(self.scores, primitive=name)
+        for name, (baseline, model) in product((*self.adapted, ALL), combinations(self.models, 2)):
+            chosen = self.scores if name == ALL else matching(self.scores, primitive=name)
             table = cost_ratios(chosen, model, baseline)
             low, high = table["lower_rad"] - table["half_width"], table["lower_rad"] + table["half_width"]
             keys = {"primitive": name, "model": model, "baseline": baseline}
@@ -81,12 +80,12 @@ class ExecutionResults:
 
     def ratio(self, model: str, baseline: str = NOMINAL, primitive: str = ALL) -> pd.DataFrame:
         """Rows of `ratios` by setting."""
-        rows = _rows(self.ratios, model=model, baseline=baseline, primitive=primitive)
+        rows = matching(self.ratios, model=model, baseline=baseline, primitive=primitive)
         return rows.set_index("setting_deg")
 
     def run_costs(self, model: str, setting_deg: float, primitive: str) -> np.ndarray:
         """(R,) accumulated cost in rad of every run, in the order of their names."""
-        runs = _rows(self.scores, model=model, setting_deg=setting_deg, primitive=primitive)
+        runs = matching(self.scores, model=model, setting_deg=setting_deg, primitive=primitive)
         return runs.sort_values("run")["cost_rad"].to_numpy()
 
     @cached_property
@@ -101,49 +100,6 @@ class ExecutionResults:
             for moment, (mean, std) in enumerate(zip(readings.mean(), readings.std(), strict=True)):
                 rows.append((model, moment, mean, std))
         return pd.DataFrame(rows, columns=["model", "moment", "mean_deg", "std_deg"])
-
-
-@dataclass(frozen=True)
-class BoardResults(ExecutionResults):
-    """Executions without feedback and with each model; `example_deg` is the largest setting."""
-
-    traces: pd.DataFrame  # of `execution_scores.traces`
-    path_errors: pd.DataFrame  # of `corrected_paths.path_errors`
-    corrected: Sequence[Demonstration]  # corrected demonstrations in the setting `example_deg`
-    force_n: float  # that the robot was asked to hold
-
-    @cached_property
-    def nominal(self) -> pd.DataFrame:
-        """Executions without feedback: means over runs per `setting_deg` and `primitive`."""
-        rows = _rows(self.scores, model=NOMINAL).drop(columns=["run", "model"])
-        return rows.groupby(["setting_deg", "primitive"]).mean()
-
-    @cached_property
-    def felt_counts(self) -> pd.Series:
-        """By `setting_deg`, rms over channels and time of the deviation from what was expected, counts.
-
-        Of executions without feedback: on the level board it is how much one contact differs from another.
-        """
-        nominal = _rows(self.traces, model=NOMINAL)
-        squares = nominal.filter(like="channel_").pow(2).mean(axis=1)
-        return squares.groupby(nominal["setting_deg"]).mean().pow(0.5)
-
-    @cached_property
-    def coupling(self) -> pd.DataFrame:
-        """Mean coupling term of the pointwise model over a primitive, and its step from setting to setting.
-
-        One row per `primitive` and `setting_deg`: `mean`, `std` over the runs; `step` from the setting below
-        with its 95 % interval `low`, `high` (Welch, runs are independent).
-        """
-        fed = _rows(self.traces, model=POINTWISE)
-        each = fed.groupby(["primitive", "setting_deg", "run"])["coupling"].mean()
-        rows = []
-        for name in self.primitives:
-            values = [each[name, setting] for setting in self.settings_deg]
-            steps = [UNKNOWN, *(welch(above, below) for below, above in pairwise(values))]
-            for setting, its, step in zip(self.settings_deg, values, steps, strict=True):
-                rows.append((name, setting, its.mean(), its.std(), step.value, step.low, step.high))
-        return pd.DataFrame(rows, columns=["primitive", "setting_deg", "mean", "std", "step", "low", "high"])
 
 
 @dataclass(frozen=True)
@@ -203,7 +159,7 @@ class RefinementResults(ExecutionResults):
 
     def curve(self, primitive: str, kind: str = FEEDBACK) -> pd.DataFrame:
         """Rows of `curves` by iteration; with the network they begin before the refinement."""
-        return _rows(self.curves, primitive=primitive, kind=kind).set_index("iteration")
+        return matching(self.curves, primitive=primitive, kind=kind).set_index("iteration")
 
     def kept(self, primitive: str) -> int:
         """Iteration whose network is kept: fewest failures, then lowest mean cost."""
@@ -228,7 +184,7 @@ class RefinementResults(ExecutionResults):
         """
         rows = []
         for name in self.refined:
-            runs = _rows(self.history, primitive=name, kind=FEEDBACK)
+            runs = matching(self.history, primitive=name, kind=FEEDBACK)
             wide = runs.pivot_table("cost_rad", "number", "iteration")
             for iteration in wide.columns[1:]:
                 later = iteration > PUBLISHED_ITERATIONS
@@ -248,9 +204,7 @@ class RefinementResults(ExecutionResults):
         """
         tilts, rows = self.tilted_deg, []
         for below, setting, above in zip(tilts, tilts[1:], tilts[2:], strict=False):
-            for name, model in product(
-                self.primitives if setting in self.unseen_deg else (), (BEFORE, AFTER)
-            ):
+            for name, model in product(self.adapted if setting in self.unseen_deg else (), (BEFORE, AFTER)):
                 costs = [self.run_costs(model, one, name) for one in (below, setting, above)]
                 low, high = sorted((costs[0], costs[2]), key=np.mean)
                 margins = welch(costs[1], low), welch(high, costs[1])
@@ -306,7 +260,7 @@ class RefinementResults(ExecutionResults):
     @cached_property
     def pair(self) -> tuple[Demonstration, Demonstration]:
         """Executions before and after under the same conditions; of all pairs that which gained the mean."""
-        rows = _rows(self.scores, setting_deg=self.example_deg)
+        rows = matching(self.scores, setting_deg=self.example_deg)
         total = rows.groupby(["model", "run"])["cost_rad"].sum()
         gain = total[BEFORE] - total[AFTER]
         name = (gain - gain.mean()).abs().idxmin()
@@ -329,11 +283,6 @@ def welch(first: np.ndarray, second: np.ndarray) -> Evidence:
         return Evidence(value, np.nan, np.nan, count)
     found = stats.ttest_ind(first, second, equal_var=False).confidence_interval()
     return Evidence(value, float(found.low), float(found.high), count)
-
-
-def _rows(table: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """Rows of a table with these values in its columns."""
-    return table[(table[list(values)] == pd.Series(values)).all(axis=1)]
 
 
 def _gain(difference: pd.Series) -> tuple[float, float, str]:
