@@ -14,6 +14,7 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
 
 from structlearn.core import signals
+from structlearn.core.metrics import matching
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, ORANGE
@@ -35,14 +36,9 @@ from structlearn.testbeds.scraping.page.demonstration_figures import (
     draw_electrodes,
     stacked_panels,
 )
-from structlearn.testbeds.scraping.page.executed import (
-    PUBLISHED_ITERATIONS,
-    ExecutionResults,
-    RefinementResults,
-    moments,
-)
 from structlearn.testbeds.scraping.page.findings import ScrapingPeople
-from structlearn.testbeds.scraping.page.results import SAMPLES, FeedbackResults
+from structlearn.testbeds.scraping.page.stored import SAMPLES, Stored
+from structlearn.testbeds.scraping.page.tables import PUBLISHED_ITERATIONS, curve, moments, settings
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world import layout
 
@@ -76,14 +72,14 @@ def demonstrated_curves(dataset: CouplingDataset, setting: float, values: np.nda
 
 
 @styled
-def expected_figure(results: FeedbackResults) -> list[Figure]:
+def expected_figure(stored: Stored) -> list[Figure]:
     """Mean and std of a few electrodes in the executions, with the learned expected traces."""
-    moved = np.max([np.ptp(learned, axis=0) for _, learned in results.felt.values()], axis=0)
+    moved = np.max([np.ptp(learned, axis=0) for _, learned in stored.felt.values()], axis=0)
     shown = np.sort(np.argsort(-moved, kind="stable")[:CHANNELS_SHOWN])
     labels = [f"channel {channel + 1} (counts)" for channel in shown]
     look = {"color": ORANGE, "linestyle": (0, (4, 2)), "linewidth": 1.2, "label": "expected trace"}
     figures = []
-    for name, (runs, learned) in results.felt.items():
+    for name, (runs, learned) in stored.felt.items():
         figure, rows = stacked_panels(labels, 3.4, capitalised(name))
         for axes, channel in zip(rows, shown, strict=True):
             mean_band(axes, runs[:, :, channel], BLUE, f"{len(runs)} executions")
@@ -94,16 +90,16 @@ def expected_figure(results: FeedbackResults) -> list[Figure]:
 
 
 @styled
-def targets_figure(results: FeedbackResults) -> list[Figure]:
+def targets_figure(stored: Stored) -> list[Figure]:
     """Coupling targets and the deviation of the most telling channel per setting, mean and std."""
-    places = np.linspace(0.85, 0.0, len(results.corrected_deg))
+    places = np.linspace(0.85, 0.0, len(stored.corrected_deg))
     colours = [to_hex(colormaps["viridis"](place)) for place in places]  # darker where tilted more
     figures = []
-    for name in results.adapted:
-        dataset, channel = results.datasets[name], results.channels[name][0]
+    for name in stored.adapted:
+        dataset, channel = stored.datasets[name], stored.channels[name][0]
         labels = ["coupling target (rad)", f"channel {channel + 1} (counts)"]
         figure, (target, deviation) = stacked_panels(labels, 4.2, capitalised(name))
-        for setting, colour in zip(results.corrected_deg, colours, strict=True):
+        for setting, colour in zip(stored.corrected_deg, colours, strict=True):
             mean_band(target, demonstrated_curves(dataset, setting, dataset.target), colour, f"{setting:g}°")
             mean_band(deviation, demonstrated_curves(dataset, setting, dataset.deviation[:, channel]), colour)
         headroom(target)
@@ -113,15 +109,16 @@ def targets_figure(results: FeedbackResults) -> list[Figure]:
 
 
 @styled
-def models_figure(results: FeedbackResults, people: ScrapingPeople) -> list[Figure]:
+def models_figure(errors: pd.DataFrame, people: ScrapingPeople) -> list[Figure]:
     """Figure IV.16, top and middle: generalisation NMSE of the representations, mean and std over folds.
 
     At the step best for the demonstration left out, as in the dissertation; a diamond is at the step that
     validation chose, a dot the mean of one of the people on whom it is judged.
     """
-    errors, figures = results.model_errors, []
+    primitives, figures = errors["primitive"].unique(), []
+    errors = errors.set_index(["primitive", "representation", "stopping"])
     for what, chosen in (("structures", STRUCTURES), ("features inside or apart", EMBEDDINGS)):
-        for name in results.adapted:
+        for name in primitives:
             shown = [one for one in chosen if (name, one, "generalization") in errors.index]
             figure, axes = panel(f"{name}: {what}", 2.6)
             for place, one in enumerate(reversed(shown)):
@@ -142,11 +139,11 @@ def models_figure(results: FeedbackResults, people: ScrapingPeople) -> list[Figu
 
 
 @styled
-def weights_figure(results: FeedbackResults) -> list[Figure]:
+def weights_figure(stored: Stored) -> list[Figure]:
     """Figure IV.16, bottom: the hidden nodes that weigh most for each phase kernel."""
     figures, colours = [], ListedColormap([BLUE, "#f5d76e"])
-    for name in results.adapted:
-        dominant = results.dominant(name)
+    for name in stored.adapted:
+        dominant = stored.dominant(name)
         if dominant is None:
             continue
         figure, axes = panel(f"{name}: largest weights of every kernel", 2.6)
@@ -158,27 +155,27 @@ def weights_figure(results: FeedbackResults) -> list[Figure]:
 
 
 @styled
-def executions_figure(results: FeedbackResults) -> list[Figure]:
+def executions_figure(stored: Stored) -> list[Figure]:
     """One execution without feedback and one corrected by a person: roll, force, torque, electrodes."""
-    shown = {NOMINAL: results.examples[NOMINAL], CORRECTED: results.corrected}
+    shown = {kind: stored.tilted[kind] for kind in (NOMINAL, CORRECTED)}
     runs = {kind: its[0] for kind, its in shown.items() if its}
     channels, figures = busiest_electrodes(list(runs.values())), []
     for kind, run in runs.items():
         labels = ("roll (°)", "force (N)", "torque (mN m)", "touch (counts)")
         figure, rows = stacked_panels(labels, 5.6, time="time (s)")
         roll, force, torque, touch = rows
-        tool, wrench = results.example_deg + layout.tool_roll_deg(run, results.axis), run.signal("wrench")
+        tool, wrench = stored.tilt_deg + layout.tool_roll_deg(run, stored.axis), run.signal("wrench")
         roll.plot(run.time, tool, color=ORANGE, linewidth=1.0, label="tool")
-        roll.plot(run.time, layout.hand_roll_deg(run, results.axis), color=BLUE, label="hand")
-        roll.axhline(results.example_deg, color=BLACK, linestyle=":", linewidth=1.2, label="board")
+        roll.plot(run.time, layout.hand_roll_deg(run, stored.axis), color=BLUE, label="hand")
+        roll.axhline(stored.tilt_deg, color=BLACK, linestyle=":", linewidth=1.2, label="board")
         roll.legend(ncols=3)
-        roll.set_title(f"{capitalised(RUNS[kind].name)}, board at {results.example_deg:g}°", pad=18)
+        roll.set_title(f"{capitalised(RUNS[kind].name)}, board at {stored.tilt_deg:g}°", pad=18)
         force.plot(run.time, -wrench[:, 2], color=AXIS_COLOURS[2], linewidth=1.0)
-        force.axhline(results.force_n, color=BLACK, linestyle=":", linewidth=1.2)
-        torque.plot(run.time, -1e3 * wrench[:, 3:] @ results.axis, color=GREY, linewidth=0.9)
+        force.axhline(stored.parameters["testbed"].control.force_n, color=BLACK, linestyle=":", linewidth=1.2)
+        torque.plot(run.time, -1e3 * wrench[:, 3:] @ stored.axis, color=GREY, linewidth=0.9)
         draw_electrodes(touch, run, channels)
         for axes in rows:
-            shade_primitives(axes, run.signal("true_segments"), results.primitives if axes is roll else ())
+            shade_primitives(axes, run.signal("true_segments"), stored.names if axes is roll else ())
         touch.set_xlim(run.time[0], run.time[-1])
         figure.align_ylabels(rows)
         figures.append(figure)
@@ -186,15 +183,16 @@ def executions_figure(results: FeedbackResults) -> list[Figure]:
 
 
 @styled
-def closed_loop_figure(results: FeedbackResults, primitive: str) -> list[Figure]:
+def closed_loop_figure(stored: Stored, primitive: str) -> list[Figure]:
     """Figure IV.18: coupling term and one electrode's deviation over time, a panel per setting."""
-    dataset, channel = results.datasets[primitive], results.channels[primitive][0]
-    traces = results.traces[results.traces["primitive"] == primitive]
+    dataset, channel = stored.datasets[primitive], stored.channels[primitive][0]
+    traces = matching(stored.tables["traces"], primitive=primitive)
+    known = stored.parameters["coupling_dataset"].settings_deg
     columns = {"coupling": dataset.target, f"channel_{channel:02d}": dataset.deviation[:, channel]}
     labels = ("coupling term (rad)", f"channel {channel + 1} (counts)")
     figures: list[Figure] = []
-    for setting in [one for one in results.tilted_deg if one in results.corrected_deg]:
-        seen = "" if setting in results.seen_deg else ", never learned from"
+    for setting in [one for one in settings(traces, tilted=True) if one in stored.corrected_deg]:
+        seen = "" if setting in known else ", never learned from"
         figure, rows = stacked_panels(labels, 3.6, f"Board at {setting:g}°{seen}")
         here = traces[traces["setting_deg"] == setting]
         for axes, (name, values) in zip(rows, columns.items(), strict=True):
@@ -231,20 +229,21 @@ def _demonstrated_band(axes: Axes, curves: np.ndarray) -> None:
 
 
 @styled
-def roll_figure(results: FeedbackResults) -> list[Figure]:
+def roll_figure(stored: Stored) -> list[Figure]:
     """Roll of the tool against roll of the board at the end of each primitive; a point per execution."""
-    figures, largest = [], max(results.settings_deg)
-    for primitive in results.adapted:
-        figure, axes = panel(f"end of {primitive_title(results.primitives, primitive)}")
-        axes.plot([0, largest], [0, largest], color=BLACK, linewidth=1.0, linestyle=":", label="flat on it")
-        rows = results.scores[results.scores["primitive"] == primitive]
-        for place, model in enumerate(results.models):
-            own = rows[rows["model"] == model]
-            beside = 0.16 * (place - 0.5 * (len(results.models) - 1))  # so that points can be told apart
+    scores, figures = stored.tables["scores"], []
+    models, tilts = list(scores["model"].unique()), settings(scores)
+    for primitive in stored.adapted:
+        figure, axes = panel(f"end of {primitive_title(stored.names, primitive)}")
+        ends = [0, max(tilts)]
+        axes.plot(ends, ends, color=BLACK, linewidth=1.0, linestyle=":", label="flat on it")
+        for place, model in enumerate(models):
+            own = matching(scores, primitive=primitive, model=model)
+            beside = 0.16 * (place - 0.5 * (len(models) - 1))  # so that points can be told apart
             look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3.2, "alpha": 0.7}
             roll, kind = own["setting_deg"] + own["end_roll_deg"], RUNS[model]
             axes.plot(own["setting_deg"] + beside, roll, color=kind.colour, label=kind.name, **look)
-        axes.set_xticks(results.settings_deg, [f"{setting:g}" for setting in results.settings_deg])
+        axes.set_xticks(tilts, [f"{setting:g}" for setting in tilts])
         axes.set(xlabel="roll of the board (°)", ylabel="roll of the tool (°)")
         axes.legend()
         figures.append(figure)
@@ -253,27 +252,26 @@ def roll_figure(results: FeedbackResults) -> list[Figure]:
 
 @styled
 def cost_figure(
-    executed: ExecutionResults,
     names: Sequence[str],
+    costs: pd.DataFrame,
     note: Callable[[float], str],
     people: ScrapingPeople | None = None,
 ) -> list[Figure]:
     """Figure IV.20: accumulated cost per setting and model, mean and std over the executions."""
-    figures = []
-    width = 0.8 / len(executed.models)
-    costs = executed.costs.set_index(["primitive", "model"])
-    for primitive in executed.adapted:
+    figures, models, tilts = [], list(costs["model"].unique()), settings(costs)
+    width = 0.8 / len(models)
+    for primitive in costs["primitive"].unique():
         figure, axes = panel(primitive_title(names, primitive))
-        for place, model in enumerate(executed.models):
-            rows = costs.loc[[(primitive, model)]].sort_values("setting_deg")
-            x = np.arange(len(rows)) + width * (place - 0.5 * (len(executed.models) - 1))
+        for place, model in enumerate(models):
+            rows = matching(costs, primitive=primitive, model=model).sort_values("setting_deg")
+            x = np.arange(len(rows)) + width * (place - 0.5 * (len(models) - 1))
             axes.bar(x, rows["mean"], 0.92 * width, color=RUNS[model].colour, label=RUNS[model].name)
             look: dict[str, Any] = {"color": BLACK, "linestyle": "none", "linewidth": 0.9, "capsize": 2.0}
             axes.errorbar(x, rows["mean"], np.nan_to_num(rows["std"]), **look)
             for at, setting in zip(x, rows["setting_deg"], strict=True):
                 if people and (values := people.of("cost", model, primitive, setting)) is not None:
                     _dots(axes, np.full(len(values), at), values)
-        ticks = [f"{setting:g}\n{note(setting)}" for setting in executed.settings_deg]
+        ticks = [f"{setting:g}\n{note(setting)}" for setting in tilts]
         axes.set_xticks(range(len(ticks)), ticks, fontsize=7.5)
         axes.grid(axis="x", visible=False)
         axes.set(xlabel="roll of the board (°)", ylabel="accumulated cost (rad)", ylim=(0.0, None))
@@ -306,12 +304,12 @@ VIEW, CLOSE_UP = (-48.0, 48.0, -17.0, 98.0), (-9.0, 9.0, -2.6, 4.0)  # mm, left,
 
 
 @styled
-def learning_figure(results: RefinementResults, names: list[str]) -> list[Figure]:
+def learning_figure(stored: Stored, curves: pd.DataFrame) -> list[Figure]:
     """Figure IV.19: cost over the iterations, with the network, by the improved policies, and the samples."""
-    figures = []
-    for name in results.refined:
-        figure, axes = panel(primitive_title(names, name))
-        own = results.history[results.history["primitive"] == name]
+    figures, history = [], stored.tables["history"]
+    for name in history["primitive"].unique():
+        figure, axes = panel(primitive_title(stored.names, name))
+        own = matching(history, primitive=name)
         look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markeredgewidth": 0}
         colour = ROLLOUTS[SAMPLE].colour
         for iteration, rows in own[own["kind"] == SAMPLE].groupby("iteration"):
@@ -320,7 +318,7 @@ def learning_figure(results: RefinementResults, names: list[str]) -> list[Figure
             label = ROLLOUTS[SAMPLE].name if iteration == 1 else None
             axes.plot(x, rows["cost_rad"], color=colour, label=label, **look)
         for kind, beside, marker, line in ((IMPROVED, -0.18, "D", "none"), (FEEDBACK, 0.0, "o", "-")):
-            rows = results.curve(name, kind)
+            rows = curve(curves, name, kind)
             look = {"color": ROLLOUTS[kind].colour, "marker": marker, "linestyle": line, "capsize": 3.0}
             bars = np.nan_to_num(rows["std"])
             axes.errorbar(rows.index + beside, rows["mean"], bars, label=ROLLOUTS[kind].name, **look)
@@ -339,12 +337,14 @@ def learning_figure(results: RefinementResults, names: list[str]) -> list[Figure
 
 
 @styled
-def search_figure(results: RefinementResults, names: list[str]) -> list[Figure]:
+def search_figure(stored: Stored, searches: pd.DataFrame) -> list[Figure]:
     """Cost of the mean policy over the rollouts used, PI2-CMA beside CMA-ES; mean and range of searches."""
     figures = []
-    for name in results.searched_primitives:
-        figure, axes = panel(primitive_title(names, name), 2.6)
-        rows = results.searches[results.searches["primitive"] == name]
+    for name in stored.adapted:
+        rows = matching(searches, primitive=name)
+        if rows.empty:
+            continue
+        figure, axes = panel(primitive_title(stored.names, name), 2.6)
         for method, (label, colour) in SEARCHES.items():
             own = rows[rows["method"] == method]
             axes.fill_between(own["rollouts"], own["low"], own["high"], color=colour, alpha=0.18, linewidth=0)
@@ -393,11 +393,20 @@ def turned(points: np.ndarray, roll_deg: float) -> np.ndarray:
     return points @ np.array([[cos, -sin], [sin, cos]])
 
 
+def typical_pair(stored: Stored) -> list[Demonstration]:
+    """Executions before and after under the same conditions; of all pairs that which gained the mean."""
+    rows = matching(stored.tables["refined_scores"], setting_deg=stored.refined_deg)
+    total = rows.groupby(["model", "run"])["cost_rad"].sum()
+    gain = total[BEFORE] - total[AFTER]
+    name = (gain - gain.mean()).abs().idxmin()
+    return [run for model in (BEFORE, AFTER) for run in stored.refined[model] if run.name == name]
+
+
 @styled
-def snapshots_figure(results: RefinementResults, names: list[str]) -> list[Figure]:
+def snapshots_figure(stored: Stored) -> list[Figure]:
     """Figure IV.21: one pair of executions at the tilt refined on; two moments a panel, below close up."""
-    runs = [snapshots(run, results.example_deg, results.axis) for run in results.pair]
-    titles = ["before the first", *(f"end of {name}" for name in names)]
+    runs = [snapshots(run, stored.refined_deg, stored.axis) for run in typical_pair(stored)]
+    titles = ["before the first", *(f"end of {name}" for name in stored.names)]
     moments_shown = list(zip(titles, *runs, strict=True))
     figures = []
     for first in range(0, len(moments_shown), 2):
@@ -408,7 +417,7 @@ def snapshots_figure(results: RefinementResults, names: list[str]) -> list[Figur
         ):
             for axes, view in ((wide, VIEW), (close, CLOSE_UP)):
                 axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
-                _draw_board(axes, results.example_deg)
+                _draw_board(axes, stored.refined_deg)
                 for model, shot in ((BEFORE, before), (AFTER, after)):
                     _draw_shot(axes, model, shot)
             wide.set_title(f"{capitalised(title)}\nhand {_change(before.hand_deg, after.hand_deg)}")
