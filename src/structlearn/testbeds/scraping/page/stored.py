@@ -204,11 +204,11 @@ def sharing_over_phase(dominant: np.ndarray) -> float:
     return float(np.corrcoef(shared, distance)[0, 1]) if np.ptp(shared) else 0.0
 
 
-def dominant_features(phase_weights: np.ndarray, count: int = 10) -> np.ndarray:
-    """Which hidden nodes have the largest |weight| into each phase kernel, of (N, H) weights: (N, H) bool."""
+def dominant_features(phase_weights: np.ndarray) -> np.ndarray:
+    """The ten nodes with the largest |weight| into each phase kernel, of (N, H) weights: (N, H) bool."""
     order = np.argsort(-np.abs(phase_weights), axis=1, kind="stable")
     dominant = np.zeros(phase_weights.shape, dtype=bool)
-    np.put_along_axis(dominant, order[:, :count], True, axis=1)
+    np.put_along_axis(dominant, order[:, :10], True, axis=1)
     return dominant
 
 
