@@ -4,7 +4,7 @@ Any episodic policy can be searched: draw parameters, roll each out, hand in the
 
     policies = sample(distribution, parameters.samples, rng)        # (K, D)
     costs = ...                                                     # (K, T), a row per rollout
-    distribution = update(distribution, policies, costs, parameters, activation).distribution
+    distribution = update(distribution, policies, costs, parameters, activation)
 
 Every time step weighs the samples by their cost-to-go. As published, these weights are averaged over time,
 early steps counting most, and the average moves all parameters of a policy. But the weight of a phase kernel
