@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 from timing import Case, Contender
 
 from structlearn.core.params import read_parameters
-from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, Update, sample, update
+from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, sample, update
 
 SEED = 4
 SAMPLES, DIMENSIONS = 38, 75  # 25 weights of three axes
@@ -47,11 +47,11 @@ def draw_and_update() -> Case:
     distribution = SearchDistribution.around(np.zeros(DIMENSIONS), 1.0)
     rng = np.random.default_rng(SEED)
 
-    def run() -> tuple[np.ndarray, Update]:
+    def run() -> tuple[np.ndarray, SearchDistribution]:
         policies = sample(distribution, SAMPLES, rng)
         return policies, update(distribution, policies, _costs(policies, 1), PARAMETERS)
 
-    def error(result: tuple[np.ndarray, Update]) -> float:
+    def error(result: tuple[np.ndarray, SearchDistribution]) -> float:
         policies, found = result
         return _error(found, *reference(policies, _costs(policies, 1)))
 
@@ -112,10 +112,9 @@ def _costs(policies: np.ndarray, steps: int) -> np.ndarray:
     return (1.0 + policies[:, :5] @ waves / 5.0) ** 2
 
 
-def _error(found: Update, mean: np.ndarray, variances: np.ndarray) -> float:
-    distribution = found.distribution
-    wide = abs(np.diag(distribution.covariance) / variances - 1.0).max()
-    return max(abs(distribution.mean - mean).max() / abs(mean).max(), wide)
+def _error(found: SearchDistribution, mean: np.ndarray, variances: np.ndarray) -> float:
+    wide = abs(np.diag(found.covariance) / variances - 1.0).max()
+    return max(abs(found.mean - mean).max() / abs(mean).max(), wide)
 
 
 CASES: tuple[Callable[[], Case], ...] = (

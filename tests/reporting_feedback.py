@@ -17,8 +17,6 @@ from structlearn.primitives import canonical
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.studies import OURS, Study
 from structlearn.segmentation.segments import commanded_cuts
-from structlearn.testbeds.scraping.page.board_results import BoardResults
-from structlearn.testbeds.scraping.page.results import FeedbackResults
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION
 
 PRIMITIVES = ("down", "turn", "scrape")
@@ -34,6 +32,13 @@ NMSE = {"pmnn_100": 0.2, "pmnn_6": 0.26, "pmnn_0": 0.3, "ffnn_phase": 0.4, "ffnn
     "pca": 0.35,
     "autoencoder": 0.36,
 }
+HAND_DEG = {
+    "nominal": lambda seed: 0.0,
+    "pointwise": lambda seed: 8.0 + seed,
+    "corrected": lambda seed: 10.0,
+}
+"""Degrees by which the hand turns at 10 degrees, by kind of execution."""
+
 COST_RAD = {"nominal": 10.0, "pointwise": 4.0, "level": 3.5, "unrolled": 5.0}
 
 
@@ -158,37 +163,21 @@ def forms(metrics: Mapping[str, Mapping[str, float]], count: int = 5, spread: fl
     return Study({"findings": pd.concat(tables, ignore_index=True)})
 
 
-def board_results() -> BoardResults:
-    """Executions in which feedback helps at every tilt and costs something at 0 degrees."""
-    return BoardResults(
-        scores=scores(),
-        traces=traces(),
-        path_errors=path_errors(),
-        examples={
-            "nominal": [execution(seed, 10.0) for seed in range(2)],
-            "pointwise": [execution(seed, 10.0, corrected=8.0 + seed) for seed in range(2)],
+def feedback_stages() -> tuple[dict[str, object], dict[str, pd.DataFrame]]:
+    """What the feedback stages would have written: fields and tables of `Stored`.
+
+    Feedback helps at every tilt and costs something at 0 degrees.
+    """
+    unrolls, table = [execution(seed) for seed in range(3)], comparison()
+    fields = {
+        "unrolls": unrolls,
+        "expected": learn_expected(unrolls, commanded_cuts(unrolls, PRIMITIVES), 10.0, ["tactile"]),
+        "datasets": {name: dataset() for name in ADAPTED},
+        "networks": {name: network() for name in ADAPTED},
+        "tilted": {
+            kind: [execution(seed, 10.0, corrected=turned(seed)) for seed in range(2)]
+            for kind, turned in HAND_DEG.items()
         },
-        corrected=[execution(seed, 10.0, corrected=10.0) for seed in range(2)],
-        example_deg=10.0,
-        axis=AXIS,
-        force_n=1.0,
-    )
-
-
-def feedback_results() -> FeedbackResults:
-    """Everything that the feedback stages would have written."""
-    unrolls = [execution(seed) for seed in range(3)]
-    cuts = commanded_cuts(unrolls, PRIMITIVES)
-    table = comparison()
-    return FeedbackResults(
-        primitives=PRIMITIVES,
-        unrolls=unrolls,
-        expected=learn_expected(unrolls, cuts, 10.0, ["tactile"]),
-        datasets={name: dataset() for name in ADAPTED},
-        checks=checks(),
-        networks={name: network() for name in ADAPTED},
-        comparison=table,
-        orderings=orderings(table),
-        seen_deg=SEEN,
-        board=board_results(),
-    )
+    }
+    tables = {"checks": checks(), "comparison": table, "orderings": orderings(table), "scores": scores()}
+    return fields, tables | {"traces": traces(), "path_errors": path_errors()}

@@ -1,22 +1,26 @@
-"""A small refinement in memory, for the tests of the report."""
+"""A small refinement in memory, and all that the report rests on, for its tests."""
 
+import runpy
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import cache
 from itertools import product
 
 import numpy as np
 import pandas as pd
-from committed import committed
-from reporting_feedback import ADAPTED, AXIS, execution
-from reporting_scraping import grid
+from committed import ROOT, committed
+from reporting_feedback import ADAPTED, SEEN, execution, feedback_stages
+from reporting_scraping import FIT, PARAMETERS, cut_stages, demonstration, grid
 
+from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
-from structlearn.testbeds.scraping.page.board_results import RefinementResults
+from structlearn.testbeds.scraping.page.stored import Stored
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 
+LISTED = runpy.run_path(str(ROOT / "stages/scraping/report.py"))["PARAMETERS"]
 REFINED_DEG = 10.0
 LEARNED = (5.0, 7.5)
 SETTINGS = (0.0, 5.0, 7.5, 8.8, 10.0)
@@ -107,15 +111,31 @@ def examples() -> dict[str, list]:
     return made
 
 
-def refinement_results(**changes: object) -> RefinementResults:
-    """A refinement in which everything is as the dissertation says."""
-    values = {
-        "scores": scores(),
-        "examples": examples(),
-        "example_deg": REFINED_DEG,
-        "axis": AXIS,
-        "history": history(),
-        "search": search({PI2: 45.0, CMA_ES: 55.0}),
-        "parameters": parameters(),
+def refinement_stages() -> tuple[dict[str, object], dict[str, pd.DataFrame]]:
+    """What the refinement's stages would have written, if everything is as the dissertation says."""
+    searched = search({PI2: 45.0, CMA_ES: 55.0})
+    return {"refined": examples()}, {"refined_scores": scores(), "history": history(), "search": searched}
+
+
+@cache
+def every_stage() -> Stored:
+    """Outputs of all stages, and the parameters that they would have had."""
+    own = {
+        "segment": PARAMETERS.model_copy(update={"skip_failures": True}),
+        "fit_primitives": FIT,
+        "refine": parameters(),
+        "coupling_dataset": committed(SupervisionParameters, "coupling_dataset", settings_deg=SEEN),
     }
-    return RefinementResults(**(values | changes))
+    listed = {key: committed(model, key) for page in LISTED.values() for key, model in page.items()}
+    stages = cut_stages([demonstration(seed) for seed in range(3)]), feedback_stages(), refinement_stages()
+    own_fields = {name: part for parts, _ in stages for name, part in parts.items()}
+    tables = {name: table for _, its in stages for name, table in its.items()}
+    return Stored(parameters=listed | own, study=None, tables=tables, **own_fields)
+
+
+def stored(**changes: object) -> Stored:
+    """The same with other tables, or other fields."""
+    names = {one.name for one in fields(Stored)}
+    tables = {name: table for name, table in changes.items() if name not in names}
+    own = {name: part for name, part in changes.items() if name in names}
+    return replace(every_stage(), tables=every_stage().tables | tables, **own)

@@ -16,7 +16,6 @@ from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.scraping.page.results import SegmentationResults
 
 DT = 0.01
 
@@ -85,8 +84,8 @@ def work_table(power: float = 2.0, shift: float = 0.5, text: float = 0.6) -> pd.
     )
 
 
-def segmentation_results(demonstrations: list[Demonstration]) -> SegmentationResults:
-    """Everything that the stages would have written for these demonstrations."""
+def cut_stages(demonstrations: list[Demonstration]) -> tuple[dict[str, object], dict[str, pd.DataFrame]]:
+    """What the stages of segmentation and primitives would have written: fields and tables of `Stored`."""
     parameters = PARAMETERS.model_copy(update={"skip_failures": True})
     segmentation = cut(demonstrations, parameters)
     primitives = learn_sequence(demonstrations, segmentation.results, FIT)
@@ -99,16 +98,13 @@ def segmentation_results(demonstrations: list[Demonstration]) -> SegmentationRes
         duration_factor=1.5,
     )
     names = segmentation.primitives
-    return SegmentationResults(
-        demonstrations=demonstrations,
-        segmentation=segmentation,
-        noise=noise_table(),
-        downsampling=downsampling_effect(demonstrations, parameters, (1, 2)),
-        downsampling_people=work_table(),
-        primitives=primitives,
-        reproduction=cross_validation(demonstrations, segmentation.results, FIT),
-        nominal=sequence.sequence_table(sequence.unroll(primitives, DT), names),
-        generalised=sequence.sequence_table(sequence.generalised(primitives, DT, situation), names),
-        segment_parameters=parameters,
-        fit_parameters=FIT,
-    )
+    tables = {
+        "noise": noise_table(),
+        "downsampling": downsampling_effect(demonstrations, parameters, (1, 2)),
+        "downsampling_people": work_table(),
+        "reproduction": cross_validation(demonstrations, segmentation.results, FIT),
+        "nominal": sequence.sequence_table(sequence.unroll(primitives, DT), names),
+        "generalised": sequence.sequence_table(sequence.generalised(primitives, DT, situation), names),
+    }
+    fields = {"demonstrations": demonstrations, "segmentation": segmentation, "primitives": primitives}
+    return fields, tables

@@ -58,7 +58,6 @@ def conditions(roll_deg=0.0, ticks=600, control=None, **changes):
     return Conditions(
         **{
             "board_roll": np.radians(roll_deg),
-            "board_point": CONTACT_M,
             "friction_factor": 1.0,
             "board_stiffness_factor": 1.0,
             "stiffness": own.stiffness,

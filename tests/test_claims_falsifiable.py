@@ -25,11 +25,10 @@ import test_tasks_obstacles
 import test_touch_page
 from committed import ROOT, committed_entry
 from dynamics_tables import dynamics_results
-from reporting_feedback import PRIMITIVES, people
-from reporting_refinement import refinement_results
+from reporting_feedback import PRIMITIVES, feedback_stages, people
+from reporting_refinement import refinement_stages, stored
 from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
-from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
 from structlearn.reporting.claims import NO, Claim, Evidence, Found, read_claims
@@ -119,7 +118,7 @@ def over_people(results: Any) -> Findings:
 
 def segmentation_of_people(results: Any) -> Findings:
     """Of the page on segmentation: what the sweep and a study of people like this one find."""
-    find = test_scraping_page.rows(scraping.segmentation_of_one, results)
+    find = test_scraping_page.sweep_evidence(results)
     aligned = [primitive.name for primitive in results.found_primitives]
     scraping.segmentation_of_people(
         find, ScrapingPeople(people(find.numbers()), scraping.OURS, PRIMITIVES), aligned
@@ -133,7 +132,7 @@ def arithmetic() -> dict[str, set[str]]:
         downsampling_effect([demonstration(seed) for seed in seeds], PARAMETERS, (1, 2))
         for seeds in (range(2), range(3, 5))
     )
-    return {"downsampling": {name for name in first if first[name].equals(second[name])}}
+    return {"tables.downsampling": {name for name in first if first[name].equals(second[name])}}
 
 
 def deaf_to_phase(results: Any) -> Any:
@@ -170,6 +169,7 @@ def motion_page(name: str) -> Page:
 
 
 SCRAPING = "testbeds.scraping.page"
+FEEDBACK_TABLES, REFINEMENT_TABLES = (stages()[1].keys() for stages in (feedback_stages, refinement_stages))
 MADE_UP = {
     "boxes": (test_tasks_obstacles.made_up_ways, lambda its: scene_findings(SceneWays(its))),
     "avoidance": (test_tasks_obstacles.made_up_scores, representation_findings),
@@ -186,19 +186,22 @@ PAGES = {
     ),
     "segmentation": Page(
         of_package(SCRAPING, "segmentation_claims.yaml"),
-        lambda get: [get("segmentation")],
+        lambda get: [stored()],
         segmentation_of_people,
         known=arithmetic,
+        chosen=lambda place: place.rpartition(".")[2] not in FEEDBACK_TABLES | REFINEMENT_TABLES,
     ),
     "feedback": Page(
         of_package(SCRAPING, "feedback_claims.yaml"),
-        lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
+        lambda get: [stored(), deaf_to_phase(stored())],
         test_scraping_page.feedback_evidence,
+        chosen=lambda place: place.removeprefix("tables.") in FEEDBACK_TABLES,
     ),
     "refinement": Page(
         of_package(SCRAPING, "refinement_claims.yaml"),
-        lambda get: [refinement_results()],
+        lambda get: [stored()],
         test_scraping_page.refinement_evidence,
+        chosen=lambda place: place.removeprefix("tables.") in REFINEMENT_TABLES,
     ),
     "calibration": Page(
         of_package("tasks.touch", "calibration_claims.yaml"),

@@ -34,17 +34,14 @@ def test_axes_of_one_primitive_share_a_table(tmp_path):
         coupling_dataset.from_axes_table(coupling_dataset.to_table(data))
 
 
-FRACTIONS = (0.075, 0.075)
-
-
 @pytest.mark.parametrize("chunk", [1, 7])
 def test_parts_are_disjoint_and_cover_everything(chunk):
     """Without generalisation none is left out, whatever the demonstrations' numbers."""
     data = toy_dataset()
-    folds = leave_one_out(data, FRACTIONS, chunk, seed=0)
+    folds = leave_one_out(data, chunk, seed=0)
     assert [fold.number for fold in folds] == [0, 1, 2, 3]
     renumbered = replace(data, demonstration=data.demonstration - 2)
-    whole = without_generalization(renumbered, FRACTIONS, chunk, seed=0)
+    whole = without_generalization(renumbered, chunk, seed=0)
     assert len(whole.generalization) == 0
     for fold in [*folds, whole]:
         rows = np.concatenate(fold.parts())
@@ -53,7 +50,7 @@ def test_parts_are_disjoint_and_cover_everything(chunk):
 
 def test_a_number_is_left_out_of_every_setting_and_other_samples_are_split_as_the_text_says():
     data = toy_dataset()
-    for fold in leave_one_out(data, FRACTIONS, 1, seed=0):
+    for fold in leave_one_out(data, 1, seed=0):
         assert set(data.demonstration[fold.generalization]) == {fold.number}
         assert set(data.setting[fold.generalization]) == set(data.setting)
         for rows in (fold.train, fold.validation, fold.test):
@@ -65,7 +62,7 @@ def test_a_number_is_left_out_of_every_setting_and_other_samples_are_split_as_th
 
 def test_a_chunk_is_split_as_a_whole_and_ends_with_its_demonstration():
     data = toy_dataset()
-    fold = without_generalization(data, FRACTIONS, 7, seed=0)
+    fold = without_generalization(data, 7, seed=0)
     part = np.empty(len(data.target), dtype=int)
     for index, rows in enumerate(fold.parts()):
         part[rows] = index
@@ -81,9 +78,9 @@ def test_a_chunk_is_split_as_a_whole_and_ends_with_its_demonstration():
 
 def test_too_little_data_is_named():
     with pytest.raises(InputError, match="1 demonstration per setting: nothing is left"):
-        leave_one_out(toy_dataset(demonstrations=1), FRACTIONS, 1, seed=0)
+        leave_one_out(toy_dataset(demonstrations=1), 1, seed=0)
     with pytest.raises(InputError, match="6 chunks of samples are too few for train, validation and test"):
-        leave_one_out(toy_dataset(demonstrations=3), FRACTIONS, 10_000, seed=0)
+        leave_one_out(toy_dataset(demonstrations=3), 10_000, seed=0)
 
 
 def test_settings_are_read_by_their_number_in_rising_order(tmp_path):

@@ -9,7 +9,7 @@ from feedback_skills import random_skill
 from feedback_toy import toy_dataset
 
 from structlearn.core.errors import InputError
-from structlearn.feedback.coupling_dataset import FRACTIONS, leave_one_out
+from structlearn.feedback.coupling_dataset import leave_one_out
 from structlearn.feedback.coupling_model import (
     Compiled,
     CouplingModel,
@@ -27,7 +27,7 @@ from structlearn.primitives import canonical
 
 QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every=20, batch_size=16)
 DATA = toy_dataset()
-JOBS = [(DATA, fold) for fold in leave_one_out(DATA, FRACTIONS, 1, seed=0)[:2]]
+JOBS = [(DATA, fold) for fold in leave_one_out(DATA, 1, seed=0)[:2]]
 OWN = {"linear_feedback": ("linear_feedback", ())}
 
 

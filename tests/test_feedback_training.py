@@ -12,7 +12,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
 from structlearn.feedback import coupling_model
 from structlearn.feedback import supervised_training as supervised
-from structlearn.feedback.coupling_dataset import FRACTIONS, leave_one_out
+from structlearn.feedback.coupling_dataset import leave_one_out
 from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
@@ -24,7 +24,7 @@ QUICK = committed(TrainingParameters, "compare_models", steps=60, evaluate_every
 
 def stacked(data, parameters=QUICK, chosen=slice(None)):
     """Folds of a dataset as a stack trains on them."""
-    folds = leave_one_out(data, FRACTIONS, parameters.chunk_samples, parameters.seed)[chosen]
+    folds = leave_one_out(data, parameters.chunk_samples, parameters.seed)[chosen]
     inputs, targets = [], []
     for fold in folds:
         mean, spread = supervised.standardisation(data.deviation, fold)
@@ -141,7 +141,7 @@ def test_training_goes_on_from_a_given_network():
 def test_all_channels_share_one_scale_and_its_unit_does_not_matter():
     """So that the noise of a channel that feels little is not made as large as what others feel."""
     data = toy_dataset()
-    (fold, *_) = leave_one_out(data, FRACTIONS, 1, 0)
+    (fold, *_) = leave_one_out(data, 1, 0)
     mean, spread = supervised.standardisation(data.deviation, fold)
     scaled = ((data.deviation - mean) / spread)[fold.train]
     assert np.unique(spread).size == 1

@@ -48,7 +48,6 @@ from structlearn.core.parallel import BACKEND
 from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import (
-    FRACTIONS,
     CouplingDataset,
     concatenated,
     leave_one_out,
@@ -310,9 +309,7 @@ def final_feedback(monkeypatch, tmp_path):
 
     for model in (POINTWISE, LEVEL):
         seen = whole.where(kept) if model == POINTWISE else concatenated([whole.where(kept), level])
-        fold = without_generalization(
-            seen, FRACTIONS, FEEDBACK.pointwise.chunk_samples, FEEDBACK.pointwise.seed
-        )
+        fold = without_generalization(seen, FEEDBACK.pointwise.chunk_samples, FEEDBACK.pointwise.seed)
         own = np.flatnonzero(kept)
         tested, taught = (own[part[part < len(own)]] for part in (fold.test, fold.train[:1]))
         learned, changed = once(partial(learn, model=model)), corrected(whole, taught)
@@ -342,7 +339,7 @@ def start_of_unrolled_feedback(monkeypatch, tmp_path):
 def representations(monkeypatch, tmp_path):
     """Of one fold, errors on what every representation was learned from, at the step validation chose."""
     data = toy_dataset(samples=(30, 35))
-    fold = leave_one_out(data, FRACTIONS, TRAINING.chunk_samples, TRAINING.seed)[LEFT_OUT]
+    fold = leave_one_out(data, TRAINING.chunk_samples, TRAINING.seed)[LEFT_OUT]
 
     @once
     def learn(dataset):

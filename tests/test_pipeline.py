@@ -20,7 +20,7 @@ from viewer_files import contents, values, view_names
 from structlearn.core.stage import TIMES, read_times, stage_parameters
 from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.page.results import read_results
+from structlearn.testbeds.scraping.page.stored import read_stored
 
 CUTTING = [
     *("code", "scraping_record_nominal", "scraping_import_nominal"),
@@ -125,7 +125,7 @@ def test_another_feedback_network_is_a_key(copied, example_networks, monkeypatch
         assert b"linear_feedback" in (copied / "data/feedback/scraping" / file).read_bytes()
     monkeypatch.chdir(copied)
     settings = {key: stage_parameters(key, model) for page in LISTED.values() for key, model in page.items()}
-    page = Made(read_results(ScrapingFiles(), settings)).pages["feedback"]
+    page = Made(read_stored(ScrapingFiles(), settings)).pages["feedback"]
     assert "As figure IV.16 bottom" not in render(page, AnyFigure())
 
 

@@ -95,7 +95,7 @@ def test_the_mean_policies_are_those_of_the_searches(environment, table):
     runs = MadeUp().rollouts([open_loop(policy) for policy in own], [(0,)] * len(own))
     costs = np.array([run.cost for run in runs])
     activation = kernel_activation(costs.shape[1], KERNELS)
-    new = update(search.distribution, own, costs, SEARCH, activation).distribution
+    new = update(search.distribution, own, costs, SEARCH, activation)
     search.learn(own, runs)
     np.testing.assert_array_equal(search.mean, new.mean)
     np.testing.assert_array_equal(search.distribution.covariance, new.covariance)

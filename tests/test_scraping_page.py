@@ -1,30 +1,28 @@
 """The three pages of the scraping testbed: numbers and verdicts on made-up data, and that they render."""
 
-import runpy
 from collections import defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 import reporting_verdicts
-from committed import ROOT, committed
+from committed import committed
 from reporting_feedback import (
     ADAPTED,
     AXIS,
     NMSE,
     PRIMITIVES,
     comparison,
-    feedback_results,
     forms,
     network,
     orderings,
     people,
     phase_weights,
 )
-from reporting_refinement import COSTS, examples, history, refinement_results, search
+from reporting_refinement import COSTS, LISTED, examples, history, search, stored
 from reporting_refinement import scores as refined_scores
-from reporting_scraping import demonstration, noise_table, segmentation_results, work_table
+from reporting_scraping import noise_table, work_table
 from reporting_verdicts import AnyFigure
 
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
@@ -43,14 +41,22 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.studies import OURS, stored_study
 from structlearn.testbeds.scraping.page import findings as own
 from structlearn.testbeds.scraping.page import page as module
-from structlearn.testbeds.scraping.page.refinement_figures import snapshots, turned
-from structlearn.testbeds.scraping.page.results import PEOPLE, ScrapingResults
-from structlearn.testbeds.scraping.page.tables import tables
+from structlearn.testbeds.scraping.page.board_figures import snapshots, turned
+from structlearn.testbeds.scraping.page.stored import PEOPLE, Stored
+from structlearn.testbeds.scraping.page.tables import (
+    board_tables,
+    curve,
+    cut_tables,
+    derived,
+    hand_readings,
+    refinement_tables,
+    tables,
+)
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 
 CLAIMS = "refinement_claims.yaml"
-LISTED = runpy.run_path(str(ROOT / "stages/scraping/report.py"))["PARAMETERS"]
+PRINTED = module.published()
 
 
 @pytest.fixture(scope="module")
@@ -59,35 +65,17 @@ def settings():
     return {key: committed(model, key) for page in LISTED.values() for key, model in page.items()}
 
 
-@pytest.fixture(scope="module")
-def segmentation():
-    return segmentation_results([demonstration(seed) for seed in range(3)])
-
-
-@pytest.fixture(scope="module")
-def feedback():
-    return feedback_results()
-
-
 @dataclass
 class Made:
     """A report without its figures, which take long to draw."""
 
-    results: ScrapingResults
+    stored: Stored
 
     def __post_init__(self):
-        self.find = own.findings(self.results)
+        frames = derived(self.stored, PRINTED)
+        self.find = own.findings(self.stored, frames)
         self.numbers = self.find.numbers()
-        shown = tables(self.results, module.published())
-        self.pages = module.pages(self.results, self.find, shown, module.published(), LISTED)
-
-
-@pytest.fixture
-def made(settings, segmentation, feedback):
-    def make(study=None):
-        return Made(ScrapingResults(segmentation, feedback, refinement_results(), study, settings))
-
-    return make
+        self.pages = module.pages(self.stored, frames, self.find, tables(frames), PRINTED, LISTED)
 
 
 def rows(add, *results):
@@ -97,29 +85,32 @@ def rows(add, *results):
     return find
 
 
-def feedback_evidence(results, count=5, **changes):
+def sweep_evidence(its):
+    return rows(own.segmentation_of_one, its, cut_tables(its))
+
+
+def feedback_numbers(its):
+    return rows(own.feedback_of_one, its, board_tables(its, PRINTED)).numbers()
+
+
+def feedback_evidence(its, count=5, **changes):
     """What a study of people like that of the results finds."""
-    study = people(rows(own.feedback_of_one, results).numbers(), count, **changes)
-    settings = results.board.settings_deg
-    return rows(own.feedback_of_people, own.ScrapingPeople(study, OURS, PRIMITIVES), ADAPTED, settings)
+    study = people(feedback_numbers(its), count, **changes)
+    return rows(own.feedback_of_people, own.ScrapingPeople(study, OURS, PRIMITIVES), its)
 
 
-def refinement_evidence(results, text=None):
+def refinement_numbers(its):
+    return rows(own.refinement_of_one, its, refinement_tables(its, PRINTED)).numbers()
+
+
+def refinement_evidence(its, text=None):
     """The same of refinements, in the text's form like `text`, else like the results."""
-    ours = refinement_numbers(results)
+    ours = refinement_numbers(its)
     study = forms({OURS: ours, own.TEXT: refinement_numbers(text) if text else ours})
     find = Findings()
     for form in (own.TEXT, OURS):
-        own.refinement_of_people(find, own.ScrapingPeople(study, form, PRIMITIVES), results)
+        own.refinement_of_people(find, own.ScrapingPeople(study, form, PRIMITIVES), its)
     return find
-
-
-def refinement_numbers(results):
-    return rows(own.refinement_of_one, results, PRIMITIVES).numbers()
-
-
-def sweep_evidence(results):
-    return rows(own.segmentation_of_one, results)
 
 
 PAGES = {"segmentation": sweep_evidence, "feedback": feedback_evidence, "refinement": refinement_evidence}
@@ -136,14 +127,14 @@ def verdicts(page, results):
     return {name: combined(list(words.values())) for name, words in judged(page, results).items()}
 
 
-def test_every_claim_holds_where_the_data_say_so(feedback, segmentation):
-    assert set(verdicts("feedback", feedback).values()) == {YES, NO}
+def test_every_claim_holds_where_the_data_say_so():
+    assert set(verdicts("feedback", stored()).values()) == {YES, NO}
     refuted = {"in_the_unroll", "level_board", "level_board_ours"}
     refuted |= {"level_board_refined_text", "level_board_refined_ours"}
-    for page, results in (("feedback", feedback), ("refinement", refinement_results())):
-        for evidence, verdict in verdicts(page, results).items():
+    for page in ("feedback", "refinement"):
+        for evidence, verdict in verdicts(page, stored()).items():
             assert verdict == (NO if evidence in refuted else YES), evidence
-    found = verdicts("segmentation", segmentation)
+    found = verdicts("segmentation", stored())
     assert set(found.values()) - {NOT_TESTED} == {YES}
     assert found["downsampling_work_g2"] == YES
 
@@ -151,10 +142,10 @@ def test_every_claim_holds_where_the_data_say_so(feedback, segmentation):
 def changed(setting, **costs):
     """Scores of refinement with the costs of some models in one setting replaced."""
     every = {model: COSTS[model] | ({setting: costs[model]} if model in costs else {}) for model in COSTS}
-    return {"scores": refined_scores(every)}
+    return {"refined_scores": refined_scores(every)}
 
 
-def curve(*costs):
+def curve_of(*costs):
     return {"history": history({"turn": costs})}
 
 
@@ -180,27 +171,25 @@ CHANGES = [
     ("refinement", changed(10.0, after=60.0), "lower_text", YES),  # less than 30 %, but lower
     ("refinement", changed(10.0, after=90.0), "lower_text", NO),
     ("refinement", changed(0.0, after=1.0), "level_board_refined_ours", YES),
-    ("refinement", curve(80.0, 50.0, 42.0, 42.0), "converged_text", YES),
-    ("refinement", curve(80.0, 50.0, 45.0, 44.9, 38.0), "converged_text", NO),  # a later gain counts
-    ("refinement", curve(80.0, 50.0, 42.0, 50.0), "converged_text", YES),  # worse again: no improvement
-    ("refinement", curve(80.0, 50.0, 42.0), "converged_text", NOT_TESTED),  # no later one was run
+    ("refinement", curve_of(80.0, 50.0, 42.0, 42.0), "converged_text", YES),
+    ("refinement", curve_of(80.0, 50.0, 45.0, 44.9, 38.0), "converged_text", NO),  # a later gain counts
+    ("refinement", curve_of(80.0, 50.0, 42.0, 50.0), "converged_text", YES),  # worse again: no improvement
+    ("refinement", curve_of(80.0, 50.0, 42.0), "converged_text", NOT_TESTED),  # no later one was run
 ]
 
 
 @pytest.mark.parametrize(("page", "change", "evidence", "expected"), CHANGES)
-def test_verdicts_follow_the_data(page, change, evidence, expected, request):
-    results = refinement_results() if page == "refinement" else request.getfixturevalue(page)
-    assert verdicts(page, replace(results, **change))[evidence] == expected
+def test_verdicts_follow_the_data(page, change, evidence, expected):
+    assert verdicts(page, stored(**change))[evidence] == expected
 
 
-def test_each_rule_of_stopping_has_its_own_rows(feedback):
+def test_each_rule_of_stopping_has_its_own_rows():
     """PMNN with 100 nodes is best where the demonstration left out stops, second where validation does."""
     table = comparison()
     table.loc[
         (table["representation"] == "pmnn_100") & (table["stopping"] == "validation"), "generalization"
     ] += 0.2
-    results = replace(feedback, comparison=table, orderings=orderings(table))
-    found = verdicts("feedback", results)
+    found = verdicts("feedback", stored(comparison=table, orderings=orderings(table)))
     text = ("order_of_structures", "features_inside", "more_nodes", "level_of_error")
     assert {found[name] for name in text} == {YES}
     assert {found[f"{name}_validated"] for name in text} == {NO}
@@ -212,16 +201,16 @@ def test_each_rule_of_stopping_has_its_own_rows(feedback):
     assert {by for name, by in claims.items() if name.endswith("_validated")} == {"ours"}
 
 
-def test_no_two_rows_rest_on_the_same_number(made, root):
+def test_no_two_rows_rest_on_the_same_number(root):
     study = stored_study(root / "reports/studies/scraping/people")
-    for page in made(study).pages.values():
+    for page in Made(stored(study=study)).pages.values():
         shown = [here for one in page.judged for _, here, _, verdict in one.cases if verdict != NOT_TESTED]
         assert shown
         assert len(set(shown)) == len(shown)
 
 
-def test_one_person_decides_nothing(made):
-    page = made().pages["feedback"]
+def test_one_person_decides_nothing():
+    page = Made(stored()).pages["feedback"]
     assert {one.verdict for one in page.judged} == {NOT_TESTED}
     assert "not studied with these parameters" in render(page, AnyFigure())
 
@@ -235,9 +224,9 @@ def test_pages_show_the_first_person_and_no_constant_is_judged_where_it_was_chos
     assert not swept & {*people_seeds.tuning, *people_seeds.test}
 
 
-def test_people_are_judged_where_they_were_studied(made, feedback, segmentation):
-    numbers = rows(own.feedback_of_one, feedback).numbers() | sweep_evidence(segmentation).numbers()
-    report = made(people(numbers))
+def test_people_are_judged_where_they_were_studied():
+    study = people(feedback_numbers(stored()) | sweep_evidence(stored()).numbers())
+    report = Made(stored(study=study))
     assert NOT_TESTED not in {one.verdict for one in report.pages["feedback"].judged}
     assert set(claims_table(report.pages["feedback"].judged)["study"]) == {PEOPLE}
     index = claims_table(report.pages["index"].judged)
@@ -267,8 +256,7 @@ def test_the_share_left_is_the_geometric_mean_of_the_least_clear_tilt():
 
 def test_the_dissertation_s_claims_are_decided_by_its_own_form():
     """Ours improves, the text's does not: the row of the text is no, that of ours yes."""
-    worse = refinement_results(**changed(10.0, after=90.0))
-    found = refinement_evidence(refinement_results(), worse)
+    found = refinement_evidence(stored(), stored(**changed(10.0, after=90.0)))
     words = reporting_verdicts.cases(module.__package__, defaultdict(lambda: UNKNOWN, found), CLAIMS)
     assert set(words["lower_text"].values()) == {NO}
     assert set(words["lower_ours"].values()) == {YES}
@@ -276,8 +264,8 @@ def test_the_dissertation_s_claims_are_decided_by_its_own_form():
         assert claim.by == "ours" or claim.evidence.endswith("_text")
 
 
-def test_findings_are_the_means_given(made):
-    values = made().numbers
+def test_findings_are_the_means_given():
+    values = Made(stored()).numbers
     for key, representation in (("pmnn", "pmnn_100"), ("ffnn_phase", "ffnn_phase"), ("ffnn", "ffnn")):
         for number in (2, 3):
             name = f"{key}_prim{number}_generalization_nmse"
@@ -301,10 +289,11 @@ def test_findings_are_the_means_given(made):
 
 
 def test_failed_rollouts_are_counted_by_their_fault():
-    found = refinement_results(history=history(faults={0: "diverged at 1.5 s", 3: "diverged at 0.2 s"}))
-    assert found.faults["rollouts"].tolist() == [6, 6]  # two of every iteration, by primitive
-    assert found.faults["fault"].unique().tolist() == ["diverged at … s"]
-    samples = found.curve("turn", "sample")
+    failing = stored(history=history(faults={0: "diverged at 1.5 s", 3: "diverged at 0.2 s"}))
+    found = refinement_tables(failing, PRINTED)
+    assert found["refinement_faults"]["rollouts"].tolist() == [6, 6]  # two of every iteration, by primitive
+    assert found["refinement_faults"]["fault"].unique().tolist() == ["diverged at … s"]
+    samples = curve(found["refinement_curves"], "turn", "sample")
     assert samples["mean"].notna().all()
     assert (samples["failed"] == 2).all()
 
@@ -313,18 +302,15 @@ def test_a_search_whose_mean_policy_failed_at_the_end_is_not_hidden():
     table = search({PI2: 45.0, CMA_ES: 55.0}, seeds=1)
     last = (table["method"] == PI2) & (table["update"] == 3) & (table["primitive"] == "turn")
     table.loc[last, "cost_rad"] = np.nan
-    found = refinement_results(search=table)
-    assert np.isnan(found.searched.loc[("turn", PI2), "mean"])
-    values = rows(own.refinement_of_one, found, ["down", "turn", "scrape"]).numbers()
+    values = refinement_numbers(stored(search=table))
     assert "search_cost_pi2_prim2" not in values
     assert "search_cost_pi2_prim3" in values
 
 
-def test_readings_of_the_hand_are_those_of_the_recordings():
-    table = refinement_results().hand_roll.set_index(["model", "moment"])["mean_deg"]
-    assert np.allclose(table[BEFORE], [0.0, 0.0, 6.0, 6.0], atol=1e-6)
-    assert np.allclose(table[AFTER], [0.0, 0.0, 9.0, 9.0], atol=1e-6)
-    assert np.allclose(table[NOMINAL], 0.0, atol=1e-6)
+@pytest.mark.parametrize(("model", "turned"), [(BEFORE, 6.0), (AFTER, 9.0), (NOMINAL, 0.0)])
+def test_readings_of_the_hand_are_those_of_the_recordings(model, turned):
+    means = hand_readings(examples()[model], AXIS)["mean"]
+    assert np.allclose(means, [0.0, 0.0, turned, turned], atol=1e-6)
 
 
 def test_snapshots_keep_recorded_angles_and_lay_the_edge_on_the_board():

@@ -17,7 +17,7 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.names import CUT_METHODS, ROLLOUTS, RUNS
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
-from structlearn.testbeds.scraping.views.executions_recording import write_refinement, write_robot
+from structlearn.testbeds.scraping.views.executions_recording import write_executions, write_robot
 from structlearn.testbeds.scraping.views.nominal_recordings import write_alignment, write_demonstrations
 from structlearn.testbeds.scraping.views.scraping_scene import Execution
 from structlearn.testbeds.scraping.views.search_recording import CHEAP, cost_colours, searches
@@ -112,7 +112,7 @@ def test_a_tool_flat_on_the_board_is_parallel_to_it_and_meets_the_hand_that_turn
 def test_runs_before_and_after_share_a_scene_and_the_search_has_a_time_line_of_its_own(tmp_path):
     path = tmp_path / "refinement.rrd"
     group = refined(5.0)
-    write_refinement(path, {5.0: group}, *rollouts(), "Test")
+    write_executions(path, {5.0: group}, "Test", rollouts())
     rows, entities, timelines = contents(path)
     assert timelines == {"time", "iteration"}
     samples = -(-len(group[0].run.time) // 4)  # 50 Hz of 200
@@ -141,7 +141,7 @@ def test_the_search_of_one_primitive_with_failures_and_the_cheapest_on_top(tmp_p
     path = tmp_path / "refinement.rrd"
     failed = [("turn", 1, "sample", 0), ("turn", 1, "improved", 1)]
     history, samples = rollouts(("turn",), failed=failed)
-    write_refinement(path, {10.0: refined()}, history, samples)
+    write_executions(path, {10.0: refined()}, refinement=(history, samples))
     _, entities, _ = contents(path)
     assert not any(name.startswith("/search/scrape") for name in entities)
     assert values(path, "/search/turn/costs/failed", "Points2D:labels") == [[], ["2 failed"], []]

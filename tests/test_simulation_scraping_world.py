@@ -7,7 +7,6 @@ from committed import committed
 from scraping_motions import FLAT, beside_contact
 
 from structlearn.testbeds.scraping.world import scraping_world
-from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
 from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
 from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm, joint_angles, urdf
 
@@ -44,9 +43,7 @@ class Engine:
 
 
 def place(position=ABOVE, rotation=FLAT, roll=0.0, parameters=PARAMETERS, **factors):
-    return Engine(
-        scraping_world.placed(parameters, joint_angles(position, rotation), roll, CONTACT_M, **factors)
-    )
+    return Engine(scraping_world.placed(parameters, joint_angles(position, rotation), roll, **factors))
 
 
 def test_a_run_starts_at_rest_where_it_is_placed_and_nothing_drifts_in_the_air():

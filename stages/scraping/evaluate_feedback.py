@@ -6,17 +6,12 @@ from structlearn.feedback.corrected_paths import path_errors
 from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.feedback_models import MODELS
-from structlearn.feedback.skill import Limits, ReactiveSkill, largest_coupling
-from structlearn.primitives.primitive_files import read_primitives
-from structlearn.readers.demonstration import read_runs
 from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.files import read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     NOMINAL,
     ExecutionParameters,
-    nominal_orientation,
 )
-from structlearn.testbeds.scraping.protocol.executions import evaluate
+from structlearn.testbeds.scraping.protocol.executions import evaluate, read_bench
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 DATA = "data/feedback/scraping"
@@ -27,19 +22,11 @@ def main() -> None:
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
-    datasets = read_datasets(f"{DATA}/dataset")
     models = {model: read_networks(f"{DATA}/models/{model}.safetensors") for model in MODELS}
-    largest = largest_coupling([one.target for one in datasets.values()])
-    skill = ReactiveSkill(
-        read_primitives("data/primitives/scraping/primitives.safetensors"),
-        read_expected(f"{DATA}/expected"),
-        limits=Limits(largest_coupling={supervision.axis: largest}),
-    )
-    nominal = nominal_orientation(read_runs("data/runs/scraping/unrolls.parquet"))
+    bench, datasets = read_bench("data", None, supervision, testbed, clock)
 
     with publish("data/runs/scraping/closed_loop") as folder:
-        every = {NOMINAL: {}} | models
-        scores, traces = evaluate(every, skill, parameters, supervision, testbed, clock, nominal, folder)
+        scores, traces = evaluate(bench, {NOMINAL: {}} | models, parameters, folder)
     with publish(f"{DATA}/evaluation") as folder:
         folder.mkdir()
         write_table(scores, folder / "scores.parquet")

@@ -29,9 +29,7 @@ def main() -> None:
     models |= {model: read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER)}
 
     with publish("data/runs/scraping/refined") as folder:
-        scores, traces = evaluate(
-            models, board.skill, parameters, supervision, testbed, clock, board.nominal, folder
-        )
+        scores, traces = evaluate(board, models, parameters, folder)
     with publish(f"{DATA}/refined") as folder:
         folder.mkdir()
         write_table(scores, folder / "scores.parquet")

@@ -15,8 +15,8 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.page.findings import findings
 from structlearn.testbeds.scraping.page.page import drawings, pages, published
-from structlearn.testbeds.scraping.page.results import read_results
-from structlearn.testbeds.scraping.page.tables import tables
+from structlearn.testbeds.scraping.page.stored import read_stored
+from structlearn.testbeds.scraping.page.tables import derived, tables
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
 from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
@@ -54,10 +54,12 @@ PARAMETERS = {
 def main() -> None:
     models = {key: model for page in PARAMETERS.values() for key, model in page.items()}
     parameters = {key: stage_parameters(key, model) for key, model in models.items()}
-    results, printed = read_results(ScrapingFiles(), parameters), published()
-    find, shown = findings(results), tables(results, printed)
-    documents = pages(results, find, shown, printed, PARAMETERS)
-    publish_report("reports/scraping", documents, drawings(results), shown, find, recorded=quoted_claims())
+    stored, printed = read_stored(ScrapingFiles(), parameters), published()
+    frames = derived(stored, printed)
+    find, shown = findings(stored, frames), tables(frames)
+    documents = pages(stored, frames, find, shown, printed, PARAMETERS)
+    drawn = drawings(stored, frames)
+    publish_report("reports/scraping", documents, drawn, shown, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

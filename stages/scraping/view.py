@@ -10,7 +10,6 @@ from structlearn.testbeds.scraping.views.executions_recording import (
     read_feedback_runs,
     read_refined_runs,
     write_executions,
-    write_refinement,
     write_robot,
 )
 from structlearn.testbeds.scraping.views.nominal_recordings import (
@@ -43,7 +42,7 @@ def main() -> None:
             write_robot(folder / "robot.rrd", shown, "Scraping: robot with feedback")
         if refined:
             search = (files.table("history"), files.table("rollouts"))
-            write_refinement(folder / "refinement.rrd", refined, *search, "Scraping: refinement")
+            write_executions(folder / "refinement.rrd", refined, "Scraping: refinement", search)
 
 
 if __name__ == "__main__":

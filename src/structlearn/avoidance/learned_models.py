@@ -16,7 +16,7 @@ from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import read_avoidance_networks, write_avoidance_networks
 from structlearn.avoidance.rai_2014 import read_human_inspired, write_human_inspired
 from structlearn.core.errors import InputError
-from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, without_generalization
+from structlearn.feedback.coupling_dataset import CouplingDataset, without_generalization
 from structlearn.feedback.coupling_model import CouplingModel as AxisModel
 from structlearn.feedback.coupling_model import TrainingParameters, read_networks, write_networks
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
@@ -61,7 +61,7 @@ def train_phase_modulated(
         )
         for target in dataset.target.T
     ]
-    fold = without_generalization(per_axis[0], FRACTIONS, parameters.chunk_samples, parameters.seed)
+    fold = without_generalization(per_axis[0], parameters.chunk_samples, parameters.seed)
     trained = PhaseModulatedNetwork.train([(one, fold) for one in per_axis], parameters, hidden)
     return PhaseModulatedAvoidance(tuple(one.models["validation"] for one in trained))
 

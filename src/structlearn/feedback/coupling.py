@@ -15,7 +15,6 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.frames import local_frame
 from structlearn.primitives import canonical, orientation, transformation
@@ -87,11 +86,6 @@ def orientation_target(
 
     `path`: (T, 4) orientations. `goal`: (4,) steady goal; default the primitive's.
     """
-    goal = primitive.goal if goal is None else goal
-    tau = canonical.time_constant(path.duration)
-    w, wd = path.angular_velocity, path.angular_acceleration
-    first = orientation.initial_goal(path.orientation[0], w[0], wd[0], tau)
-    goals = orientation.goal_path(goal, first, path.time, tau)
-    error = quaternion.difference(goals, path.orientation)
-    attraction = transformation.ALPHA * (transformation.BETA * error - tau * w)
-    return tau**2 * wd - attraction - primitive.forcing(path.time, path.duration)
+    goal, tau = primitive.goal if goal is None else goal, canonical.time_constant(path.duration)
+    forcing = primitive.forcing(path.time, path.duration)
+    return orientation.forcing_target(path, tau, goal) - forcing

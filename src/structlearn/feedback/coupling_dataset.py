@@ -146,34 +146,27 @@ def stream(left_out: int | None) -> int:
     return 0 if left_out is None else left_out + 1
 
 
-def leave_one_out(
-    dataset: CouplingDataset, fractions: Sequence[float], chunk_samples: int, seed: int
-) -> list[Fold]:
+def leave_one_out(dataset: CouplingDataset, chunk_samples: int, seed: int) -> list[Fold]:
     """One fold per demonstration number; arguments and errors as `without_generalization`."""
     numbers = np.unique(dataset.demonstration)
     if len(numbers) < 2:
         raise InputError(f"{len(numbers)} demonstration per setting: nothing is left when one is left out")
-    arguments = (fractions, chunk_samples, seed)
-    return [without_generalization(dataset, *arguments, int(number)) for number in numbers]
+    return [without_generalization(dataset, chunk_samples, seed, int(number)) for number in numbers]
 
 
 def without_generalization(
-    dataset: CouplingDataset,
-    fractions: Sequence[float],
-    chunk_samples: int,
-    seed: int,
-    left_out: int | None = None,
+    dataset: CouplingDataset, chunk_samples: int, seed: int, left_out: int | None = None
 ) -> Fold:
     """The split of all demonstrations but one, or of all, for the model that is used in the end.
 
     `dataset`: samples of all demonstrations; those of one demonstration follow each other in time.
-    `fractions`: of validation and test among the remaining demonstrations; the others train. `chunk_samples`:
-    consecutive samples that go to the same part; 1 in the text. Raises InputError: a part would be empty.
+    `chunk_samples`: consecutive samples that go to the same part; 1 in the text. Raises InputError: a part
+    would be empty.
     """
     apart = np.full(len(dataset.target), False) if left_out is None else dataset.demonstration == left_out
     chunks = _chunks(dataset, chunk_samples)
     remaining = np.unique(chunks[~apart])
-    sizes = [round(fraction * len(remaining)) for fraction in fractions]
+    sizes = [round(fraction * len(remaining)) for fraction in FRACTIONS]
     if min(*sizes, len(remaining) - sum(sizes)) < 1:
         raise InputError(f"{len(remaining)} chunks of samples are too few for train, validation and test")
     shuffled = np.random.default_rng([seed, stream(left_out)]).permutation(remaining)

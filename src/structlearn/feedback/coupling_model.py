@@ -29,7 +29,7 @@ from structlearn.core.compilation import numba
 from structlearn.core.errors import InputError
 from structlearn.core.params import Name, Parameters
 from structlearn.feedback import models
-from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, Fold, without_generalization
+from structlearn.feedback.coupling_dataset import CouplingDataset, Fold, without_generalization
 from structlearn.networks.compiled_layers import Array, Layers
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.primitive_files import part, prefixed
@@ -223,7 +223,7 @@ def train_final(
 
     Arguments and errors as `CouplingModel.train`; refinement starts from an initial model.
     """
-    fold = without_generalization(dataset, FRACTIONS, parameters.chunk_samples, parameters.seed)
+    fold = without_generalization(dataset, parameters.chunk_samples, parameters.seed)
     (trained,) = model.train([(dataset, fold)], parameters, hidden, initial)
     return trained.models["validation"]
 

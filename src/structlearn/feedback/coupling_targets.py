@@ -252,12 +252,10 @@ def coupling_samples(
     corrected: CorrectedPrimitive, setting: float | str, number: int, parameters: CorrectionParameters
 ) -> dict[Axis, CouplingDataset]:
     """Supervised data of each axis from one corrected primitive; `setting`: in degrees, or its label."""
-    whole = _samples(corrected.time, corrected.deviation, (setting, number), parameters.rate_hz)
-    kept = thinned(corrected.time, parameters.rate_hz)
-    return {
-        axis: replace(whole, target=corrected.target[kept, AXES.index(axis)], groups=corrected.groups)
-        for axis in parameters.axes
-    }
+    felt = corrected.time, corrected.deviation, corrected.groups
+    whole = _samples(*felt, (setting, number), parameters.rate_hz)
+    targets = corrected.target[thinned(corrected.time, parameters.rate_hz)]
+    return {axis: replace(whole, target=targets[:, AXES.index(axis)]) for axis in parameters.axes}
 
 
 def level_dataset(
@@ -272,8 +270,8 @@ def level_dataset(
     for number, run in enumerate(runs):
         if run.name in cuts.index:
             time, deviation = executed_primitive(run, cuts.loc[run.name], expected, parameters.sensors)
-            samples = _samples(time, deviation, (setting, number), parameters.rate_hz)
-            parts.append(replace(samples, groups=channel_groups(run, parameters.sensors)))
+            groups = channel_groups(run, parameters.sensors)
+            parts.append(_samples(time, deviation, groups, (setting, number), parameters.rate_hz))
     return concatenated(parts)
 
 
@@ -283,14 +281,18 @@ def thinned(time: np.ndarray, rate_hz: float) -> slice:
 
 
 def _samples(
-    time: np.ndarray, deviation: np.ndarray, key: tuple[float | str, int], rate_hz: float
+    time: np.ndarray,
+    deviation: np.ndarray,
+    groups: tuple[int, ...],
+    key: tuple[float | str, int],
+    rate_hz: float,
 ) -> CouplingDataset:
     """Samples of one primitive in one execution with c_target = 0; `key`: its setting, its number there."""
     kept = thinned(time, rate_hz)
     duration, time = time[-1], time[kept]
     p, u = canonical.phase(time, canonical.time_constant(duration))
     setting, number = (np.full(len(time), value) for value in key)
-    return CouplingDataset(deviation[kept], p, u, np.zeros(len(time)), setting, number, time)
+    return CouplingDataset(deviation[kept], p, u, np.zeros(len(time)), setting, number, time, groups)
 
 
 def _checks(

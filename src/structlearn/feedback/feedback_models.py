@@ -22,7 +22,6 @@ from structlearn.core.metrics import mean_interval, nmse, verdict
 from structlearn.core.parallel import parallel_map
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import (
-    FRACTIONS,
     PARTS,
     CouplingDataset,
     concatenated,
@@ -137,7 +136,7 @@ def compare_representations(
 def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.DataFrame:
     """Rows of one representation."""
     dataset, parameters, name = work
-    folds = leave_one_out(dataset, FRACTIONS, parameters.chunk_samples, parameters.seed)
+    folds = leave_one_out(dataset, parameters.chunk_samples, parameters.seed)
     network, hidden = NETWORKS[name]
     found = named_model(network).train([(dataset, fold) for fold in folds], parameters, hidden)
     rows = []

@@ -121,21 +121,16 @@ def train_networks(
 ) -> list[Trained[PhaseModulatedNetwork]]:
     """Train one network per job as a stack; see `CouplingModel.train`."""
     generator, models = seeded(parameters.seed), len(jobs)
+    given = None if initial is None else (initial.input_mean, initial.input_scale)
+    count = KERNEL_COUNT if initial is None else initial.kernel_count
+    units, inputs = standardised(jobs, given=given)
+    scales, data = scaled_targets(jobs, inputs, count)
     if initial is None:
-        units, inputs = standardised(jobs)
-        scales, data = scaled_targets(jobs, inputs, KERNEL_COUNT)
-        stack = StackedPhaseModulatedNetworks(
-            models, inputs.shape[2], hidden, KERNEL_COUNT, parameters.dropout, generator
-        )
+        sizes = (inputs.shape[2], hidden, count)
+        stack = StackedPhaseModulatedNetworks(models, *sizes, parameters.dropout, generator)
     else:
-        units = [(initial.input_mean, initial.input_scale)] * models
-        inputs = as_tensor(
-            np.stack([(data.deviation - initial.input_mean) / initial.input_scale for data, _ in jobs])
-        )
-        scales, data = scaled_targets(jobs, inputs, len(initial.output_weights))
-        stack = StackedPhaseModulatedNetworks.from_networks(
-            [initial] * models, scales, parameters.dropout, generator
-        )
+        start = [initial] * models
+        stack = StackedPhaseModulatedNetworks.from_networks(start, scales, parameters.dropout, generator)
     return train_stack(
         Stack(stack.parameters(), stack.forward),
         data,

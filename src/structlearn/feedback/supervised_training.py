@@ -27,6 +27,7 @@ CHOOSING = ("validation", "generalization")
 DECAY = 0.9  # Of RMSProp's running mean of squared gradients, per step: the value with which it was published
 
 
+Units = tuple[np.ndarray, np.ndarray]  # Mean and scale (D,) of inputs
 Forward = Callable[[Tensor, Any, bool], Tensor]
 """Outputs (M, B) or (M, B, D) at inputs (M, B, D) and phase features (M, B, N), which are None for networks
 without; True lets nodes drop out."""
@@ -106,14 +107,15 @@ def train_stack(
     return trained
 
 
-def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np.ndarray]], Tensor]:
+def standardised(jobs: Jobs, phases: int = 0, given: Units | None = None) -> tuple[list[Units], Tensor]:
     """Mean and scale (D,) of each job's inputs, and the standardised inputs of all jobs (M, S, D).
 
-    `phases`: 2 to append phase and phase velocity, each with a scale of its own; 0 not to.
+    `phases`: 2 to append phase and phase velocity, each with a scale of its own; 0 not to. `given`: mean and
+    scale of all jobs; default those of each job's training samples.
     """
     units, inputs = [], []
     for dataset, fold in jobs:
-        mean, spread = standardisation(dataset.deviation, fold, dataset.groups)
+        mean, spread = given or standardisation(dataset.deviation, fold, dataset.groups)
         values = [dataset.deviation]
         for column in (dataset.phase[:, None], dataset.phase_velocity[:, None])[:phases]:
             own = standardisation(column, fold)

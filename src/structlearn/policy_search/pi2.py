@@ -4,7 +4,7 @@ Any episodic policy can be searched: draw parameters, roll each out, hand in the
 
     policies = sample(distribution, parameters.samples, rng)        # (K, D)
     costs = ...                                                     # (K, T), a row per rollout
-    distribution = update(distribution, policies, costs, parameters, activation).distribution
+    distribution = update(distribution, policies, costs, parameters, activation)
 
 Every time step weighs the samples by their cost-to-go. As published, these weights are averaged over time,
 early steps counting most, and the average moves all parameters of a policy. But the weight of a phase kernel
@@ -138,17 +138,6 @@ class SearchDistribution:
         return cls(np.array(mean, dtype=float), np.diag(np.broadcast_to(std, np.shape(mean)) ** 2.0))
 
 
-@dataclass(frozen=True)
-class Update:
-    """A new search distribution and what it was made of."""
-
-    distribution: SearchDistribution  # to draw the next policies from
-    temperatures: np.ndarray  # (T,) lambda of the normalised costs
-    effective_samples: np.ndarray  # (T,) 1 / sum_k P_k,t^2: between 1 (one sample has all the weight) and K
-    weights: np.ndarray  # (K, D) of the samples in the new mean, per parameter; sum over the samples 1
-    failed: np.ndarray  # (K,) whether a rollout was left out
-
-
 def sample(distribution: SearchDistribution, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draw policies (algorithm IV.3, line 7); fewer from an equal generator are the first of more.
 
@@ -183,7 +172,7 @@ def update(
     costs: np.ndarray,
     parameters: PI2Parameters,
     activation: np.ndarray | None = None,
-) -> Update:
+) -> SearchDistribution:
     """One update of the search distribution (algorithm IV.4).
 
     `samples`: (K, D) parameters of the rolled-out policies. `costs`: (K, T) cost per rollout and time step,
@@ -199,30 +188,32 @@ def update(
         raise InputError(
             f"{valid.sum()} of {len(costs)} rollouts have finite costs, an update needs {FEWEST_ROLLOUTS}"
         )
-    relative = normalised(ahead[valid])
+    weights = sample_weights(ahead[valid], samples.shape[1], parameters, activation)
+    deviations = samples[valid] - distribution.mean
+    return SearchDistribution(
+        distribution.mean + np.sum(weights * deviations, axis=0),
+        adapted_covariance(distribution.covariance, deviations, weights, parameters.covariance),
+    )
+
+
+def sample_weights(
+    ahead: np.ndarray, dimensions: int, parameters: PI2Parameters, activation: np.ndarray | None = None
+) -> np.ndarray:
+    """Weights (K, D) of the samples in the new mean, per parameter; sum over the samples 1.
+
+    `ahead`: (K, T) finite costs-to-go. `dimensions`: D. `activation`: see `update`.
+    """
+    relative, steps = normalised(ahead), ahead.shape[1]
     if parameters.temperature is None:
         temperatures = bounded_temperatures(relative, parameters.kl_bound, parameters.temperature_floor)
     else:
-        temperatures = np.full(costs.shape[1], parameters.temperature)
-    weights_at = probabilities(relative, temperatures)  # (valid, T)
-    over_time = np.tile(time_weights(costs.shape[1])[:, None], len(distribution.mean))  # (T, D)
+        temperatures = np.full(steps, parameters.temperature)
+    over_time = np.tile(time_weights(steps)[:, None], dimensions)  # (T, D)
     if activation is not None and parameters.averaging == "per_weight":
         over_time = over_time * activation
         over_time /= over_time.sum(axis=0)
-    weights = np.zeros(samples.shape)
     # summed over time by numpy: the last bits of a long matrix product depend on the number of threads
-    weights[valid] = np.einsum("kt,td->kd", weights_at, over_time)
-    deviations = samples[valid] - distribution.mean
-    return Update(
-        distribution=SearchDistribution(
-            distribution.mean + np.sum(weights[valid] * deviations, axis=0),
-            adapted_covariance(distribution.covariance, deviations, weights[valid], parameters.covariance),
-        ),
-        temperatures=temperatures,
-        effective_samples=1.0 / np.sum(weights_at**2, axis=0),
-        weights=weights,
-        failed=~valid,
-    )
+    return np.einsum("kt,td->kd", probabilities(relative, temperatures), over_time, order="C")
 
 
 def _check_shapes(

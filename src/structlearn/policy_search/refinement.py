@@ -186,8 +186,8 @@ def improve(
     succeeded(tried, f"policies of iteration {iteration}", pi2.FEWEST_ROLLOUTS)
     costs = cost_matrix(tried)
     activation = kernel_activation(costs.shape[1], len(progress.compressed))
-    update = pi2.update(distribution, policies, costs, parameters.search, activation)
-    mean = update.distribution.mean
+    updated = pi2.update(distribution, policies, costs, parameters.search, activation)
+    mean = updated.mean
     improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
     added = learnable(improved, f"executions of the improved policy of iteration {iteration}")
     retraining = parameters.training.model_copy(update={"dropout": parameters.retraining_dropout})
@@ -199,7 +199,7 @@ def improve(
     found = replace(
         progress,
         iteration=iteration,
-        covariance=update.distribution.covariance,
+        covariance=updated.covariance,
         history=pd.concat([progress.history, *rows], ignore_index=True),
         policies=np.vstack([progress.policies, policies, np.tile(mean, (len(improved), 1))]),
         samples=pd.concat([progress.samples, *samples], ignore_index=True),

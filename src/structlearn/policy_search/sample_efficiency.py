@@ -74,9 +74,7 @@ class PathIntegralSearch:
         """Update by the costs per tick; failed rollouts are left out."""
         costs = cost_matrix(runs)
         activation = kernel_activation(costs.shape[1], len(self.mean))
-        self.distribution = pi2.update(
-            self.distribution, policies, costs, self.parameters, activation
-        ).distribution
+        self.distribution = pi2.update(self.distribution, policies, costs, self.parameters, activation)
 
 
 @dataclass

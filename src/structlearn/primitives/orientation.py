@@ -80,10 +80,11 @@ def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float
     return quaternion.product(quaternion.from_rotation_vector(remaining), goal)
 
 
-def forcing_target(path: OrientationTrajectory, tau: float) -> np.ndarray:
-    """Forcing term that would reproduce a demonstration (eq. IV.9), (T, 3)."""
+def forcing_target(path: OrientationTrajectory, tau: float, goal: np.ndarray | None = None) -> np.ndarray:
+    """Forcing term that would reproduce a demonstration (eq. IV.9), (T, 3); `goal`: (4,), default its end."""
     first = initial_goal(path.orientation[0], path.angular_velocity[0], path.angular_acceleration[0], tau)
-    error = quaternion.difference(goal_path(path.orientation[-1], first, path.time, tau), path.orientation)
+    goal = path.orientation[-1] if goal is None else goal
+    error = quaternion.difference(goal_path(goal, first, path.time, tau), path.orientation)
     return tau**2 * path.angular_acceleration - ALPHA * (BETA * error - tau * path.angular_velocity)
 
 

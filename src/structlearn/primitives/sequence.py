@@ -108,22 +108,20 @@ def unroll(
     start: PoseGoal | None = None,
     goals: Sequence[PoseGoal] | None = None,
     durations: Sequence[float] | None = None,
-    from_rest: bool = True,
 ) -> SequencePath:
-    """Execute primitives one after another.
+    """Execute primitives one after another, from rest.
 
     Each successor starts in the exact state in which its predecessor ended; its initial goal absorbs the
     difference to its own equilibrium (eq. IV.12-14).
 
     `start`: pose at the start; default the first primitive's mean start. `goals`: one per primitive; default
     the demonstrations' means. `durations`: one per primitive in s; default the demonstrations' means.
-    `from_rest`: the first one starts at rest, as a robot does; else as its demonstrations did on average.
     """
     goals = default_goals(primitives) if goals is None else goals
     durations = [primitive.duration for primitive in primitives] if durations is None else durations
     start = default_start(primitives) if start is None else start
-    rates = (np.zeros(3), np.zeros(3)) if from_rest else (None, None)
-    point, pose = (start.position, *rates), (start.orientation, *rates)
+    at_rest = (np.zeros(3), np.zeros(3))
+    point, pose = (start.position, *at_rest), (start.orientation, *at_rest)
     points, poses = [], []
     for primitive, goal, duration in zip(primitives, goals, durations, strict=True):
         path = primitive.position.unroll(dt, point[0], goal.position, duration, *point[1:])

@@ -19,6 +19,7 @@ from structlearn.palette import (
 )
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.sequence import PosePrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import (
@@ -30,8 +31,7 @@ from structlearn.reporting.movement_figures import (
     space_panels,
     speed,
 )
-from structlearn.segmentation.segments import Segmentation
-from structlearn.testbeds.scraping.page.results import SegmentationResults
+from structlearn.testbeds.scraping.page.stored import Stored
 
 ELECTRODES_SHOWN = 4
 FORCING_SAMPLES = 300
@@ -68,14 +68,14 @@ def draw_electrodes(panel: Axes, run: Demonstration, channels: np.ndarray) -> No
 
 
 @styled
-def demonstrations_figure(results: SegmentationResults) -> list[Figure]:
+def demonstrations_figure(stored: Stored) -> list[Figure]:
     """Position per axis and speed of all demonstrations over time; the reference in front."""
     labels = [["x (mm)", "y (mm)"], ["z (mm)", "speed (mm/s)"]]
     figures, rows = zip(*(stacked_panels(pair, 3.6, time="time (s)") for pair in labels), strict=True)
     panels = np.concatenate(rows)
-    for one in sorted(results.demonstrations, key=lambda one: one.name == results.reference.name):
+    for one in sorted(stored.demonstrations, key=lambda one: one.name == stored.reference.name):
         look: dict[str, Any] = {"color": DEMONSTRATION_COLOUR, "linewidth": 0.8}
-        if one.name == results.reference.name:
+        if one.name == stored.reference.name:
             look = {"color": REFERENCE_COLOUR, "linewidth": 1.4, "label": f"reference ({one.name})"}
         for panel, values in zip(panels, (*one.position.T, speed(one)), strict=True):
             panel.plot(one.time, 1e3 * values, **look)
@@ -84,10 +84,10 @@ def demonstrations_figure(results: SegmentationResults) -> list[Figure]:
 
 
 @styled
-def one_demonstration_figure(demonstration: Demonstration, segmentation: Segmentation) -> list[Figure]:
+def one_demonstration_figure(stored: Stored) -> list[Figure]:
     """Position, speed and, where recorded, force and touch of one demonstration with its cut points."""
-    one, names = demonstration, segmentation.primitives
-    wrench = one.wrench
+    one, segmentation = (stored.guesses or [stored.reference])[0], stored.segmentation
+    names, wrench = segmentation.primitives, one.wrench
     pairs = [["from start (mm)", "speed (mm/s)"]]
     felt = ["force (N)"] * (wrench is not None) + ["touch (counts)"] * (one.tactile is not None)
     pairs += [felt] if felt else []
@@ -112,16 +112,16 @@ def one_demonstration_figure(demonstration: Demonstration, segmentation: Segment
 
 
 @styled
-def space_figure(results: SegmentationResults) -> list[Figure]:
+def space_figure(stored: Stored) -> list[Figure]:
     """Figure IV.15c: the segments of all demonstrations in space, coloured by primitive."""
     paths = []
-    for one in results.was_cut:
-        for place, name in enumerate(results.segmentation.primitives):
-            cuts = results.segmentation.result(name)
+    for one in stored.was_cut:
+        for place, name in enumerate(stored.segmentation.primitives):
+            cuts = stored.segmentation.result(name)
             if one.name in cuts.index:
                 start, end = cuts.loc[one.name, ["start_s", "end_s"]]
                 part = one.position[(one.time >= start) & (one.time <= end)]
-                label = name if one.name == results.reference.name else None
+                label = name if one.name == stored.reference.name else None
                 look = {"color": primitive_colour(place), "linewidth": 1.0, "label": label}
                 paths.append((part, look))
     return space_panels(paths)
@@ -140,39 +140,39 @@ def sequence_space_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]
 
 
 @styled
-def position_fit_figure(results: SegmentationResults) -> list[Figure]:
+def position_fit_figure(stored: Stored) -> list[Figure]:
     """Segments of all demonstrations relative to their goal, and the primitives unrolled, per primitive."""
     labels = [f"{axis} (mm)" for axis in "xyz"]
     figures = []
-    for place, one in enumerate(results.primitives):
-        paths = [1e3 * (path.position - path.position[-1]) for path, _ in results.segments[one.name]]
-        unrolled = 1e3 * (one.position.unroll(results.reference.dt).position - one.position.goal)
+    for place, one in enumerate(stored.primitives):
+        paths = [1e3 * (path.position - path.position[-1]) for path, _ in stored.segments[one.name]]
+        unrolled = 1e3 * (one.position.unroll(stored.reference.dt).position - one.position.goal)
         figures.append(fit_panel(one.name, place, paths, unrolled, labels))
     return figures
 
 
 @styled
-def orientation_fit_figure(results: SegmentationResults) -> list[Figure]:
+def orientation_fit_figure(stored: Stored) -> list[Figure]:
     """The same for orientations, as rotation vectors in degrees from the goal in the base frame."""
     labels = [f"about {axis} (°)" for axis in "xyz"]
     figures = []
-    for place, one in enumerate(results.primitives):
+    for place, one in enumerate(stored.primitives):
         if one.orientation is not None:
-            turns = [turn.orientation for _, turn in results.segments[one.name] if turn is not None]
+            turns = [turn.orientation for _, turn in stored.segments[one.name] if turn is not None]
             paths = [np.degrees(quaternion.difference(turn, turn[-1])) for turn in turns]
-            unrolled = one.orientation.unroll(results.reference.dt).orientation
+            unrolled = one.orientation.unroll(stored.reference.dt).orientation
             from_goal = np.degrees(quaternion.difference(unrolled, one.orientation.goal))
             figures.append(fit_panel(one.name, place, paths, from_goal, labels))
     return figures
 
 
 @styled
-def forcing_figure(results: SegmentationResults) -> list[Figure]:
+def forcing_figure(primitives: Sequence[PosePrimitive]) -> list[Figure]:
     """Forcing terms of the primitives in their local frames, and the phase that fades them out."""
     fraction = np.linspace(0.0, 1.0, FORCING_SAMPLES)
     p, u = canonical.phase(fraction, canonical.time_constant(1.0))
     curves = {}
-    for one in results.primitives:
+    for one in primitives:
         local, times = one.position.local, fraction * one.duration
         rows = {"position, local\nframe (m)": local.forcing(times, local.start, local.goal, one.duration)}
         if isinstance(one.orientation, QuaternionPrimitive):

@@ -21,15 +21,17 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import level_name
 from structlearn.reporting.studies import OURS, People
 from structlearn.segmentation.alignment import METHODS, RESULT
-from structlearn.segmentation.cut_errors import wins_at_every_noise_level
+from structlearn.segmentation.cut_errors import errors_by_seed, wins_at_every_noise_level
 from structlearn.testbeds.scraping.names import CUT_METHODS
-from structlearn.testbeds.scraping.page.board_results import RefinementResults
-from structlearn.testbeds.scraping.page.results import (
-    PEOPLE,
-    FeedbackResults,
-    ScrapingResults,
-    SegmentationResults,
-    sharing_over_phase,
+from structlearn.testbeds.scraping.page.stored import PEOPLE, Stored, sharing_over_phase
+from structlearn.testbeds.scraping.page.tables import (
+    Frames,
+    downsampling_worst,
+    kept,
+    later_gain,
+    overall_ratio,
+    run_costs,
+    settings,
 )
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
@@ -97,62 +99,64 @@ class ScrapingPeople(People):
         return self.numbers(key(self.primitives, *parts))
 
 
-def people_of(results: ScrapingResults, form: str = OURS) -> ScrapingPeople:
+def people_of(stored: Stored, form: str = OURS) -> ScrapingPeople:
     """People of the study that claims rest on, in one form."""
-    return ScrapingPeople(results.study, form, results.feedback.primitives)
+    return ScrapingPeople(stored.study, form, stored.names)
 
 
-def findings(results: ScrapingResults) -> Findings:
-    """All of the three pages."""
-    feedback, people = results.feedback, people_of(results)
-    find = Findings(f"person {results.parameters['scraping_people'].shown}")
-    segmentation_of_one(find, results.segmentation)
-    feedback_of_one(find, feedback)
-    refinement_of_one(find, results.refinement, feedback.primitives)
+def findings(stored: Stored, frames: Frames) -> Findings:
+    """All of the three pages; `frames`: of `tables.derived`."""
+    people = people_of(stored)
+    find = Findings(f"person {stored.parameters['scraping_people'].shown}")
+    segmentation_of_one(find, stored, frames)
+    feedback_of_one(find, stored, frames)
+    refinement_of_one(find, stored, frames)
     if not people.count:
         find.mark(HEADLINES_OF_ONE)
     its = find.among("people", PEOPLE)
     its.exact("people", people.count or np.nan, headline=True)
-    segmentation_of_people(its, people, [one.name for one in results.segmentation.found_primitives])
-    feedback_of_people(its, people, feedback.adapted, feedback.board.settings_deg)
+    segmentation_of_people(its, people, [one.name for one in stored.found_primitives])
+    feedback_of_people(its, people, stored)
     for form in (TEXT, OURS):
-        refinement_of_people(its, people_of(results, form), results.refinement)
+        refinement_of_people(its, people_of(stored, form), stored)
     return find
 
 
-def segmentation_of_one(find: Findings, results: SegmentationResults) -> None:
+def segmentation_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
     """Rows of cuts and primitives; what the sweep decides is over other people than those of the study."""
-    find.exact("demonstrations", len(results.was_cut))
-    find.exact("demonstrations_left_out", len(results.segmentation.left_out))
-    if (errors := results.errors_of_cuts) is not None:
-        find.exact("cut_error_ms", errors.set_index("method")["mean_ms"].to_dict())
-    if (rows := results.alignment) is not None:
+    find.exact("demonstrations", len(stored.was_cut))
+    find.exact("demonstrations_left_out", len(stored.segmentation.left_out))
+    if "cut_errors" in frames:
+        find.exact("cut_error_ms", frames["cut_errors"].set_index("method")["mean_ms"].to_dict())
+    if "alignment" in frames:
+        rows = frames["alignment"]
         rows = rows.set_index(rows["method"] + "_" + rows["primitive"])
         find.exact("spread_mm", rows["spread_mm"].to_dict())
         find.exact("alignment_gain_mm", rows["gain_mm"].to_dict())
-    chosen = results.fit[results.fit["regression"] == results.fit_parameters.regression]
+    fit = frames["reproduction"]
+    chosen = fit[fit["regression"] == stored.parameters["fit_primitives"].regression]
     for name, (left_out, columns) in FIT_COLUMNS.items():
         fitted = chosen[chosen["left_out"] == left_out].set_index("primitive")
         known = [column for column in columns if column in fitted]
         cases = {f"{row}_{column}": fitted.loc[row, column] for row in fitted.index for column in known}
         find.exact(name, cases)
-    jumps = zip(("nominal", "generalised"), results.acceleration_jumps, strict=False)
+    jumps = zip(("nominal", "generalised"), stored.acceleration_jumps, strict=False)
     find.exact("acceleration_jump", dict(jumps))
-    sweep, swept = find.among("people of the sweep"), results.sweep
+    sweep, swept = find.among("people of the sweep"), frames["noise_sweep"]
     cases = swept["method"] + "_" + swept["noise_mm"].map(level_name) + "mm"
     sweep.exact("sweep_cut_error_ms", swept.set_index(cases)["mean_ms"].to_dict())
     sweep.exact("wls_wins_at_every_noise_level", wins_at_every_noise_level(swept))
-    least_cut_error(sweep, results)
-    worst = results.downsampling_worst  # empty of one factor g
+    least_cut_error(sweep, errors_by_seed(stored.tables["noise"]))
+    worst = downsampling_worst(stored.tables["downsampling_people"])  # empty of one factor g
     sweep.mean("downsampling_work_g2", worst["work"])
     for column in ("shift_samples", "shift_samples_text"):
         sweep.mean(f"downsampling_{column}", worst[column])
 
 
-def least_cut_error(find: Findings, results: SegmentationResults) -> None:
+def least_cut_error(find: Findings, errors: pd.DataFrame) -> None:
     """How much better the result's cuts are than each other method's, in pairs, at the least clear level."""
-    errors = results.errors_by_seed.query("noise_mm > 0")
-    wide = errors.pivot_table(index=["noise_mm", "seed"], columns="method", values="error_ms")
+    noisy = errors.query("noise_mm > 0")
+    wide = noisy.pivot_table(index=["noise_mm", "seed"], columns="method", values="error_ms")
     others = [method for method in METHODS if method in wide and method != RESULT]
     comparisons = len(others) * wide.index.unique("noise_mm").size
     found = {
@@ -165,7 +169,7 @@ def least_cut_error(find: Findings, results: SegmentationResults) -> None:
     find.add("least_cut_error", found if len(wide) else UNKNOWN)
 
 
-def feedback_of_one(find: Findings, results: FeedbackResults) -> None:
+def feedback_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
     """Rows of models and executions.
 
     `<model>_prim<number>_generalization_nmse` is the mean over folds at the step that validation chose, with
@@ -175,29 +179,32 @@ def feedback_of_one(find: Findings, results: FeedbackResults) -> None:
     tilt to tilt, of the roll torque without feedback and of the pointwise model's mean coupling term.
     `shared_nodes`: how many of ten dominant nodes any two phase kernels share.
     """
-    board, primitives = results.board, results.primitives
-    named, cases = partial(key, primitives), partial(by_key, primitives)
-    for (primitive, model, stopping), error in results.model_errors["generalization_mean"].items():
+    named, cases = partial(key, stored.names), partial(by_key, stored.names)
+    errors = frames["model_errors"].set_index(["primitive", "representation", "stopping"])
+    for (primitive, model, stopping), error in errors["generalization_mean"].items():
         find.exact(named(model, primitive, "generalization_nmse", stopping), error)
-    dominant = {one: its for one in results.networks if (its := results.dominant(one))}
+    dominant = {one: its for one in stored.networks if (its := stored.dominant(one))}
     find.exact("shared_nodes", cases({one: its[2] for one, its in dominant.items()}))
     over_phase = {one: sharing_over_phase(its[0]) for one, its in dominant.items()}
     find.exact("shared_nodes_over_phase", cases(over_phase))
-    costs = board.costs.set_index(["model", "primitive", "setting_deg"])["mean"]
-    for model in board.models:
+    costs = frames["board_costs"].set_index(["model", "primitive", "setting_deg"])["mean"]
+    scores = stored.tables["scores"]
+    for model in scores["model"].unique():
         if model != NOMINAL:
-            find.exact(named("cost_ratio", model, "over_nominal"), cases(board.ratio(model)["ratio"]))
+            ratios = overall_ratio(frames["board_cost_ratios"], model)
+            find.exact(named("cost_ratio", model, "over_nominal"), cases(ratios))
         find.exact(named("cost", model), cases(costs[model]))
-    force = board.scores["force_n"] / board.force_n
+    force = scores["force_n"] / stored.parameters["testbed"].control.force_n
     find.exact("force_largest_error_percent", 100.0 * (force - 1.0).abs().max())
-    torque = board.nominal["roll_torque_mn_m"]
-    coupling = board.coupling.set_index(["setting_deg", "primitive"])["mean"]
+    keys = ["setting_deg", "primitive"]
+    torque = frames["board_nominal"].set_index(keys)["roll_torque_mn_m"]
+    coupling = frames["board_coupling"].set_index(keys)["mean"]
     for name, values in (("roll_torque", torque), ("coupling", coupling)):
-        steps = {one: smallest_step(values.xs(one, level="primitive")) for one in board.primitives}
+        steps = {one: smallest_step(values.xs(one, level="primitive")) for one in stored.adapted}
         find.exact(f"{name}_smallest_step", cases(steps))
 
 
-def refinement_of_one(find: Findings, results: RefinementResults, primitives: Sequence[str]) -> None:
+def refinement_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
     """Rows of refinement by trial; what was not executed is left out.
 
     `rl_cost_...` is at the tilt refined on, in rad, `rl_cost_ratio` after over before; `rl_cost_ratio_at` is
@@ -206,36 +213,49 @@ def refinement_of_one(find: Findings, results: RefinementResults, primitives: Se
     after; `rl_over_nominal_0`: after, on the level board. `rl_between_<model>`: by how many rad a tilt never
     seen costs more than the cheaper and less than the dearer of its neighbours, whichever is less.
     """
-    named, cases = partial(key, primitives), partial(by_key, primitives)
-    refined, tilted = results.refined if results.evaluated else [], results.tilted_deg
+    named, cases = partial(key, stored.names), partial(by_key, stored.names)
+    scores, history, every = (
+        stored.tables["refined_scores"],
+        stored.tables["history"],
+        frames["refinement_curves"],
+    )
+    refined, tilted = history["primitive"].unique(), settings(scores, tilted=True)
+    known = refined if stored.refined_deg in settings(scores) else []
     before, after = (
-        {name: float(results.run_costs(model, results.example_deg, name).mean()) for name in refined}
+        {name: float(run_costs(scores, model, stored.refined_deg, name).mean()) for name in known}
         for model in (BEFORE, AFTER)
     )
     find.exact("rl_cost_before", cases(before))
     find.exact("rl_cost_after", cases(after))
-    find.exact("rl_cost_ratio", cases({name: after[name] / before[name] for name in refined}))
-    ratios = results.ratio(AFTER, BEFORE)["ratio"]
+    find.exact("rl_cost_ratio", cases({name: after[name] / before[name] for name in known}))
+    table = frames["refinement_cost_ratios"]
+    ratios = overall_ratio(table, AFTER, BEFORE)
     find.exact("rl_cost_ratio_at", cases(ratios[tilted]))
-    find.exact("seen_cost_ratio_after_over_before_max", ratios[results.seen_deg].max())
-    over_nominal = results.ratios[
-        (results.ratios["baseline"] == NOMINAL) & results.ratios["setting_deg"].isin(tilted)
-    ]
+    find.exact("seen_cost_ratio_after_over_before_max", ratios[seen(stored)].max())
+    over_nominal = table[(table["baseline"] == NOMINAL) & table["setting_deg"].isin(tilted)]
     largest = over_nominal.groupby("primitive")["ratio"].max()
-    find.exact("rl_over_nominal_max", cases(largest[results.primitives if tilted else []]))
-    find.exact("rl_over_nominal_0", results.ratio(AFTER)["ratio"].get(0.0, np.nan))
+    find.exact("rl_over_nominal_max", cases(largest[stored.adapted if tilted else []]))
+    find.exact("rl_over_nominal_0", overall_ratio(table, AFTER).get(0.0, np.nan))
     between: dict[str, float] = {}
-    for row in results.between.itertuples():
+    for row in frames["refinement_between"].itertuples():
         low, high = sorted((row.mean_below, row.mean_above))
         case = named(row.model, row.primitive)
         between[case] = min(between.get(case, np.inf), row.mean - low, high - row.mean)
     find.exact("rl_between", between)
-    find.exact("rl_kept_iteration", cases({name: results.kept(name) for name in results.refined}))
-    find.exact("rl_later_gain", cases({name: results.later_gain(name) for name in results.refined}))
-    find.exact("rl_rollouts", len(results.history))
-    find.exact("rl_failed_rollouts", int(results.faults["rollouts"].sum()))
-    for method in (PI2, CMA_ES) if results.searched_primitives else ():
-        find.exact(f"search_cost_{method}", cases(results.searched["mean"].xs(method, level="method")))
+    find.exact("rl_kept_iteration", cases({name: kept(every, name) for name in refined}))
+    find.exact("rl_later_gain", cases({name: later_gain(every, name) for name in refined}))
+    find.exact("rl_rollouts", len(history))
+    find.exact("rl_failed_rollouts", int(frames["refinement_faults"]["rollouts"].sum()))
+    if "searches" in frames:
+        ends = frames["searches"].set_index(["primitive", "method"])["mean"]
+        for method in (PI2, CMA_ES):
+            find.exact(f"search_cost_{method}", cases(ends.xs(method, level="method")))
+
+
+def seen(stored: Stored) -> list[float]:
+    """Settings on which refinement was executed and of whose demonstrations its models were learned."""
+    learned = stored.parameters["refine"].settings_deg
+    return [setting for setting in settings(stored.tables["refined_scores"]) if setting in learned]
 
 
 def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequence[str]) -> None:
@@ -257,15 +277,13 @@ def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequ
         find.exact(f"people_fit_{column}_largest", largest, people.count)
 
 
-def feedback_of_people(
-    find: Findings, people: ScrapingPeople, adapted: Sequence[str], settings_deg: Sequence[float]
-) -> None:
-    """Of the page on feedback models; `settings_deg`: rolls of the board on which models were executed.
+def feedback_of_people(find: Findings, people: ScrapingPeople, stored: Stored) -> None:
+    """Of the page on feedback models; what is stored says what was executed and decides nothing.
 
     Names that end with `_validated` are at the step that validation chose, others at the dissertation's: the
     step at which the error on the demonstration left out is lowest (IV.9.3).
     """
-    of = people.of
+    of, adapted, settings_deg = people.of, stored.adapted, settings(stored.tables["scores"])
     for stopping, ending in (("generalization", ""), ("validation", "_validated")):
         nmse = {
             (model, one): of(model, one, "generalization_nmse", stopping)
@@ -309,16 +327,19 @@ def feedback_of_people(
         find.geometric_mean(name, over[model, tilted[-1]] if tilted else None, headline=not ending)
 
 
-def refinement_of_people(find: Findings, people: ScrapingPeople, results: RefinementResults) -> None:
-    """Of the page on refinement, in one form; `results` say what was executed and decide nothing."""
-    form, of, refined, executed = people.variant, people.of, results.refined, results.primitives
+def refinement_of_people(find: Findings, people: ScrapingPeople, stored: Stored) -> None:
+    """Of the page on refinement, in one form; what is stored says what was executed and decides nothing."""
+    form, of, executed = people.variant, people.of, stored.adapted
+    refined = stored.tables["history"]["primitive"].unique()
     lower = {name: of("rl_cost_ratio", name) for name in refined}
     find.geometric_mean(f"lower_{form}", lower, headline=True)
     worst = {name: np.nan if its is None or not len(its) else its.max() for name, its in lower.items()}
     find.exact(f"rl_cost_ratio_worst_{form}", worst)
     find.mean(f"converged_{form}", {name: of("rl_later_gain", name) for name in refined})
-    at_tilts = {tilt: of("rl_cost_ratio_at", tilt) for tilt in results.tilted_deg}
-    find.geometric_mean(f"seen_{form}", {f"{tilt:g}°": at_tilts[tilt] for tilt in results.seen_deg})
+    at_tilts = {
+        tilt: of("rl_cost_ratio_at", tilt) for tilt in settings(stored.tables["refined_scores"], tilted=True)
+    }
+    find.geometric_mean(f"seen_{form}", {f"{tilt:g}°": at_tilts[tilt] for tilt in seen(stored)})
     every = {f"{tilt:g}°": its for tilt, its in at_tilts.items()}
     find.geometric_mean(f"rl_cost_ratio_at_tilts_{form}", every)
     find.geometric_mean(f"seen_cost_ratio_{form}", of("seen_cost_ratio_after_over_before_max"))

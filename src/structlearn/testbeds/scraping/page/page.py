@@ -1,6 +1,7 @@
-"""The scraping report: its three pages with their figures."""
+"""The scraping report: its three pages with their figures and the sources of these."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,9 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.reporting.studies import rests_on
 from structlearn.testbeds.scraping import names
-from structlearn.testbeds.scraping.page import demonstration_figures, feedback_figures, refinement_figures
+from structlearn.testbeds.scraping.page import board_figures, demonstration_figures, tables
 from structlearn.testbeds.scraping.page.findings import people_of
-from structlearn.testbeds.scraping.page.results import PEOPLE, ScrapingResults
+from structlearn.testbeds.scraping.page.stored import PEOPLE, Stored, channel_name
 from structlearn.testbeds.scraping.world.scene_still import scraping_still
 
 PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refinement": "Refinement by trial"}
@@ -48,24 +49,34 @@ def published() -> Mapping[str, Any]:
 
 
 def pages(
-    results: ScrapingResults,
+    stored: Stored,
+    frames: tables.Frames,
     find: Findings,
     shown: Mapping[str, Table],
     printed: Mapping[str, Any],
     listed: Mapping[str, Iterable[str]],
 ) -> dict[str, Document]:
-    """The pages by file name; `printed`: of `published`; `listed`: keys of the parameters of each page."""
-    count = people_of(results).count
+    """The pages by file name.
+
+    `frames`, `shown`: of `tables.derived`, and as they are shown. `printed`: of `published`. `listed`: keys
+    of the parameters of each page.
+    """
+    count = people_of(stored).count
     over = f"Over {count} people" if count else "Over people, who were not studied with these parameters,"
+    refined = stored.tables["refined_scores"]
     facts = {
         "pages": PAGES,
         "published": printed,
-        "params": results.parameters,
-        "person": results.parameters["scraping_people"].shown,
-        "results": results.segmentation,
-        "feedback": results.feedback,
-        "refinement": results.refinement,
-        "primitives": results.feedback.primitives,
+        "params": stored.parameters,
+        "person": stored.parameters["scraping_people"].shown,
+        "stored": stored,
+        "frames": frames,
+        "derive": tables,
+        "tilts": tables.settings(stored.tables["scores"], tilted=True),
+        "unseen": [one for one in tables.settings(refined) if stored.role(one) == "unseen"],
+        "refined": stored.tables["history"]["primitive"].unique().tolist(),
+        "curve": partial(tables.curve, frames["refinement_curves"]),
+        "channel_name": channel_name,
         "names": names,
         "found": find,
         "people": count,
@@ -86,56 +97,51 @@ def pages(
             tables=shown,
             judged=judge(claims, find, environment(__package__), its),
             sources=SOURCES,
-            parameters={key: results.parameters[key] for key in keys},
+            parameters={key: stored.parameters[key] for key in keys},
             recordings="../rerun/scraping",
             simulated=True,
-            basis=rests_on(PEOPLE, results.study),
+            basis=rests_on(PEOPLE, stored.study),
         )
     return made
 
 
-def drawings(results: ScrapingResults) -> dict[str, Drawing | Sequence[Drawing]]:
+def drawings(stored: Stored, frames: tables.Frames) -> dict[str, Drawing | Sequence[Drawing]]:
     """Figures of the three pages, as far as the data go; two of them show the people studied."""
-    cut, fed, refined = results.segmentation, results.feedback, results.refinement
-    board, names_of_all, people = fed.board, list(fed.primitives), people_of(results)
-    known = (*fed.seen_deg, 0.0)
+    people, raw, cuts = people_of(stored), stored.tables, stored.segmentation
+    known = (*stored.parameters["coupling_dataset"].settings_deg, 0.0)
+    cost = partial(board_figures.cost_figure, stored.names)
     made: dict[str, Drawing | Sequence[Drawing]] = {
-        "demonstrations": demonstration_figures.demonstrations_figure(cut),
-        "one_demonstration": demonstration_figures.one_demonstration_figure(cut.example, cut.segmentation),
-        "space": demonstration_figures.space_figure(cut),
-        "downsampling": movement_figures.downsampling_figure(cut.downsampling),
-        "position_fit": demonstration_figures.position_fit_figure(cut),
-        "forcing": demonstration_figures.forcing_figure(cut),
-        "sequence": movement_figures.sequence_figure(cut.sequences),
-        "sequence_space": demonstration_figures.sequence_space_figure(cut.sequences),
-        "noise_sweep": movement_figures.noise_figure(cut.sweep, cut.sweep_comparison),
-        "orientation_fit": demonstration_figures.orientation_fit_figure(cut),
-        "expected_traces": feedback_figures.expected_figure(fed),
-        "coupling_targets": feedback_figures.targets_figure(fed),
-        "models": feedback_figures.models_figure(fed, people),
-        "weights": feedback_figures.weights_figure(fed),
-        "still": scraping_still(board.examples[POINTWISE][0], board.example_deg),
-        "executions": feedback_figures.executions_figure(board, names_of_all),
-        "board_roll": feedback_figures.roll_figure(fed),
-        "board_cost": feedback_figures.cost_figure(
-            board, names_of_all, lambda setting: "" if setting in known else "unseen", people
-        ),
-        "refinement_learning": refinement_figures.learning_figure(refined, names_of_all),
-        "refinement_cost": feedback_figures.cost_figure(refined, names_of_all, refined.role),
+        "demonstrations": demonstration_figures.demonstrations_figure(stored),
+        "one_demonstration": demonstration_figures.one_demonstration_figure(stored),
+        "space": demonstration_figures.space_figure(stored),
+        "downsampling": movement_figures.downsampling_figure(raw["downsampling"]),
+        "position_fit": demonstration_figures.position_fit_figure(stored),
+        "forcing": demonstration_figures.forcing_figure(stored.primitives),
+        "sequence": movement_figures.sequence_figure(stored.sequences),
+        "sequence_space": demonstration_figures.sequence_space_figure(stored.sequences),
+        "noise_sweep": movement_figures.noise_figure(frames["noise_sweep"], frames["noise_sweep_comparison"]),
+        "orientation_fit": demonstration_figures.orientation_fit_figure(stored),
+        "expected_traces": board_figures.expected_figure(stored),
+        "coupling_targets": board_figures.targets_figure(stored),
+        "models": board_figures.models_figure(frames["model_errors"], people),
+        "weights": board_figures.weights_figure(stored),
+        "still": scraping_still(stored.tilted[POINTWISE][0], stored.tilt_deg),
+        "executions": board_figures.executions_figure(stored),
+        "board_roll": board_figures.roll_figure(stored),
+        "board_cost": cost(frames["board_costs"], lambda tilt: "" if tilt in known else "unseen", people),
+        "refinement_learning": board_figures.learning_figure(stored, frames["refinement_curves"]),
+        "refinement_cost": cost(frames["refinement_costs"], stored.role),
     }
-    for name in fed.adapted:
-        panels = feedback_figures.closed_loop_figure(fed, name)
+    for name in stored.adapted:
+        panels = board_figures.closed_loop_figure(stored, name)
         made[f"closed_loop_{name}"] = [Raster(panel) for panel in panels]  # lines by the hundred
-    if cut.guesses:
-        first = cut.found_primitives[0]
-        made["correspondences"] = movement_figures.correspondence_figure(
-            cut.reference, cut.most_refined_guess(first.name), cut.segmentation, first
-        )
-        made["alignment"] = movement_figures.alignment_figure(
-            cut.was_cut, cut.segmentation, cut.found_primitives
-        )
-    if refined.evaluated:
-        made["refinement_snapshots"] = refinement_figures.snapshots_figure(refined, names_of_all)
-    if refined.searched_primitives:
-        made["search_efficiency"] = refinement_figures.search_figure(refined, names_of_all)
+    if stored.guesses:
+        first = stored.found_primitives[0]
+        guess = stored.most_refined_guess(first.name)
+        made["correspondences"] = movement_figures.correspondence_figure(stored.reference, guess, cuts, first)
+        made["alignment"] = movement_figures.alignment_figure(stored.was_cut, cuts, stored.found_primitives)
+    if stored.refined_deg in tables.settings(raw["refined_scores"]):
+        made["refinement_snapshots"] = board_figures.snapshots_figure(stored)
+    if "search_efficiency" in frames:
+        made["search_efficiency"] = board_figures.search_figure(stored, frames["search_efficiency"])
     return made

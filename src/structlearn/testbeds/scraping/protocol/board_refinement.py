@@ -15,7 +15,7 @@ from structlearn.core.parallel import parallel_map
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.coupling_model import CouplingModel, NetworkParameters, train_final
 from structlearn.feedback.coupling_targets import SupervisionParameters, corrected_primitive, coupling_samples
-from structlearn.feedback.skill import Limits, ReactiveSkill, largest_coupling, on_axis
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.policy_search.refinement import (
     FEEDBACK,
     Progress,
@@ -26,13 +26,11 @@ from structlearn.policy_search.refinement import (
     refine,
 )
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import Recording
 from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.files import ScrapingFiles, read_datasets, read_expected
-from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation, orientation_cost
-from structlearn.testbeds.scraping.protocol.executions import Run, execute_run
+from structlearn.testbeds.scraping.protocol.execution_scores import orientation_cost
+from structlearn.testbeds.scraping.protocol.executions import Bench, Run, execute_run, read_bench
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 REFINED = 4  # First number of a rollout's seed: what the run is for
@@ -60,20 +58,15 @@ Networks = Mapping[str, CouplingModel]
 
 
 @dataclass(frozen=True)
-class Board:
+class Board(Bench):
     """One primitive of the scraping task on a board of one tilt (`refinement.Environment`).
 
     The robot executes the primitives up to this one and stops; those before it run with their own networks.
     """
 
-    skill: ReactiveSkill  # primitives, expected traces and limits of the whole task, without networks
     preceding: Networks  # networks of the primitives before this one
     name: str  # of the primitive that is refined
     setting_deg: float  # roll of the board
-    nominal: np.ndarray  # (T, 4) of `nominal_orientation`
-    supervision: SupervisionParameters  # how executions become supervised data
-    testbed: TestbedParameters
-    clock: ClockParameters  # on which executions are judged
     with_samples: bool = True  # whether rollouts have samples; a search needs costs alone
 
     @property
@@ -142,30 +135,13 @@ def read_board(
     testbed: TestbedParameters,
     clock: ClockParameters,
 ) -> tuple[Board, dict[str, CouplingDataset]]:
-    """The board that is refined on, for the first primitive with feedback, and demonstrations by primitive.
+    """The board that is refined on, for the first primitive with feedback; see `read_bench`.
 
-    Demonstrations are of the training settings; their coupling terms bound those of the feedback. Raises
-    InputError: a file is missing or not readable, or a setting was not recorded.
+    Demonstrations are of the training settings.
     """
-    data = Path(data)
-    datasets = read_datasets(data / "feedback/scraping/dataset", refined.settings_deg)
-    largest = largest_coupling([one.target for one in datasets.values()])
-    skill = ReactiveSkill(
-        read_primitives(data / "primitives/scraping/primitives.safetensors"),
-        read_expected(data / "feedback/scraping/expected"),
-        limits=Limits(largest_coupling={supervision.axis: largest}),
-    )
-    board = Board(
-        skill,
-        preceding={},
-        name=supervision.primitives[0],
-        setting_deg=refined.setting_deg,
-        nominal=nominal_orientation(ScrapingFiles(data).runs("unrolls")),
-        supervision=supervision,
-        testbed=testbed,
-        clock=clock,
-    )
-    return board, datasets
+    bench, datasets = read_bench(data, refined.settings_deg, supervision, testbed, clock)
+    own, first = vars(bench), supervision.primitives[0]
+    return Board(**own, preceding={}, name=first, setting_deg=refined.setting_deg), datasets
 
 
 def refine_on_board(

@@ -19,15 +19,18 @@ from structlearn.core.artefacts import Metrics
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
+from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import ReactiveSkill, on_axis
+from structlearn.feedback.skill import Limits, ReactiveSkill, largest_coupling, on_axis
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import default_start
 from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import Recording, write_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.simulation.fingers import FingerPair
+from structlearn.testbeds.scraping.files import ScrapingFiles, read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
 from structlearn.testbeds.scraping.world.corrector import corrector
@@ -124,36 +127,66 @@ def _execute(work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParame
     return execute_run(*work, skill, testbed)
 
 
-def evaluate(
-    models: Mapping[str, Mapping[str, CouplingModel]],
-    skill: ReactiveSkill,
-    parameters: ExecutionParameters,
+@dataclass(frozen=True)
+class Bench:
+    """The task on the board, as the stages that execute and score it know it."""
+
+    skill: ReactiveSkill  # primitives, expected traces and limits of the whole task, without networks
+    nominal: np.ndarray  # (T, 4) of `nominal_orientation`
+    supervision: SupervisionParameters  # how executions become supervised data
+    testbed: TestbedParameters
+    clock: ClockParameters  # on which executions are judged
+
+
+def read_bench(
+    data: str | Path,
+    settings_deg: Sequence[float] | None,
     supervision: SupervisionParameters,
     testbed: TestbedParameters,
     clock: ClockParameters,
-    nominal: np.ndarray,
+) -> tuple[Bench, dict[str, CouplingDataset]]:
+    """The task as it was learned, and its corrected demonstrations by primitive, in some settings or in all.
+
+    Their coupling terms bound those of the feedback. Raises InputError: a file is missing or not readable, or
+    a setting was not recorded.
+    """
+    files = ScrapingFiles(Path(data))
+    datasets = read_datasets(files.data / "feedback/scraping/dataset", settings_deg)
+    largest = largest_coupling([one.target for one in datasets.values()])
+    skill = ReactiveSkill(
+        read_primitives(files.data / "primitives/scraping/primitives.safetensors"),
+        read_expected(files.data / "feedback/scraping/expected"),
+        limits=Limits(largest_coupling={supervision.axis: largest}),
+    )
+    nominal = execution_scores.nominal_orientation(files.runs("unrolls"))
+    return Bench(skill, nominal, supervision, testbed, clock), datasets
+
+
+def evaluate(
+    bench: Bench,
+    models: Mapping[str, Mapping[str, CouplingModel]],
+    parameters: ExecutionParameters,
     folder: Path,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Execute a skill with the networks of every model in every setting; equal numbers meet equal conditions.
 
-    `models`: networks by model and primitive; none without feedback. `nominal`: (T, 4) of
-    `nominal_orientation`. Writes the runs to `folder/<model>/<setting>.parquet`; returns scores and traces
-    of all models, see `execution_scores`.
+    `models`: networks by model and primitive; none without feedback. Writes the runs to
+    `folder/<model>/<setting>.parquet`; returns scores and traces of all models, see `execution_scores`.
     """
-    names, count = [primitive.name for primitive in skill.primitives], parameters.runs
+    skill, own, count = bench.skill, bench.supervision, parameters.runs
+    names = [primitive.name for primitive in skill.primitives]
     scores, traces = [], []
     for model, networks in models.items():
-        acting = replace(skill, networks=on_axis(networks, supervision.axis))
-        recordings = executions(
-            acting, evaluation_runs(parameters.settings_deg, count, feedback=bool(networks)), testbed
-        )
+        acting = replace(skill, networks=on_axis(networks, own.axis))
+        planned = evaluation_runs(parameters.settings_deg, count, feedback=bool(networks))
+        recordings = executions(acting, planned, bench.testbed)
         runs = {}
         for place, setting in enumerate(parameters.settings_deg):
             its = recordings[place * count : (place + 1) * count]
-            runs[setting] = [synchronise(one, clock.rate_hz, clock.max_gap_s) for one in its]
+            runs[setting] = [synchronise(one, bench.clock.rate_hz, bench.clock.max_gap_s) for one in its]
             write_runs(runs[setting], folder / model / f"{setting:g}.parquet")
-        scores.append(execution_scores.scores(model, runs, names, nominal, supervision))
-        traces.append(execution_scores.traces(model, runs, names, networks, skill.expected, supervision))
+        scores.append(execution_scores.scores(model, runs, names, bench.nominal, own))
+        traces.append(execution_scores.traces(model, runs, names, networks, skill.expected, own))
     return pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)
 
 

@@ -84,33 +84,29 @@ PALE = {RUNS[BEFORE].name: RUNS[AFTER].name}
 
 
 def write_executions(
-    path: str | Path, settings: Mapping[float, Sequence[Execution]], title: str = "Executions"
+    path: str | Path,
+    settings: Mapping[float, Sequence[Execution]],
+    title: str = "Executions",
+    refinement: tuple[pd.DataFrame, pd.DataFrame] | None = None,
 ) -> None:
     """Write executions as a recording: a tab per setting with its runs in 3-D, electrodes and signals.
 
     `settings`: executions of different kinds by roll of the board in degrees; the first tab is opened.
+    `refinement`: history and samples as of `search_recording.searches`, for a tab per refined primitive.
     """
+    every = [one for group in settings.values() for one in group]
+    scale = full_scale(every)  # colours of electrodes are comparable among all settings
+    note = FEEDBACK_NOTE if refinement is None else REFINEMENT_NOTE
     with rrd.recording(path, title) as stream:
-        tabs = _send_settings(stream, settings, FEEDBACK_NOTE)
-        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
-
-
-def write_refinement(
-    path: str | Path,
-    settings: Mapping[float, Sequence[Execution]],
-    history: pd.DataFrame,
-    samples: pd.DataFrame,
-    title: str = "Refinement",
-) -> None:
-    """Write a refinement as a recording: a tab per setting, and one per refined primitive with its search.
-
-    `settings`: of `read_refined_runs`. `history`, `samples`: see `search_recording.searches`.
-    """
-    origin = rrd.origin_label([one.run for group in settings.values() for one in group])
-    with rrd.recording(path, title) as stream:
-        tabs = _send_settings(stream, settings, REFINEMENT_NOTE)
-        tabs += [send_search(stream, search, origin) for search in searches(history, samples)]
-        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=1.0))
+        rrd.send_notes(stream, _notes(note, next(iter(settings.values()))))
+        tabs = [
+            _send_setting(stream, f"{setting:g} degrees", group, scale) for setting, group in settings.items()
+        ]
+        if refinement is not None:
+            origin = rrd.origin_label([one.run for one in every])
+            tabs += [send_search(stream, search, origin) for search in searches(*refinement)]
+        speed = None if refinement is None else 1.0
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=speed))
 
 
 def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
@@ -154,17 +150,6 @@ def _notes(text: str, executions: Sequence[Execution]) -> str:
     colours = rrd.legend({one.look.name: one.look.colour for one in executions})
     origin = rrd.origin_sentence([one.run for one in executions])
     return f"{text}\n**{origin}**\n\n{colours}\n\n{FINGERS}"
-
-
-def _send_settings(
-    stream: rr.RecordingStream, settings: Mapping[float, Sequence[Execution]], note: str
-) -> list[rrb.Horizontal]:
-    """Log the executions of all settings; colours of electrodes are comparable among all of them."""
-    scale = full_scale([one for group in settings.values() for one in group])
-    rrd.send_notes(stream, _notes(note, next(iter(settings.values()))))
-    return [
-        _send_setting(stream, f"{setting:g} degrees", group, scale) for setting, group in settings.items()
-    ]
 
 
 def _send_setting(

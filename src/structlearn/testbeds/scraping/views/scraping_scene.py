@@ -183,10 +183,10 @@ def send_tool(
     stream.log(f"{path}/edge", rr.LineStrips3D([ends], colors=rrd.rgba([colour]), radii=-2.5), static=True)
 
 
-def close_view(name: str, contents: Sequence[str], distance_m: float = EYE_M) -> rrb.Spatial3DView:
+def close_view(name: str, contents: Sequence[str]) -> rrb.Spatial3DView:
     """3-D view along the scraping direction, close to where the tool meets the board, that shows roll."""
     target = layout.CONTACT_M + np.array([0.0, 0.02, 0.028])
-    return rrd.eye_view(name, contents, target, distance_m * np.array([0.15, -0.93, 0.33]))
+    return rrd.eye_view(name, contents, target, EYE_M * np.array([0.15, -0.93, 0.33]))
 
 
 def full_scale(executions: Sequence[Execution]) -> float:

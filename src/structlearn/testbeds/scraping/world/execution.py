@@ -68,7 +68,6 @@ class Conditions(NamedTuple):
     """What a run meets; small differences between runs are part of a real set-up."""
 
     board_roll: float  # rad
-    board_point: np.ndarray  # (3,) m on the axis of tilt
     friction_factor: float  # on the world's friction
     board_stiffness_factor: float  # on the board's stiffness
     stiffness: float  # 1/s^2 of whoever leads the arm; the robot's own, or a person's
@@ -133,7 +132,7 @@ def execute(
     FloatingPointError: the robot has diverged.
     """
     angles = scraping_robot.joint_angles(*start)
-    world = scraping_world.placed(parameters, angles, *conditions[:4])  # the board, and factors on it
+    world = scraping_world.placed(parameters, angles, *conditions[:3])  # the board, and factors on it
     noise = rng.standard_normal((ticks, 6)) * np.repeat([control.force_noise_n, control.torque_noise_n_m], 3)
     if isinstance(motion, Controller):
         reference, plan = _empty_reference(ticks), motion.compiled

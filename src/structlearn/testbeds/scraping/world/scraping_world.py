@@ -21,7 +21,7 @@ from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, step, workspace
 from structlearn.testbeds.scraping.world import scraping_robot
-from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
+from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M
 from structlearn.testbeds.scraping.world.scraping_robot import (
     ARM_JOINTS,
     GRASP_JOINTS,
@@ -95,14 +95,13 @@ def placed(
     parameters: WorldParameters,
     angles: np.ndarray,
     board_roll: float,
-    board_point: np.ndarray,
     friction_factor: float = 1.0,
     stiffness_factor: float = 1.0,
 ) -> World:
     """The robot at rest, with the tool hanging in the grasp, and the board in its place.
 
-    `angles`: (7,) rad, of the arm. `board_roll`: rad, about the base y axis. `board_point`: (3,) m, a point
-    of the board on its axis of tilt. Factors: of this run, on the board's friction and stiffness.
+    `angles`: (7,) rad, of the arm. `board_roll`: rad, about the base y axis. Factors: of this run, on the
+    board's friction and stiffness.
     """
     own, robot = parameters, scraping_robot.whole()
     about_x, about_z, about_y = own.grasp_n_m_rad
@@ -117,7 +116,7 @@ def placed(
         v=np.zeros(count),
         grasp=np.stack([stiffness, 2.0 * own.grasp_damping * np.sqrt(stiffness * _CARRIED)]),
         board=Board(
-            point=np.array(board_point, dtype=float),
+            point=CONTACT_M.copy(),
             normal=np.array([np.sin(board_roll), 0.0, np.cos(board_roll)]),
             stiffness=float(own.board_n_m * stiffness_factor),
             damping=own.board_damping_s_m,

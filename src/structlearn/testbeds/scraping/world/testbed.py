@@ -37,7 +37,6 @@ from structlearn.testbeds.scraping.world.execution import (
     RunLog,
     execute,
 )
-from structlearn.testbeds.scraping.world.layout import CONTACT_M
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 
 RECORDED_EVERY = 3  # Control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz
@@ -104,7 +103,6 @@ def run_conditions(
     roll, friction, board = rng.standard_normal(3)
     return Conditions(
         board_roll=board_roll + np.radians(own.board_roll_deg) * roll,
-        board_point=CONTACT_M,
         friction_factor=float(np.exp(own.friction * friction)),
         board_stiffness_factor=float(np.exp(own.board_stiffness * board)),
         stiffness=stiffness,
