@@ -18,6 +18,9 @@ from structlearn.core.reading import LARGEST, Budget, digest, require_file
 
 T = TypeVar("T")
 
+OF_ITS_NOTES = (ValueError, TypeError, LookupError, AttributeError)
+"""What pandas raises where a Parquet file's notes on its types are damaged, which no checksum covers."""
+
 
 @dataclass(frozen=True)
 class PublicSet:
@@ -136,7 +139,7 @@ def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFram
             return file.read(columns=names).to_pandas()
     except InputError:
         raise
-    except (pyarrow.ArrowException, OSError, ValueError) as error:
+    except (pyarrow.ArrowException, OSError, *OF_ITS_NOTES) as error:
         raise InputError(f"{path}: not a Parquet file that can be read: {error}") from error
 
 
