@@ -108,8 +108,8 @@ def lagrangian_torques() -> Case:
             )
         },
         tolerance=SINGLE,
-        note=f"batches of {BATCH}; one closed form, whose derivatives, along the motion and to the positions, are "
-        "written out in ours and left to torch in the other",
+        note=f"batches of {BATCH}; one closed form, whose derivatives by the time and the positions are "
+        "written out in ours, and torch's in the other",
     )
 
 

@@ -1,8 +1,8 @@
 """pydmps at the rows of `primitives`: one movement of a second, its only duration.
 
 It fits each kernel's weight alone (locally weighted regression), one demonstration at a time, and takes Euler
-steps in Python; there is nothing to batch. Every public function builds a contender and raises ImportError when
-the library is absent.
+steps in Python; there is nothing to batch. Every public function builds a contender and raises ImportError
+when the library is absent.
 """
 
 import numpy as np

@@ -61,8 +61,8 @@ def forward_one_by_one() -> Case:
             "MuJoCo mj_forward": lambda: contender(_mujoco("qfrc_applied", "mj_forward", "qacc")),
         },
         tolerance=MUJOCO,
-        note="two calls from Python for each state, with the arrays of model and workspace, which numba unpacks "
-        "each time; to Python, Pinocchio's and MuJoCo's models are one object",
+        note="two calls from Python for each state, with the arrays of model and workspace, which numba "
+        "unpacks each time; to Python, Pinocchio's and MuJoCo's models are one object",
     )
 
 
