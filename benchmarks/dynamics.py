@@ -1,98 +1,30 @@
-"""Dynamics of 6000 samples of the iiwa: state by state, the regressor, a step of training, an epoch of DeLaN.
+"""Learning dynamics from 6000 samples of the iiwa: regressor, step of training, torques and epoch of DeLaN.
 
 Pinocchio computes the same regressor sample by sample; its order of the inertia's entries differs. A step of
 training is torques of the whole set, their squared error and its gradient to the free parameters of cov.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
-import pybullet_data
 import torch
+from arm_motions import SAMPLES, SEED, iiwa, relative_error
 from timing import Case, Contender
+from torch.nn import functional
 
-from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
-from structlearn.rigid_body.network_models import StackedLagrangianNetworks
+from structlearn.rigid_body.network_models import SMALLEST_INERTIA, StackedLagrangianNetworks
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
-from structlearn.rigid_body.tree import Robot, read_urdf
+from structlearn.rigid_body.tree import Robot
 
-IIWA = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
-SEED = 7
-SAMPLES = 6000
 SAME = 1e-9
 BATCH = 256
 HIDDEN = (32, 64, 32)
+SINGLE = 1e-4  # of single precision
 # of the inertia: xx, xy, yy, xz, yz, zz where ours has xx, xy, xz, yy, yz, zz
 PINOCCHIO_ENTRIES = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
-
-
-def state_by_state() -> Case:
-    """Torques of one state after the other, each a call from Python, as a controller makes it."""
-    robot, motion = iiwa()
-    torques = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    expected = _in_a_loop(_pinocchio_rnea(robot), motion)()
-    return Case(
-        work=f"inverse dynamics, {SAMPLES} states one by one",
-        ours=Contender(_in_a_loop(torques, motion), lambda found: _error(found, expected)),
-        peers={
-            "Pinocchio rnea": lambda: _one_by_one(_pinocchio_rnea(robot), motion, expected),
-            "MuJoCo mj_inverse": lambda: _one_by_one(_mujoco_inverse(), motion, expected),
-        },
-        tolerance=1e-6,  # MuJoCo turns the URDF's inertias into principal axes
-        note="a call from Python for each state: numba unpacks the model's arrays each time, which compiled "
-        "callers (simulators, the controller) do not pay for",
-    )
-
-
-def _one_by_one(
-    torques: Callable[..., np.ndarray], motion: tuple[np.ndarray, ...], expected: np.ndarray
-) -> Contender:
-    return Contender(_in_a_loop(torques, motion), lambda found: _error(found, expected))
-
-
-def _in_a_loop(
-    torques: Callable[..., np.ndarray], motion: tuple[np.ndarray, ...]
-) -> Callable[[], np.ndarray]:
-    def run() -> np.ndarray:
-        found = np.empty_like(motion[0])
-        for sample, state in enumerate(zip(*motion, strict=True)):
-            found[sample] = torques(*state)
-        return found
-
-    return run
-
-
-def _pinocchio_rnea(robot: Robot) -> Callable[..., np.ndarray]:
-    import pinocchio
-
-    data = robot.model.createData()
-    return lambda *state: pinocchio.rnea(robot.model, data, *state)
-
-
-def _mujoco_inverse() -> Callable[..., np.ndarray]:
-    """MuJoCo reads the same URDF, without its shapes, and without the damping that it gives the joints."""
-    import mujoco
-
-    root = ElementTree.parse(IIWA).getroot()
-    for link in root.iter("link"):
-        for shape in (*link.findall("visual"), *link.findall("collision")):
-            link.remove(shape)
-    model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
-    model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data = mujoco.MjData(model)
-
-    def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        data.qpos, data.qvel, data.qacc = q, qd, qdd
-        mujoco.mj_inverse(model, data)
-        return data.qfrc_inverse
-
-    return torques
 
 
 def regressor() -> Case:
@@ -103,11 +35,12 @@ def regressor() -> Case:
     return Case(
         work=f"regressor, {SAMPLES} samples of the iiwa",
         ours=Contender(
-            lambda: torque_regressor(robot.tree, *motion), lambda found: _error(found, expected[..., columns])
+            lambda: torque_regressor(robot.tree, *motion),
+            lambda found: relative_error(found, expected[..., columns]),
         ),
         peers={
             "Pinocchio": lambda: Contender(
-                _pinocchio_regressor(robot, motion), lambda found: _error(found, expected)
+                _pinocchio_regressor(robot, motion), lambda found: relative_error(found, expected)
             )
         },
         aim_ms=30.0,
@@ -133,9 +66,11 @@ def training_step() -> Case:
         work=f"inverse dynamics forward + gradient, {SAMPLES} samples",
         ours=Contender(
             step_by_regressor(len(robot.tree.names), columns, torques.flatten()),
-            lambda found: _error(found, expected),
+            lambda found: relative_error(found, expected),
         ),
-        peers={"our recursion": lambda: Contender(by_recursion, lambda found: _error(found, expected))},
+        peers={
+            "our recursion": lambda: Contender(by_recursion, lambda found: relative_error(found, expected))
+        },
         aim_ms=5.0,
         tolerance=SAME,
         note="the regressor is computed beforehand and stored by columns",
@@ -158,47 +93,90 @@ def _free(joints: int) -> torch.Tensor:
     return draw("cov", joints, [torch.Generator().manual_seed(SEED)])[0].requires_grad_()
 
 
+def lagrangian_torques() -> Case:
+    """Torques of the whole set by one network in single precision."""
+    network, batches = _lagrangian()
+    everything = partial(_torques, batches, network.torques)
+    expected = everything()
+    return Case(
+        work=f"DeLaN torques, {SAMPLES} samples",
+        ours=Contender(everything, lambda found: relative_error(found, expected)),
+        peers={
+            "autograd, same form": lambda: Contender(
+                partial(_torques, batches, partial(torques_by_autograd, network)),
+                lambda found: relative_error(found, expected),
+            )
+        },
+        tolerance=SINGLE,
+        note=f"batches of {BATCH}; one closed form, whose derivatives by the time and the positions are "
+        "written out in ours, and torch's in the other",
+    )
+
+
 def lagrangian_epoch() -> Case:
     """Forward and gradient of all batches of an epoch, of one network in single precision."""
+    network, batches = _lagrangian()
+    expected = _summed_gradient(network, batches, network.torques)
+    return Case(
+        work=f"DeLaN epoch, {SAMPLES} samples, forward + gradient",
+        ours=Contender(
+            lambda: _summed_gradient(network, batches, network.torques),
+            lambda found: relative_error(found, expected),
+        ),
+        peers={
+            "autograd, same form": lambda: Contender(
+                lambda: _summed_gradient(network, batches, partial(torques_by_autograd, network)),
+                lambda found: relative_error(found, expected),
+            )
+        },
+        aim_ms=130.0,
+        tolerance=SINGLE,
+        note=f"batches of {BATCH}; the same torques with their gradient, without the optimiser's step",
+    )
+
+
+def _lagrangian() -> tuple[StackedLagrangianNetworks, list[list[torch.Tensor]]]:
+    """A network, and q, qd, qdd (n, B) of each batch."""
     _, motion = iiwa()
     batches = [
         [part.T.contiguous() for part in parts]
         for parts in zip(*[torch.from_numpy(values).float().split(BATCH) for values in motion], strict=True)
     ]
-    network = StackedLagrangianNetworks.initial(
-        motion[0].shape[1], HIDDEN, [torch.Generator().manual_seed(SEED)]
-    )
-    expected = _summed_gradient(network, batches, network.torques)
-    return Case(
-        work=f"DeLaN epoch, {SAMPLES} samples, forward + gradient",
-        ours=Contender(
-            lambda: _summed_gradient(network, batches, network.torques), lambda found: _error(found, expected)
-        ),
-        peers={
-            "torch.func, as defined": lambda: Contender(
-                lambda: _summed_gradient(network, batches, partial(_torques_by_jacobian, network)),
-                lambda found: _error(found, expected),
-            )
-        },
-        aim_ms=130.0,
-        tolerance=1e-4,  # single precision
-        note=f"batches of {BATCH}; without the optimiser's step",
-    )
+    joints = motion[0].shape[1]
+    return StackedLagrangianNetworks.initial(joints, HIDDEN, [torch.Generator().manual_seed(SEED)]), batches
 
 
-def _torques_by_jacobian(
+def torques_by_autograd(
     network: StackedLagrangianNetworks, q: torch.Tensor, qd: torch.Tensor, qdd: torch.Tensor
 ) -> torch.Tensor:
-    """The definition: H(q) qdd + Hdot qd - d(qd^T H qd)/dq / 2 + dV/dq, one sample at a time under vmap."""
+    """Torques (n, B) by the closed form of `network_models`, with torch's derivatives, which share L's pass.
 
-    def one(q: torch.Tensor, qd: torch.Tensor, qdd: torch.Tensor) -> torch.Tensor:
-        slopes = torch.func.jacfwd(lambda q: network.inertia_matrix(q[:, None])[0, 0])(q)  # (n, n, n)
-        gravity = torch.func.grad(lambda q: network.potential_energy(q[:, None])[0, 0])(q)
-        centrifugal = 0.5 * torch.einsum("ijk,i,j->k", slopes, qd, qd)
-        inertia = network.inertia_matrix(q[:, None])[0, 0]
-        return inertia @ qdd + torch.einsum("ijk,k,j->i", slopes, qd, qd) - centrifugal + gravity
+    dL/dt by forward mode along the motion. The gradient of the energy by backward mode for the batch: samples
+    do not act on each other, so that the gradient of a sum has each sample's own.
+    """
+    training = torch.is_grad_enabled()
 
-    return torch.func.vmap(one)(q.T, qd.T, qdd.T).T
+    def factor(q: torch.Tensor) -> torch.Tensor:
+        """L (B, n, n)."""
+        raw = network.inertia.forward(q[None])[0]
+        entries = torch.cat([functional.softplus(raw[: len(q)]), raw[len(q) :]])
+        return torch.einsum("ei,ej,eb->bij", network.row, network.column, entries)
+
+    with torch.enable_grad():
+        at = q.detach().requires_grad_()
+        lower, rate = torch.func.jvp(factor, (at,), (qd,))
+        momentum = torch.einsum("bij,ib->bj", lower, qd)  # L^T qd
+        energy = network.potential_energy(at).sum() - 0.5 * momentum.square().sum()
+        (slope,) = torch.autograd.grad(energy, at, create_graph=training, retain_graph=True)
+    bracket = torch.einsum("bij,ib->bj", lower, qdd) + torch.einsum("bij,ib->bj", rate, qd)
+    inertial = torch.einsum("bij,bj->ib", lower, bracket) + torch.einsum("bij,bj->ib", rate, momentum)
+    return inertial + SMALLEST_INERTIA * qdd + slope
+
+
+def _torques(batches: Sequence[list[torch.Tensor]], torques: Callable[..., torch.Tensor]) -> np.ndarray:
+    """(n, N) of all batches, without gradients."""
+    with torch.no_grad():
+        return torch.cat([torques(*batch).reshape(len(batch[0]), -1) for batch in batches], dim=1).numpy()
 
 
 def _summed_gradient(
@@ -213,13 +191,6 @@ def _summed_gradient(
         gradients = torch.autograd.grad(torques(*batch).square().mean(), variables, allow_unused=True)
         total = total + torch.cat([part.flatten() for part in gradients if part is not None])
     return total.numpy()
-
-
-def iiwa(samples: int = SAMPLES) -> tuple[Robot, tuple[np.ndarray, ...]]:
-    """The robot, and positions, velocities and accelerations (samples, n) of its joints."""
-    robot = read_urdf(IIWA)
-    motion = np.random.default_rng(SEED).normal(size=(3, samples, len(robot.tree.names)))
-    return robot, tuple(motion)
 
 
 def _pinocchio_regressor(robot: Robot, motion: tuple[np.ndarray, ...]) -> Callable[[], np.ndarray]:
@@ -241,8 +212,4 @@ def _gradient(loss: torch.Tensor, free: torch.Tensor) -> np.ndarray:
     return torch.autograd.grad(loss, free)[0].numpy()
 
 
-def _error(found: np.ndarray, expected: np.ndarray) -> float:
-    return float(np.abs(found - expected).max() / np.abs(expected).max())
-
-
-CASES = (state_by_state, regressor, training_step, lagrangian_epoch)
+CASES = (regressor, training_step, lagrangian_torques, lagrangian_epoch)

@@ -20,6 +20,7 @@ from typing import Any
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1")
 
+import arm_motions
 import dynamics
 import numpy as np
 import pandas as pd
@@ -93,13 +94,13 @@ def search_update(count: int) -> Run:
 
 def regressor(count: int) -> Run:
     """The regressor of a set, worked out once before a training."""
-    robot, motion = dynamics.iiwa(count)
+    robot, motion = arm_motions.iiwa(count)
     return lambda: torque_regressor(robot.tree, *motion)
 
 
 def training_step(count: int) -> Run:
     """Torques by the regressor and their gradient."""
-    robot, _ = dynamics.iiwa(1)
+    robot, _ = arm_motions.iiwa(1)
     joints = len(robot.tree.names)
     generator = torch.Generator().manual_seed(SEED)
     columns = torch.randn(10 * joints, count * joints, generator=generator, dtype=torch.float64)

@@ -1,9 +1,9 @@
-"""Fits and unrolls of movement primitives, beside movement_primitives and mp_pytorch.
+"""Fits and unrolls of movement primitives, beside movement_primitives, mp_pytorch and pydmps.
 
-How the peers do the work is in `peer_movement_primitives` and `peer_mp_pytorch`. All keep their own kernels
-and clock, so results are compared as paths: fits must reproduce the demonstrations' mean, unrolls the
-demonstrations, and the coupled unroll a converged one. Numerical derivatives, Euler steps and single
-precision cost the peers accuracy, up to half a percent here, which is allowed.
+How the peers do the work is in `peer_movement_primitives`, `peer_mp_pytorch` and `peer_pydmps`. All keep
+their own kernels and clock, so results are compared as paths: fits must reproduce the demonstrations' mean,
+unrolls the demonstrations, and the coupled unroll a converged one. Numerical derivatives, Euler steps, single
+precision and local regression cost the peers accuracy, up to one and a half percent here, which is allowed.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 import peer_movement_primitives
 import peer_mp_pytorch
+import peer_pydmps
 from primitive_inputs import (
     AXES,
     COUPLING_SCALE,
@@ -40,20 +41,23 @@ DEMONSTRATIONS, BATCH = 11, 38
 CUTOFF_HZ = 25.0
 
 
-def fit() -> Case:
-    """Weights of one primitive from all demonstrations."""
-    paths = demonstrations(DEMONSTRATIONS)
+def fit(count: int, aim_ms: float | None) -> Case:
+    """Weights of one primitive from all of so many demonstrations."""
+    paths = demonstrations(count)
     mean = np.mean([path.position for path in paths], axis=0)
+    alone = {"pydmps": partial(peer_pydmps.fit, mean)} if count == 1 else {}
     return Case(
-        work=f"fit {DEMONSTRATIONS} x {SAMPLES} x {AXES}, {KERNEL_COUNT} kernels",
+        work=f"fit {count} x {SAMPLES} x {AXES}, {KERNEL_COUNT} kernels",
         ours=Contender(lambda: fit_vector(paths), lambda p: path_error(p.unroll(DT).position, mean)),
         peers={
             "movement_primitives": partial(peer_movement_primitives.fit, paths, mean),
             "mp_pytorch ProDMP": partial(peer_mp_pytorch.fit, paths, mean),
+            **alone,
         },
-        aim_ms=1.5,
+        aim_ms=aim_ms,
         note="forcing targets and regression from trajectories that have their derivatives, features of this "
-        "length known; movement_primitives differentiates the positions too, ProDMP needs no derivatives",
+        "length known; movement_primitives and pydmps differentiate the positions too, ProDMP needs no "
+        f"derivatives; pydmps has {peer_pydmps.KERNELS} kernels, since it fits each alone",
     )
 
 
@@ -97,6 +101,7 @@ def unroll(batch: int, aim_ms: float) -> Case:
     paths = demonstrations(batch)
     primitive = _fitted_batch(paths)
     reference = np.stack([path.position for path in paths])
+    alone = {"pydmps": partial(peer_pydmps.unroll, reference[0])} if batch == 1 else {}
     return Case(
         work=f"unroll {batch} x {SAMPLES} x {AXES}",
         ours=Contender(lambda: primitive.unroll(DT), lambda path: path_error(path.position, reference)),
@@ -104,10 +109,11 @@ def unroll(batch: int, aim_ms: float) -> Case:
             "movement_primitives": partial(peer_movement_primitives.unroll, paths, reference),
             "mp_pytorch DMP": partial(peer_mp_pytorch.unroll, paths, reference, "dmp"),
             "mp_pytorch ProDMP": partial(peer_mp_pytorch.unroll, paths, reference, "prodmp"),
+            **alone,
         },
         aim_ms=aim_ms,
-        note="from the weights, so with the forcing term; ours returns positions, velocities, accelerations, "
-        "mp_pytorch no accelerations, movement_primitives positions only",
+        note="from the weights, so with the forcing term; ours and pydmps return positions, velocities, "
+        "accelerations, mp_pytorch no accelerations, movement_primitives positions only",
     )
 
 
@@ -261,7 +267,8 @@ def _fitted_batch(paths: Sequence[Trajectory]) -> VectorPrimitive:
 
 
 CASES: tuple[Callable[[], Case], ...] = (
-    fit,
+    lambda: fit(1, None),
+    lambda: fit(DEMONSTRATIONS, 1.5),
     fit_from_positions,
     fit_lengths,
     lambda: unroll(1, 0.3),

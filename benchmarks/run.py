@@ -18,8 +18,13 @@ import dynamics
 import policy_search
 import primitives
 import reading
+import regression
+import skin_distances
+import state_dynamics
 import warping
 from timing import SECONDS_PER_CASE, machine, measure, table, write_csv
+
+MODULES = (primitives, policy_search, warping, regression, skin_distances, state_dynamics, dynamics, reading)
 
 PACKAGES = (
     "structlearn",
@@ -28,10 +33,12 @@ PACKAGES = (
     "numba",
     "movement-primitives",
     "mp-pytorch",
+    "pydmps",
     "torch",
     "dtaidistance",
     "tslearn",
     "cma",
+    "scikit-learn",
     "pin",
     "mujoco",
     "rosbags",
@@ -47,7 +54,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, help="write the rows to this CSV file too")
     options = parser.parse_args()
     rows, notes = [], []
-    for build in (*primitives.CASES, *policy_search.CASES, *warping.CASES, *dynamics.CASES, *reading.CASES):
+    for build in [build for module in MODULES for build in module.CASES]:
         case = build()
         if options.only in case.work:
             rows += measure(case, options.seconds)

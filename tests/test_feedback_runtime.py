@@ -295,7 +295,13 @@ def test_counts_so_large_that_the_network_overflows_ask_for_nothing():
     assert not outputs["coupling"].any()
 
 
-@pytest.mark.parametrize("counts", [np.zeros((1, 6)), 3.0, ["low"] * 6, np.array([None, [1]] * 3, object)])
+@pytest.mark.parametrize(
+    "counts",
+    [
+        *(np.zeros((1, 6)), 3.0, ["low"] * 6, np.array([None, [1]] * 3, object)),
+        *(np.ones(6, int).astype(kind) for kind in ("complex", "datetime64[s]", "S1")),
+    ],
+)
 def test_a_sample_of_another_size_or_kind_is_an_error_and_nothing_moves(counts):
     controller = started(Controller(with_feedback(np.random.default_rng(9)), RATE))
     with pytest.raises(InputError, match="a sensor sample has 6"):

@@ -189,7 +189,10 @@ def changed(file, tensors=None, **description):
         ({"tensors": {TURN + "weights": np.full((25, 3), 1e308)}}, "holds 1e.308, more"),
         ({"tensors": {TURN + "duration": np.array(1e4)}}, "duration is 10000 s, more than"),
         ({"tensors": {TURN + "goal": np.ones(4)}}, "is no unit quaternion"),
-        ({"tensors": {TURN + "weights": np.ones((25, 2))}}, "weights have shape"),
+        *(
+            ({"tensors": {TURN + "weights": np.ones(shape)}}, "weights have shape")
+            for shape in ((25, 2), (1, 3), (1, 25, 3), (2, 25, 3))
+        ),
         ({"sensors": None}, "no skill of this version"),
         ({"tensors": {"workspace": np.zeros(3)}}, "no skill of this version"),
     ],

@@ -1,3 +1,4 @@
+import hashlib
 import os
 import re
 import shutil
@@ -8,6 +9,7 @@ from io import StringIO
 
 import numpy as np
 import pytest
+import yaml
 
 from structlearn.core.artefacts import write_metrics, write_tensors
 from structlearn.verify import main
@@ -44,18 +46,38 @@ def verified(folder, *arguments):
 def test_what_dvc_wrote_is_as_it_was_written(project):
     done = subprocess.run([sys.executable, "-m", "structlearn.verify"], cwd=project, capture_output=True)
     assert (done.returncode, done.stdout) == (0, b"2 outputs: all are as they were written\n")
-    (project / "stages/other").mkdir(parents=True)
-    lock = "stages:\n  write: {outs: [{path: none, md5: a}]}"
-    (project / "stages/other/dvc.lock").write_text(lock)
-    code, words = verified(project)
-    shutil.rmtree(project / "stages")
-    assert code == 0
-    assert words.startswith("stages/other/dvc.yaml: has not been run here\n2 outputs: all are")
     (project / "note.txt").rename(project / "kept")
     assert verified(project) == (1, "error: note.txt: is not there; stage 'write' writes it\n")
     (project / "kept").rename(project / "note.txt")
     code, words = verified(project / "logs")
     assert (code, words[:42]) == (1, "error: dvc.lock: no such file; run this in")
+
+
+@pytest.mark.parametrize(
+    ("outs", "words"),
+    [
+        ({"write": "none"}, "has not been run here"),
+        ({"write": "none", "report": "reports/page"}, "has not been run here"),  # as in every clone
+        (
+            {"import@pick": "note.txt", "import@pour": "none"},
+            "1 of its 2 tasks or cells have not been run here",
+        ),
+    ],
+)
+def test_what_was_not_run_here_is_no_fault(project, outs, words):
+    (project / "reports").mkdir()
+    (project / "reports/page").touch()
+    sound = hashlib.md5((project / "note.txt").read_bytes()).hexdigest()
+    other = {name: {"outs": [{"path": path, "md5": sound}]} for name, path in outs.items()}
+    (project / "stages/other").mkdir(parents=True)
+    (project / "stages/other/dvc.lock").write_text(yaml.safe_dump({"stages": other}))
+    code, said = verified(project)
+    shutil.rmtree(project / "stages")
+    shutil.rmtree(project / "reports")
+    assert code == 0, said
+    assert said.startswith(
+        f"stages/other/dvc.yaml: {words}\n{2 + ('note.txt' in outs.values())} outputs: all"
+    )
 
 
 @pytest.mark.parametrize(("path", "out"), [("logs/deep/2.txt", "logs"), ("note.txt", "note.txt")])

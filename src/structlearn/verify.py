@@ -9,8 +9,9 @@ import argparse
 import hashlib
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from structlearn.core.artefacts import read_description, read_metrics, read_table, read_tensors
 from structlearn.core.errors import InputError
@@ -33,10 +34,13 @@ def main() -> None:
     try:
         faults += [_fault(file) for file in files]
         for lock in () if files else locks:
-            if any(path.exists() for _, path, _ in outputs(lock)):
-                faults += changed(lock)
-            else:
-                print(f"{lock.with_name('dvc.yaml')}: has not been run here")
+            written = outputs(lock)
+            parts = {its.part for its in written}
+            here = {its.part for its in written if _is_made_here(its)}
+            faults += changed(its for its in written if its.part in here)
+            if some := len(parts - here):
+                which = f"{some} of its {len(parts)} tasks or cells have" if here else "has"
+                print(f"{lock.with_name('dvc.yaml')}: {which} not been run here")
     except InputError as error:
         sys.exit(f"error: {error}")
     if any(faults):
@@ -47,18 +51,40 @@ def main() -> None:
         print(f"{count} {'files' if files else 'outputs'}: all are as they were written")
 
 
-def outputs(lock: Path, root: Path = Path()) -> list[tuple[str, Path, str]]:
-    """Stage, path below `root` and digest of each output of a `dvc.lock`; an InputError if unreadable."""
+class Output(NamedTuple):
+    """What a `dvc.lock` says of an output."""
+
+    stage: str
+    path: Path
+    digest: str
+
+    @property
+    def part(self) -> str:
+        """Task or cell of the pipeline that its stage is for, which is run without the others; or ""."""
+        return self.stage.partition("@")[2]
+
+
+def outputs(lock: Path, root: Path = Path()) -> list[Output]:
+    """All outputs of a lock, their paths below `root`; an InputError if it is unreadable."""
     try:
         stages = read_values(lock)["stages"].items()
-        return [(name, root / out["path"], out["md5"]) for name, its in stages for out in its.get("outs", ())]
+        return [
+            Output(name, root / out["path"], out["md5"])
+            for name, its in stages
+            for out in its.get("outs", ())
+        ]
     except (AttributeError, KeyError, TypeError) as error:  # of what is not where it should be
         raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error
 
 
-def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
-    """For each output of a lock, why it is not what was written; None if it is."""
-    for name, path, written in outputs(lock, root):
+def _is_made_here(output: Output) -> bool:
+    """Whether it is there, and not from git, as reports are."""
+    return output.path.parts[:1] != ("reports",) and output.path.exists()
+
+
+def changed(outputs: Iterable[Output]) -> Iterator[str | None]:
+    """For each output, why it is not what was written; None if it is."""
+    for name, path, written in outputs:
         try:
             yield None if digest(path) == written else f"{path}: not as stage '{name}' left it"
         except FileNotFoundError:

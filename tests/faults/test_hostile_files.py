@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet
 import pytest
 import zstandard
@@ -69,6 +70,13 @@ def _rows(path: Path) -> None:
     """A small file with 200 million values."""
     columns = dict.fromkeys(["time_s", "x", "y", "z"], pyarrow.nulls(5 * 10**7))
     pyarrow.parquet.write_table(pyarrow.table(columns), path)
+
+
+def _noted(path: Path) -> None:
+    """A table whose notes for pandas name a type of numbers that numpy lacks."""
+    table = pyarrow.Table.from_pandas(pd.DataFrame(np.zeros((3, 4)), columns=["time_s", "x", "y", "z"]))
+    notes = {key: its.replace(b"float64", b"F8_E4M3") for key, its in table.schema.metadata.items()}
+    pyarrow.parquet.write_table(table.replace_schema_metadata(notes), path)
 
 
 def _long(path: Path) -> None:
@@ -169,6 +177,7 @@ FILES = {
     "types.mcap": (_types, _read_tool, "messages of several types"),
     "links.urdf": (_links, read_urdf, "has 30000 joints, more than"),
     "rows.parquet": (_rows, _read_table, "has 50000000 rows of 4 columns"),
+    "noted.parquet": (_noted, _read_table, "data type 'F8_E4M3' not understood"),
     "sparse.csv": (_sparse, _read_table, "has 200000000000 bytes, more than"),
     "sparse.txt": (_sparse, lambda path: read_stamped_table(path, 4), "has 200000000000 bytes, more than"),
     "sparse.json": (_sparse, read_metrics, "has 200000000000 bytes, more than"),

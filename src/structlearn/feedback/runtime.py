@@ -140,7 +140,9 @@ class Controller:
                     f"a sensor sample has {len(self._sample)} channels, got shape {np.shape(counts)}"
                 )
             try:
-                self._sample[:] = counts  # any type of number: what is compiled sees one type only
+                np.copyto(
+                    self._sample, counts, casting="same_kind"
+                )  # of any real type: compiled code sees one
             except (TypeError, ValueError) as error:
                 raise InputError(f"a sensor sample has {len(self._sample)} numbers: {error}") from error
         return controller_tick.tick(*self._arguments, fresh)

@@ -135,13 +135,13 @@ def _orientation_primitive(form: str | None, tensors: Tensors) -> OrientationPri
 
 
 def _checked(size: int, shapes: Mapping[str, tuple[int, ...]], tensors: Tensors) -> dict[str, Any]:
-    """Arrays of these shapes, weights (..., N, size) and a duration."""
+    """Arrays of these shapes, weights (N, size) of two kernels or more, and a duration."""
     for name, shape in shapes.items():
         if tensors[name].shape != shape:
             raise InputError(f"{name} has shape {tensors[name].shape}, not {shape}")
     weights, duration = tensors["weights"], tensors["duration"]
-    if weights.ndim < 2 or weights.shape[-1] != size or weights.size == 0:
-        raise InputError(f"weights have shape {weights.shape}, not (..., N, {size})")
+    if weights.ndim != 2 or weights.shape[-1] != size or len(weights) < 2:
+        raise InputError(f"weights have shape {weights.shape}, not (N, {size}) with N of 2 or more")
     if duration.shape != () or not duration > 0.0:
         raise InputError(f"the duration is {duration}, not a positive number of s")
     return {name: tensors[name] for name in ("weights", *shapes)} | {"duration": float(duration)}

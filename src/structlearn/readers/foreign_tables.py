@@ -20,6 +20,9 @@ T = TypeVar("T")
 LeftOut = dict[str, str] | None
 """Why files are left out, by their names; None where none may be."""
 
+OF_ITS_NOTES = (ValueError, TypeError, LookupError, AttributeError)
+"""What pandas raises where a Parquet file's notes on its types are damaged, which no checksum covers."""
+
 
 @dataclass(frozen=True)
 class PublicSet:
@@ -138,7 +141,7 @@ def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFram
             return file.read(columns=names).to_pandas()
     except InputError:
         raise
-    except (pyarrow.ArrowException, OSError, ValueError) as error:
+    except (pyarrow.ArrowException, OSError, *OF_ITS_NOTES) as error:
         raise InputError(f"{path}: not a Parquet file that can be read: {error}") from error
 
 
