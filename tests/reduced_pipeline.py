@@ -180,6 +180,9 @@ for command in sys.argv[1:]:
     if "loop.py" in command:  # the film of the front page, with a tenth of its frames
         from structlearn.testbeds.scraping.world import scene_still
         scene_still.FRAMES_PER_S /= 10
+    if "touch.py" in command:  # a quarter of the presses for the constants of Gaussian processes
+        from structlearn.tasks.touch import skin_readings
+        skin_readings.TUNING_SAMPLES = 100
     runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
