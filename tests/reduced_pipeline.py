@@ -180,6 +180,9 @@ for command in sys.argv[1:]:
     if "loop.py" in command:  # the film of the front page, with a tenth of its frames
         from structlearn.testbeds.scraping.world import scene_still
         scene_still.FRAMES_PER_S /= 10
+    if "report.py" in command:  # figures that nobody looks at: to arrange them takes as long as to draw them
+        from structlearn.reporting import figure_style
+        figure_style.STYLE["figure.constrained_layout.use"] = False
     if "touch.py" in command:  # a quarter of the presses for the constants of Gaussian processes
         from structlearn.tasks.touch import skin_readings
         skin_readings.TUNING_SAMPLES = 100
