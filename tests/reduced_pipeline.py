@@ -100,6 +100,24 @@ REDUCED_TASKS = {  # entries of public sets
             "rival_samples": 100,
             "spaces": SPACES | {"evaluation_pairs": 1000},
             "servo": {"walks": 200, "trials": 4, "steps": 4},
+            "published": {"first_share": 0.6},  # the Gaussian process takes by the cube of it
+        },
+    },
+    "obstacles": {
+        "boxes": {
+            "folds": 2,
+            "keep_every": 30,
+            "cloud_count": 20,
+            "reaches": {"samples": 51},
+            "network": {"members": 1, "demonstrations": 20, "training": {"iterations": 3}},
+            "text_network": {"training": {"iterations": 3}},
+        },
+        "avoidance": {
+            "representations": {
+                "folds": 2,
+                "network": {"members": 1, "training": {"iterations": 2}},
+                "pmnn": {"steps": 20, "evaluate_every": 20},
+            }
         },
     },
 }
@@ -162,6 +180,12 @@ for command in sys.argv[1:]:
     if "loop.py" in command:  # the film of the front page, with a tenth of its frames
         from structlearn.testbeds.scraping.world import scene_still
         scene_still.FRAMES_PER_S /= 10
+    if "report.py" in command:  # figures that nobody looks at: to arrange them takes as long as to draw them
+        from structlearn.reporting import figure_style
+        figure_style.STYLE["figure.constrained_layout.use"] = False
+    if "touch.py" in command:  # a quarter of the presses for the constants of Gaussian processes
+        from structlearn.tasks.touch import skin_readings
+        skin_readings.TUNING_SAMPLES = 100
     runpy.run_path(sys.argv[0], run_name="__main__")
 """
 

@@ -21,6 +21,7 @@ class SourceTree:
     def __init__(self, root: Path) -> None:
         self.root = root
         self._read: dict[Path, tuple[str, set[Path]]] = {}
+        self._found: dict[str, set[Path]] = {}
         self._faces: dict[Path, dict[str, str]] = {}
 
     def closure(self, script: Path) -> dict[Path, str]:
@@ -52,7 +53,10 @@ class SourceTree:
         if path not in self._read:
             content, used = path.read_bytes(), set()
             if path.suffix == ".py":
-                tree = _without_wording(ast.parse(content, str(path)))
+                tree = ast.parse(content, str(path))
+                if b"lazy_loader" in content:
+                    tree.body = [node for node in tree.body if not _attaches_face(node)]
+                _remove_wording(tree)
                 words: list[str] = []
                 _flatten(tree, words)
                 content = "\n".join(words).encode()
@@ -64,6 +68,11 @@ class SourceTree:
 
     def _modules(self, name: str) -> set[Path]:
         """Files that run when a dotted name is imported: the module and the packages above it."""
+        if name not in self._found:
+            self._found[name] = self._searched(name)
+        return self._found[name]
+
+    def _searched(self, name: str) -> set[Path]:
         parts = name.rstrip(".").split(".")
         place = self.root.joinpath(*parts[:-1])
         if (place / "__init__.pyi").exists() and (module := self._face(place).get(parts[-1])):
@@ -88,9 +97,8 @@ def _attaches_face(node: ast.AST) -> bool:
     return "lazy_loader" in {getattr(one, "id", getattr(one, "name", "")) for one in ast.walk(node)}
 
 
-def _without_wording(tree: ast.Module) -> ast.Module:
-    """Remove docstrings and other bare strings, annotations of functions and lazy loading, in place."""
-    tree.body = [node for node in tree.body if not _attaches_face(node)]
+def _remove_wording(tree: ast.Module) -> None:
+    """Remove docstrings and other bare strings, and annotations of functions, in place."""
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             node.returns = None
@@ -99,7 +107,6 @@ def _without_wording(tree: ast.Module) -> ast.Module:
         body = getattr(node, "body", None)
         if isinstance(body, list):
             node.body = [one for one in body if not _is_bare_string(one)]  # type: ignore[attr-defined]
-    return tree
 
 
 def _is_bare_string(node: ast.AST) -> bool:
@@ -112,6 +119,7 @@ def _is_bare_string(node: ast.AST) -> bool:
 def _names(tree: ast.Module) -> Iterator[str]:
     """Dotted names of modules, or of what they define, that a file imports or names; see `closure`."""
     packages: dict[str, str] = {}
+    named: list[str] = []  # whose `__name__` is taken
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -121,11 +129,10 @@ def _names(tree: ast.Module) -> Iterator[str]:
             packages |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Constant) and MODULE_NAME.fullmatch(str(node.value)):
             yield str(node.value)
+        elif isinstance(node, ast.Attribute) and node.attr == "__name__" and isinstance(node.value, ast.Name):
+            named.append(node.value.id)
     yield from packages.values()
-    for node in ast.walk(tree):
-        match node:
-            case ast.Attribute(ast.Name(name), "__name__") if name in packages:
-                yield f"{packages[name]}."
+    yield from (f"{packages[name]}." for name in named if name in packages)
 
 
 def _flatten(node: object, words: list[str]) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
@@ -117,8 +118,8 @@ def save(drawing: Drawing, path: Path) -> tuple[Path, tuple[int, int]]:
     """Write a drawing as SVG or PNG; returns its path, and width and height in pixels of the page."""
     if isinstance(drawing, Figure):
         path = path.with_name(f"{path.name}.svg")
-        with style():
-            drawing.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+        with style():  # `savefig` would draw twice: once to arrange what is in the figure
+            FigureCanvasSVG(drawing).print_svg(path, metadata={"Date": None, "Creator": None})
         return path, (round(96 * drawing.get_figwidth()), round(96 * drawing.get_figheight()))
     path = path.with_name(f"{path.name}.png")
     if isinstance(drawing, Raster):
