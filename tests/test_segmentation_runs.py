@@ -1,5 +1,6 @@
 """Runs of motion and their assignment to primitives."""
 
+import runpy
 from itertools import pairwise, product
 
 import numpy as np
@@ -227,6 +228,13 @@ def test_an_event_within_a_run_ends_it():
     contact = time[np.argmax(ways > 0.6)]
     np.testing.assert_allclose(segmentation.result("approach")["end_s"], contact, atol=1e-9)
     np.testing.assert_allclose(segmentation.result("press")["start_s"], contact, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_wiping_without_a_rest_is_cut_at_contact(root, seed):
+    """To and fro, where every stroke comes to a halt, or in circles: only the force tells where it begins."""
+    benchmark = runpy.run_path(str(root / "benchmarks/example_cuts.py"))
+    assert benchmark["of_wiping"](seed, "onset")["error_ms"].max() < 50.0
 
 
 def test_a_turn_on_the_spot_is_found_by_its_angular_speed():

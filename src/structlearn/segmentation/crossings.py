@@ -8,6 +8,7 @@ the reference too.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -160,18 +161,21 @@ def _candidates(
 ) -> list[Candidates]:
     """Candidates for each primitive. An event ends a run: the hand may go on without a rest."""
     most, bridge = len(primitives) + motion_runs.SPARE_RUNS, round(parameters.bridge_s / demonstration.dt)
-    events = [
-        None if primitive.until is None else motion_runs.events(demonstration, primitive.until)
-        for primitive in primitives
-    ]
-    breaks = sorted({int(sample) for ends in events if ends is not None for sample in ends})
-    found: dict[tuple, Candidates] = {}  # shared by primitives of the same axis, threshold and event
+    events = {
+        one.name: motion_runs.events(demonstration, one.until) for one in primitives if one.until is not None
+    }
+    breaks = sorted({int(sample) for ends in events.values() for sample in ends})
+    before = {one.name: previous for previous, one in pairwise(parameters.primitives)}
+    found: dict[tuple, Candidates] = {}  # shared by primitives of the same axis, threshold and events
     rows = []
-    for primitive, ends in zip(primitives, events, strict=True):
-        key = (primitive.shown_by, primitive.threshold_m_s, primitive.until)
+    for primitive in primitives:
+        previous = before.get(primitive.name)
+        begun = None if previous is None else previous.until
+        key = (primitive.shown_by, primitive.threshold_m_s, primitive.until, begun)
         if key not in found:
+            ends, begins = events.get(primitive.name), events[previous.name] if begun else ()
             thresholds = _thresholds(primitive, paces)
-            search = Search(thresholds, demonstration.dt, bridge, most, breaks, ends)
+            search = Search(thresholds, demonstration.dt, bridge, most, breaks, ends, begins)
             found[key] = motion_runs.candidates(motions[primitive.shown_by], search)
         rows.append(found[key])
     return rows

@@ -203,6 +203,9 @@ class Search:
     # (E,) samples, at one of which the primitive ends: a candidate reaches on to the first one before the
     # next run, and is none if there is none. None: it ends where its last run does.
     ends: np.ndarray | None = None
+    # samples, at one of which it begins: then whatever moves up to the next of `ends` is a candidate, also
+    # strokes to and fro that lead nowhere
+    begins: Sequence[int] | np.ndarray = ()
 
 
 def candidates(moved: Motion, search: Search) -> Candidates:
@@ -221,6 +224,15 @@ def candidates(moved: Motion, search: Search) -> Candidates:
             ends = _ends(moved, runs, i, j, threshold, search)
             if ends is not None:
                 rested[ends] = min(dips, rested.get(ends, dips))
+    for begin in search.begins if search.ends is not None else ():
+        after = search.ends[search.ends > begin]
+        moving = (
+            np.flatnonzero(moved.smooth_speed[begin : after[0]] > search.thresholds[0])
+            if len(after)
+            else after
+        )
+        if len(moving):
+            rested[int(begin + moving[0]), int(after[0])] = 0
     first, last = np.array(sorted(rested), dtype=int).reshape(-1, 2).T
     way = np.maximum(travelled[last] - travelled[first], search.dt * search.thresholds[0])  # > 0
     return Candidates(
