@@ -190,8 +190,8 @@ def _placed(
     *left_out, after = chosen.left_out.tolist()
     for place, (primitive, one, at) in enumerate(zip(primitives, candidates, chosen.chain, strict=True)):
         start, end = max(before, int(one.first[at])), int(one.last[at])
-        earlier = one.runs[one.runs[:, 1] < start, 1]
-        later = one.runs[one.runs[:, 0] > end, 0]
+        runs = one.runs[np.diff(one.travelled[one.runs])[:, 0] > motion_runs.MOVED * one.way[at]]
+        earlier, later = runs[runs[:, 1] < start, 1], runs[runs[:, 0] > end, 0]
         found[primitive.name] = Crossing(
             start,
             end,

@@ -79,6 +79,10 @@ SPARE_RUNS = (
 )
 
 
+MOVED = 0.05
+"""Shortest way of a run, in ways of a move, that is other motion beside it, and no sway of a resting hand."""
+
+
 @dataclass(frozen=True)
 class Motion:
     """Path and speeds of one axis of one demonstration; T samples."""
