@@ -85,7 +85,7 @@ def downsampling_effect(
     """Cut points with the alignment down-sampled by several factors (appendix C).
 
     `parameters`: of the segmentation; its `downsampling` is replaced. Returns one row per factor: `factor`,
-    `work` (cells of the warping tables that were computed, relative to the first factor; `make bench` times
+    `work` (cells of the warping tables, relative to the first factor; `make bench` times
     them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points against the first factor's, and the
     largest in samples that are aligned: `shift_samples`, `shift_samples_text` of weighted least squares as
     printed.

@@ -43,7 +43,7 @@ class Segmentation:
     left_out: pd.DataFrame  # those that could not be cut
     doubts: pd.DataFrame  # warnings (`alignment.doubts`)
     reference: str  # name of the reference demonstration
-    cells: int = 0  # of all warping tables that were computed; not kept on disk
+    cells: int = 0  # of all warping tables; not kept on disk
 
     @property
     def primitives(self) -> list[str]:
