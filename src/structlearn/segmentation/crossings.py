@@ -65,19 +65,16 @@ def find_crossings(
             except InputError as error:
                 found.append(error)
     if parameters.at_onsets:
-        found = [
-            crossings
-            if isinstance(crossings, InputError)
-            else _at_onsets(demonstration, crossings, parameters)
-            for demonstration, crossings in zip(demonstrations, found, strict=True)
-        ]
+        found = [_at_onsets(*pair, parameters) for pair in zip(demonstrations, found, strict=True)]
     return place, found
 
 
 def _at_onsets(
-    demonstration: Demonstration, crossings: Crossings, parameters: SegmentParameters
-) -> Crossings:
+    demonstration: Demonstration, crossings: Crossings | InputError, parameters: SegmentParameters
+) -> Crossings | InputError:
     """Crossings with their ends moved to where the movements begin and come to rest (`onsets`)."""
+    if isinstance(crossings, InputError):
+        return crossings
     axes = {primitive.name: primitive.shown_by for primitive in _with_axis(parameters)}
     dt, found, before = demonstration.dt, list(crossings.values()), 0
     for place, (name, one) in enumerate(crossings.items()):

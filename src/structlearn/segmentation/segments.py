@@ -18,15 +18,8 @@ from structlearn.core import signals
 from structlearn.core.artefacts import publish, read_table, write_table
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
-from structlearn.segmentation.alignment import (
-    DOUBT_COLUMNS,
-    METHODS,
-    RESULT,
-    Movement,
-    Refined,
-    doubts,
-    refine,
-)
+from structlearn.segmentation import alignment
+from structlearn.segmentation.alignment import DOUBT_COLUMNS, METHODS, RESULT, Movement, Refined
 from structlearn.segmentation.crossings import Crossings, find_crossings
 from structlearn.segmentation.motion_runs import path
 from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
@@ -117,12 +110,12 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
             refined = {}
             for name, movement in movements.items():
                 try:
-                    refined[name] = refine(reference_movements[name], movement, parameters)
+                    refined[name] = alignment.refine(reference_movements[name], movement, parameters)
                 except InputError as error:
                     raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
             cuts.append(_cut_rows(demonstration, refined, parameters))
             cells += sum(one.cells for one in refined.values())
-            doubted += doubts(demonstration.name, refined, own)
+            doubted += alignment.doubts(demonstration.name, refined, own)
             if not own:
                 pairs += [_pair_rows(demonstration.name, *one) for one in refined.items()]
         except InputError as error:
