@@ -5,11 +5,11 @@ What loads slowly is imported where it is needed.
 
 from pathlib import Path
 
-from structlearn.core.artefacts import publish, write_table
+from structlearn.core.artefacts import publish
 from structlearn.core.stage import stage_parameters
 from structlearn.readers.demonstration import read_streams
 from structlearn.readers.user_tables import read_touch_logs
-from structlearn.tasks.task_files import TaskFiles, run_for_task
+from structlearn.tasks.task_files import TaskFiles, run_for_task, write_tables
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters, TouchParameters
 
 
@@ -48,8 +48,7 @@ def transfer(files: TaskFiles, parameters: TouchParameters, folder: Path) -> Non
         stage_parameters("touch_finger", TouchFingerParameters).with_electrodes_of(electrodes),
         stage_parameters("touch_dataset", TouchDataParameters),
     )
-    for name, table in tables.items():
-        write_table(table, folder / f"{name}.parquet")
+    write_tables(tables, folder)
 
 
 if __name__ == "__main__":

@@ -74,9 +74,7 @@ LED, STRAYED = 0.02, 0.1
 start by the second, and likewise backwards. A hesitation lies within a move; what comes back, or hardly
 leaves, is a twitch or the noise of a hand beside one."""
 
-SPARE_RUNS = (
-    8  # runs kept beyond the number of primitives, the longest; others are noise above a low threshold
-)
+SPARE_RUNS = 8  # kept beyond the number of primitives, the longest; others are noise above a low threshold
 
 
 MOVED = 0.05

@@ -144,7 +144,8 @@ def main(files: TaskFiles) -> bool:
     Raises InputError: the task has no robot, or was not checked.
     """
     if files.kind != "movement" or not files.has("robot"):
-        raise InputError(f"{entry_files()[-1]}: {files.kind}.{files.name} has no robot to be checked on")
+        entry = f"{entry_files()[-1]}: {files.kind}.{files.name}"
+        raise InputError(f"{entry} has no robot to be checked on; add `robot: {{urdf: .., tip: ..}}`")
     check = read_check(files.folder / "check")
     print("\n".join(lines(check)))
     return check.verdict != NO
