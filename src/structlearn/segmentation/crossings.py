@@ -162,15 +162,14 @@ def _candidates(
         one.name: motion_runs.events(demonstration, one.until) for one in primitives if one.until is not None
     }
     breaks = sorted({int(sample) for ends in events.values() for sample in ends})
-    before = {one.name: previous for previous, one in pairwise(parameters.primitives)}
+    before = {one.name: previous.name for previous, one in pairwise(parameters.primitives)}
     found: dict[tuple, Candidates] = {}  # shared by primitives of the same axis, threshold and events
     rows = []
     for primitive in primitives:
-        previous = before.get(primitive.name)
-        begun = None if previous is None else previous.until
-        key = (primitive.shown_by, primitive.threshold_m_s, primitive.until, begun)
+        previous = before.get(primitive.name, "")
+        key = (primitive.shown_by, primitive.threshold_m_s, primitive.until, previous in events and previous)
         if key not in found:
-            ends, begins = events.get(primitive.name), events[previous.name] if begun else ()
+            ends, begins = events.get(primitive.name), events.get(previous, ())
             thresholds = _thresholds(primitive, paces)
             search = Search(thresholds, demonstration.dt, bridge, most, breaks, ends, begins)
             found[key] = motion_runs.candidates(motions[primitive.shown_by], search)

@@ -226,15 +226,7 @@ def candidates(moved: Motion, search: Search) -> Candidates:
             ends = _ends(moved, runs, i, j, threshold, search)
             if ends is not None:
                 rested[ends] = min(dips, rested.get(ends, dips))
-    for begin in search.begins if search.ends is not None else ():
-        after = search.ends[search.ends > begin]
-        moving = (
-            np.flatnonzero(moved.smooth_speed[begin : after[0]] > search.thresholds[0])
-            if len(after)
-            else after
-        )
-        if len(moving):
-            rested[int(begin + moving[0]), int(after[0])] = 0
+    rested |= dict.fromkeys(_between_events(moved, search), 0)
     first, last = np.array(sorted(rested), dtype=int).reshape(-1, 2).T
     way = np.maximum(travelled[last] - travelled[first], search.dt * search.thresholds[0])  # > 0
     return Candidates(
@@ -248,6 +240,16 @@ def candidates(moved: Motion, search: Search) -> Candidates:
         runs_of_motion(moved.smooth_speed, search.thresholds[0], search.most),
         moved.turns,
     )
+
+
+def _between_events(moved: Motion, search: Search) -> Iterator[tuple[int, int]]:
+    """First moving sample after each event that begins a primitive, and the next event that ends it."""
+    ends = np.array([], dtype=int) if search.ends is None else search.ends
+    for begin in search.begins:
+        for end in ends[ends > begin][:1]:
+            moving = np.flatnonzero(moved.smooth_speed[begin:end] > search.thresholds[0])
+            if len(moving):
+                yield int(begin + moving[0]), int(end)
 
 
 def _joined(runs: np.ndarray, bridge: int) -> Iterator[tuple[int, int, int]]:
