@@ -193,17 +193,19 @@ def test_parameters_that_no_import_wrote_are_refused(tmp_path, monkeypatch):
         read_checked(files.parameters)
 
 
-@pytest.mark.parametrize("name", ["a/b", "Pour", "-rf", "a" * 61, 1, True, None, 2.5])
-def test_a_name_that_is_none_is_one_line(folder, name):
-    own_tasks(folder)
-    Path("stages/tasks/own.yaml").write_text(yaml.safe_dump({"movement": {name: REACH}}))
-    with pytest.raises(InputError, match=r"^stages/tasks/own\.yaml: movement: .*: a task's name has 1 to 60"):
-        read_task("pick")
-
-
-def test_a_name_is_of_one_task(folder):
-    Path("stages/tasks/public.yaml").write_text(yaml.safe_dump({"motion": {"reach": {}}}))
-    with pytest.raises(InputError, match=r"movement\.reach: the name is taken: .*public\.yaml, motion"):
+@pytest.mark.parametrize(
+    ("kind", "name", "message"),
+    [
+        *(
+            ("movement", name, r"^stages/tasks/public\.yaml: movement: .*: a task's name has 1 to 60")
+            for name in ("a/b", "Pour", "-rf", "a" * 61, 1, True, None, 2.5)
+        ),
+        ("motion", "reach", r"movement\.reach: the name is taken: .*public\.yaml, motion"),
+    ],
+)
+def test_a_name_that_is_none_or_taken_is_one_line(folder, kind, name, message):
+    Path("stages/tasks/public.yaml").write_text(yaml.safe_dump({kind: {name: REACH}}))
+    with pytest.raises(InputError, match=message):
         read_task("reach")
 
 

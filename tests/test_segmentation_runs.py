@@ -1,5 +1,6 @@
 """Runs of motion and their assignment to primitives."""
 
+import runpy
 from itertools import pairwise, product
 
 import numpy as np
@@ -11,11 +12,12 @@ from hypothesis import strategies as st
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers import Demonstration, read_demonstrations, synchronise
+from structlearn.segmentation import find_crossings
 from structlearn.segmentation import motion_runs as runs
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
 from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
-from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
+from structlearn.tasks.pick_and_place_world import SLOW, as_recording, takes, write_takes
 from structlearn.tasks.task_entry import read_task
 
 TASK = read_task("pick")
@@ -227,6 +229,25 @@ def test_an_event_within_a_run_ends_it():
     contact = time[np.argmax(ways > 0.6)]
     np.testing.assert_allclose(segmentation.result("approach")["end_s"], contact, atol=1e-9)
     np.testing.assert_allclose(segmentation.result("press")["start_s"], contact, atol=1e-9)
+
+
+def test_sway_of_a_slow_hand_is_no_motion_that_bounds_a_move():
+    """It is faster than the lowest threshold, but what surrounds a move never begins within it."""
+    made = takes(2, 3, 3, hand=SLOW)
+    demonstrations = [synchronise(as_recording(take), 200.0) for take in made]
+    _, crossings = find_crossings(demonstrations, pick(3))
+    for take, one, found in zip(made, demonstrations, crossings, strict=True):
+        planned = (take.planned - take.segments[0, 0] + one.true_segments[0, 0]) / one.dt
+        for (start, end), crossing in zip(planned, found.values(), strict=True):
+            assert crossing.earliest < start
+            assert crossing.latest > end
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_wiping_without_a_rest_is_cut_at_contact(root, seed):
+    """To and fro, where every stroke comes to a halt, or in circles: only the force tells where it begins."""
+    benchmark = runpy.run_path(str(root / "benchmarks/example_cuts.py"))
+    assert benchmark["of_wiping"](seed, "onset")["error_ms"].max() < 50.0
 
 
 def test_a_turn_on_the_spot_is_found_by_its_angular_speed():

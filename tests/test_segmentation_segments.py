@@ -147,25 +147,15 @@ def unknown(runs, known=0):
     return [replace(run, true_segments=run.true_segments[:known] if known else None) for run in runs]
 
 
-def test_commanded_segments_are_taken_as_they_are(two_move_demonstrations):
-    cuts = execution_cuts(two_move_demonstrations, NAMES, None)
-    assert list(cuts) == list(NAMES)
-    for place, name in enumerate(NAMES):
-        assert cuts[name].index.name == "demonstration"
-        for run in two_move_demonstrations:
-            found = cuts[name].loc[run.name, ["start_s", "end_s"]]
-            np.testing.assert_array_equal(found, run.true_segments[place])
-
-
-@pytest.mark.parametrize("known", [0, 2])
-def test_runs_without_segments_or_with_those_of_another_task_are_cut(two_move_demonstrations, known):
+@pytest.mark.parametrize(("known", "off_s"), [(3, 0.0), (0, 0.15), (2, 0.15)])
+def test_segments_are_those_commanded_or_else_cut(two_move_demonstrations, known, off_s):
     """Two commanded primitives cannot be the three that are asked for."""
     cuts = execution_cuts(unknown(two_move_demonstrations, known), NAMES, CUTTING)
     assert list(cuts) == list(NAMES)
-    for place, name in enumerate(NAMES):
-        assert list(cuts[name].columns) == ["start_s", "end_s"]
+    for place, (name, table) in enumerate(cuts.items()):
+        assert (table.index.name, list(table.columns)) == ("demonstration", ["start_s", "end_s"])
         for run in two_move_demonstrations:
-            np.testing.assert_allclose(cuts[name].loc[run.name], run.true_segments[place], atol=0.15)
+            np.testing.assert_allclose(cuts[name].loc[run.name], run.true_segments[place], 0, off_s)
 
 
 def test_one_run_without_them_or_a_reference_elsewhere_and_all_are_cut_alike(two_move_demonstrations):

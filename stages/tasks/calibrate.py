@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from structlearn.core.artefacts import publish, write_table
+from structlearn.core.artefacts import publish
 from structlearn.core.errors import MissingInputError
 from structlearn.core.stage import or_empty, run, stage_parameters
 from structlearn.readers import read_recordings
 from structlearn.readers.demonstration import read_streams
 from structlearn.tasks.project import defaults_file
-from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.task_files import TaskFiles, write_tables
 from structlearn.tasks.touch.touch_calibration import (
     CalibrationParameters,
     calibration_tables,
@@ -29,8 +29,7 @@ def main() -> None:
     tables = calibration_tables(calibration_traces(recorded, simulated, parameters), parameters)
     with publish("data/calibration") as folder:
         folder.mkdir()
-        for name, table in tables.items():
-            write_table(table, folder / f"{name}.parquet")
+        write_tables(tables, folder)
 
 
 if __name__ == "__main__":

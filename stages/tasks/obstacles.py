@@ -4,10 +4,10 @@ import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, from_table
 from structlearn.avoidance.scene_folds import learn_past_obstacles
-from structlearn.core.artefacts import publish, write_table
+from structlearn.core.artefacts import publish
 from structlearn.tasks.obstacles.coupling_representations import compare_representations, samples_of_reaches
 from structlearn.tasks.task_entry import ObstacleEntry
-from structlearn.tasks.task_files import TaskFiles, run_for_task
+from structlearn.tasks.task_files import TaskFiles, run_for_task, write_tables
 
 
 def main(files: TaskFiles) -> None:
@@ -24,8 +24,7 @@ def main(files: TaskFiles) -> None:
         results |= compare_representations(samples, parameters.representations)
     with publish(files.folder / "obstacles") as folder:
         folder.mkdir()
-        for name, table in results.items():
-            write_table(table, folder / f"{name}.parquet")
+        write_tables(results, folder)
 
 
 if __name__ == "__main__":

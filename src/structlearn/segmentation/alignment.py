@@ -17,7 +17,7 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.segmentation.crossings import Crossing
-from structlearn.segmentation.dtw import warping
+from structlearn.segmentation.dtw import correspondences
 from structlearn.segmentation.parameters import SegmentParameters
 
 METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
@@ -116,7 +116,7 @@ class Refined:
     pairs: np.ndarray  # (K, 2) corresponding samples: reference, own
     weights: np.ndarray  # (K,) of the pairs
     alignments: dict[str, Alignment]  # by method
-    cells: int  # of the warping table that were computed
+    cells: int  # of the warping table
 
     def ends(self, method: str) -> np.ndarray:
         """(2,) start and end by a method; events are not refined."""
@@ -143,8 +143,7 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
         movement.path[first : min(one.latest, one.end + extension) + 1 : g]
         for movement, one, first in zip((reference, own), crossings, firsts, strict=True)
     )
-    matches, cells = warping(part, own_part, one_scale=parameters.assigns_runs)
-    pairs = g * matches + np.array(firsts)
+    pairs = g * correspondences(part, own_part, one_scale=parameters.assigns_runs) + np.array(firsts)
     weights = velocity_weights(
         reference.velocity[pairs[:, 0]], own.velocity[pairs[:, 1]], parameters.near_zero, parameters.decay
     )
@@ -156,7 +155,7 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
         "wls_text": text,
         "wls": with_crossings(text, pairs, weights, ends, parameters.crossing_weight, tolerance),
     }
-    return Refined(reference, own, pairs, weights, alignments, cells)
+    return Refined(reference, own, pairs, weights, alignments, len(part) * len(own_part))
 
 
 DOUBT_COLUMNS = ["demonstration", "primitive", "reason", "number"]  # the number is beyond its bound

@@ -8,6 +8,7 @@ the reference too.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -64,19 +65,16 @@ def find_crossings(
             except InputError as error:
                 found.append(error)
     if parameters.at_onsets:
-        found = [
-            crossings
-            if isinstance(crossings, InputError)
-            else _at_onsets(demonstration, crossings, parameters)
-            for demonstration, crossings in zip(demonstrations, found, strict=True)
-        ]
+        found = [_at_onsets(*pair, parameters) for pair in zip(demonstrations, found, strict=True)]
     return place, found
 
 
 def _at_onsets(
-    demonstration: Demonstration, crossings: Crossings, parameters: SegmentParameters
-) -> Crossings:
+    demonstration: Demonstration, crossings: Crossings | InputError, parameters: SegmentParameters
+) -> Crossings | InputError:
     """Crossings with their ends moved to where the movements begin and come to rest (`onsets`)."""
+    if isinstance(crossings, InputError):
+        return crossings
     axes = {primitive.name: primitive.shown_by for primitive in _with_axis(parameters)}
     dt, found, before = demonstration.dt, list(crossings.values()), 0
     for place, (name, one) in enumerate(crossings.items()):
@@ -160,18 +158,20 @@ def _candidates(
 ) -> list[Candidates]:
     """Candidates for each primitive. An event ends a run: the hand may go on without a rest."""
     most, bridge = len(primitives) + motion_runs.SPARE_RUNS, round(parameters.bridge_s / demonstration.dt)
-    events = [
-        None if primitive.until is None else motion_runs.events(demonstration, primitive.until)
-        for primitive in primitives
-    ]
-    breaks = sorted({int(sample) for ends in events if ends is not None for sample in ends})
-    found: dict[tuple, Candidates] = {}  # shared by primitives of the same axis, threshold and event
+    events = {
+        one.name: motion_runs.events(demonstration, one.until) for one in primitives if one.until is not None
+    }
+    breaks = sorted({int(sample) for ends in events.values() for sample in ends})
+    before = {one.name: previous.name for previous, one in pairwise(parameters.primitives)}
+    found: dict[tuple, Candidates] = {}  # shared by primitives of the same axis, threshold and events
     rows = []
-    for primitive, ends in zip(primitives, events, strict=True):
-        key = (primitive.shown_by, primitive.threshold_m_s, primitive.until)
+    for primitive in primitives:
+        previous = before.get(primitive.name, "")
+        key = (primitive.shown_by, primitive.threshold_m_s, primitive.until, previous in events and previous)
         if key not in found:
+            ends, begins = events.get(primitive.name), events.get(previous, ())
             thresholds = _thresholds(primitive, paces)
-            search = Search(thresholds, demonstration.dt, bridge, most, breaks, ends)
+            search = Search(thresholds, demonstration.dt, bridge, most, breaks, ends, begins)
             found[key] = motion_runs.candidates(motions[primitive.shown_by], search)
         rows.append(found[key])
     return rows
@@ -186,8 +186,8 @@ def _placed(
     *left_out, after = chosen.left_out.tolist()
     for place, (primitive, one, at) in enumerate(zip(primitives, candidates, chosen.chain, strict=True)):
         start, end = max(before, int(one.first[at])), int(one.last[at])
-        earlier = one.runs[one.runs[:, 1] < start, 1]
-        later = one.runs[one.runs[:, 0] > end, 0]
+        runs = one.runs[np.diff(one.travelled[one.runs])[:, 0] > motion_runs.MOVED * one.way[at]]
+        earlier, later = runs[runs[:, 1] < start, 1], runs[runs[:, 0] > end, 0]
         found[primitive.name] = Crossing(
             start,
             end,

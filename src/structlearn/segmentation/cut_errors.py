@@ -85,7 +85,7 @@ def downsampling_effect(
     """Cut points with the alignment down-sampled by several factors (appendix C).
 
     `parameters`: of the segmentation; its `downsampling` is replaced. Returns one row per factor: `factor`,
-    `work` (cells of the warping tables that were computed, relative to the first factor; `make bench` times
+    `work` (cells of the warping tables, relative to the first factor; `make bench` times
     them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points against the first factor's, and the
     largest in samples that are aligned: `shift_samples`, `shift_samples_text` of weighted least squares as
     printed.
@@ -100,18 +100,11 @@ def downsampling_effect(
         ends = [one.cuts.set_index(keys)[["start_s", "end_s"]] for one in (segmentation, first)]
         shifts = (ends[0] - ends[1]).dropna().abs()  # of what both could cut
         shift, as_printed = (shifts.loc[method].to_numpy() for method in (RESULT, AS_PRINTED))
-        sample_s = factor * demonstrations[0].dt
-        rows.append(
-            {
-                "factor": factor,
-                "work": segmentation.cells / first.cells,
-                "mean_shift_ms": 1e3 * shift.mean(),
-                "max_shift_ms": 1e3 * shift.max(),
-                "shift_samples": shift.max() / sample_s,
-                "shift_samples_text": as_printed.max() / sample_s,
-            }
-        )
-    return pd.DataFrame(rows)
+        in_ms, samples = 1e3 * np.array([shift.mean(), shift.max()]), factor * demonstrations[0].dt
+        in_samples = shift.max() / samples, as_printed.max() / samples
+        rows.append((factor, segmentation.cells / first.cells, *in_ms, *in_samples))
+    columns = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_text"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def between_dwells(
@@ -134,12 +127,10 @@ def between_dwells(
     smooth = signals.low_pass(white, dt, noise_hz)[margin:-margin]
     position = position + noise_m * smooth / smooth.std(axis=0)
     true_segment = dt * np.array([[before, before + len(demonstration.time) - 1]])
+    provenance = {**demonstration.provenance, "rests and noise": "added by simulation"}
+    time = dt * np.arange(len(position))
     return Demonstration(
-        name=demonstration.name,
-        time=dt * np.arange(len(position)),
-        position=position,
-        true_segments=true_segment,
-        provenance={**demonstration.provenance, "rests and noise": "added by simulation"},
+        demonstration.name, time, position, true_segments=true_segment, provenance=provenance
     )
 
 

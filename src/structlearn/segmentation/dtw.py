@@ -21,11 +21,6 @@ def correspondences(reference: np.ndarray, guess: np.ndarray, one_scale: bool = 
     by their common variance, so that the noise of one that hardly moves stays small; else each separately.
     Returns (K, 2) indices into reference and guess, both strictly increasing.
     """
-    return warping(reference, guess, one_scale)[0]
-
-
-def warping(reference: np.ndarray, guess: np.ndarray, one_scale: bool = False) -> tuple[np.ndarray, int]:
-    """`correspondences`, and how many cells of the cost table were computed for them (appendix C)."""
     columns = []
     for signal in (reference, guess):
         table = np.asarray(signal, dtype=float).reshape(len(signal), -1)
@@ -33,10 +28,10 @@ def warping(reference: np.ndarray, guess: np.ndarray, one_scale: bool = False) -
         columns.append(np.ascontiguousarray(scaled))
     moves = np.empty((len(columns[0]), len(columns[1])), dtype=np.uint8)
     if columns[0].shape[1] == 1:
-        cells = _fill_moves_1d(columns[0][:, 0].copy(), columns[1][:, 0].copy(), moves)
+        _fill_moves_1d(columns[0][:, 0].copy(), columns[1][:, 0].copy(), moves)
     else:
-        cells = _fill_moves(columns[0], columns[1], moves)
-    return _matching_pairs(moves), int(cells)
+        _fill_moves(columns[0], columns[1], moves)
+    return _matching_pairs(moves)
 
 
 @numba.njit(cache=True, inline="always")
@@ -51,9 +46,9 @@ def _cheapest(insertion: float, matching: float, deletion: float) -> tuple[float
 
 
 @numba.njit(cache=True)
-def _fill_moves_1d(reference: np.ndarray, guess: np.ndarray, moves: np.ndarray) -> int:
-    """Moves (N, M) of the dynamic programme for scalar signals (N,) and (M,); returns the cells computed."""
-    columns, cells = len(guess), 0
+def _fill_moves_1d(reference: np.ndarray, guess: np.ndarray, moves: np.ndarray) -> None:
+    """Moves (N, M) of the dynamic programme for scalar signals (N,) and (M,)."""
+    columns = len(guess)
     above = np.full(columns, np.inf)
     for i in range(len(reference)):
         sample = reference[i]
@@ -65,15 +60,12 @@ def _fill_moves_1d(reference: np.ndarray, guess: np.ndarray, moves: np.ndarray) 
             corner = above[j]
             left = abs(sample - guess[j]) + best
             above[j] = left
-            cells += 1
-    return cells
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
-def _fill_moves(reference: np.ndarray, guess: np.ndarray, moves: np.ndarray) -> int:
+def _fill_moves(reference: np.ndarray, guess: np.ndarray, moves: np.ndarray) -> None:
     """The same for vector signals (N, D) and (M, D)."""
     columns, axes = guess.shape
-    cells = 0
     above = np.full(columns, np.inf)
     distance = np.empty(columns)
     for i in range(len(reference)):
@@ -90,8 +82,6 @@ def _fill_moves(reference: np.ndarray, guess: np.ndarray, moves: np.ndarray) -> 
             corner = above[j]
             left = distance[j] + best
             above[j] = left
-            cells += 1
-    return cells
 
 
 @numba.njit(cache=True)

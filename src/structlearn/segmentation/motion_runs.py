@@ -74,9 +74,11 @@ LED, STRAYED = 0.02, 0.1
 start by the second, and likewise backwards. A hesitation lies within a move; what comes back, or hardly
 leaves, is a twitch or the noise of a hand beside one."""
 
-SPARE_RUNS = (
-    8  # runs kept beyond the number of primitives, the longest; others are noise above a low threshold
-)
+SPARE_RUNS = 8  # kept beyond the number of primitives, the longest; others are noise above a low threshold
+
+
+MOVED = 0.05
+"""Shortest way of a run, in ways of a move, that is other motion beside it, and no sway of a resting hand."""
 
 
 @dataclass(frozen=True)
@@ -203,6 +205,9 @@ class Search:
     # (E,) samples, at one of which the primitive ends: a candidate reaches on to the first one before the
     # next run, and is none if there is none. None: it ends where its last run does.
     ends: np.ndarray | None = None
+    # samples, at one of which it begins: then whatever moves up to the next of `ends` is a candidate, also
+    # strokes to and fro that lead nowhere
+    begins: Sequence[int] | np.ndarray = ()
 
 
 def candidates(moved: Motion, search: Search) -> Candidates:
@@ -221,6 +226,7 @@ def candidates(moved: Motion, search: Search) -> Candidates:
             ends = _ends(moved, runs, i, j, threshold, search)
             if ends is not None:
                 rested[ends] = min(dips, rested.get(ends, dips))
+    rested |= dict.fromkeys(_between_events(moved, search), 0)
     first, last = np.array(sorted(rested), dtype=int).reshape(-1, 2).T
     way = np.maximum(travelled[last] - travelled[first], search.dt * search.thresholds[0])  # > 0
     return Candidates(
@@ -234,6 +240,16 @@ def candidates(moved: Motion, search: Search) -> Candidates:
         runs_of_motion(moved.smooth_speed, search.thresholds[0], search.most),
         moved.turns,
     )
+
+
+def _between_events(moved: Motion, search: Search) -> Iterator[tuple[int, int]]:
+    """First moving sample after each event that begins a primitive, and the next event that ends it."""
+    ends = np.array([], dtype=int) if search.ends is None else search.ends
+    for begin in search.begins:
+        for end in ends[ends > begin][:1]:
+            moving = np.flatnonzero(moved.smooth_speed[begin:end] > search.thresholds[0])
+            if len(moving):
+                yield int(begin + moving[0]), int(end)
 
 
 def _joined(runs: np.ndarray, bridge: int) -> Iterator[tuple[int, int, int]]:

@@ -15,7 +15,7 @@ import pandas as pd
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration
 from structlearn.segmentation import motion_runs
-from structlearn.segmentation.motion_runs import Candidates, Motion, Search
+from structlearn.segmentation.motion_runs import MOVED, Candidates, Motion, Search
 from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
 from structlearn.segmentation.run_assignment import LEFT_OUT, RESTED, Pattern, unlike
 
@@ -27,9 +27,6 @@ COVERED = 0.4
 
 REST_S = 1.0
 """Longest rest that is kept before and after a repeat."""
-
-MOVED = 0.05
-"""Shortest way of a run, in ways of the longest move, at which the rest beside a repeat ends."""
 
 COLUMNS = ["recording", "demonstration", "start_s", "end_s", "unlike"]
 """Recording, name of the repeat as a demonstration, its place in the recording, and how unlike the pattern it
@@ -161,7 +158,7 @@ def _repeats(one: Candidates, pattern: Pattern) -> np.ndarray:
 def _with_rests(one: Candidates, chain: np.ndarray, moved: float, most: int) -> tuple[int, int]:
     """First and last sample of a repeat with half the rest, at most `most` samples, on either side."""
     first, last = int(one.first[chain[0]]), int(one.last[chain[-1]])
-    runs = one.runs[one.travelled[one.runs[:, 1]] - one.travelled[one.runs[:, 0]] > moved]
+    runs = one.runs[np.diff(one.travelled[one.runs])[:, 0] > moved]
     earlier, later = runs[runs[:, 1] <= first, 1], runs[runs[:, 0] >= last, 0]
     begin = (int(earlier[-1]) + first) // 2 if len(earlier) else 0
     end = (int(later[0]) + last) // 2 if len(later) else len(one.path) - 1

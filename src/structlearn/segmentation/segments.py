@@ -18,15 +18,8 @@ from structlearn.core import signals
 from structlearn.core.artefacts import publish, read_table, write_table
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
-from structlearn.segmentation.alignment import (
-    DOUBT_COLUMNS,
-    METHODS,
-    RESULT,
-    Movement,
-    Refined,
-    doubts,
-    refine,
-)
+from structlearn.segmentation import alignment
+from structlearn.segmentation.alignment import DOUBT_COLUMNS, METHODS, RESULT, Movement, Refined
 from structlearn.segmentation.crossings import Crossings, find_crossings
 from structlearn.segmentation.motion_runs import path
 from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
@@ -43,7 +36,7 @@ class Segmentation:
     left_out: pd.DataFrame  # those that could not be cut
     doubts: pd.DataFrame  # warnings (`alignment.doubts`)
     reference: str  # name of the reference demonstration
-    cells: int = 0  # of all warping tables that were computed; not kept on disk
+    cells: int = 0  # of all warping tables; not kept on disk
 
     @property
     def primitives(self) -> list[str]:
@@ -117,12 +110,12 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
             refined = {}
             for name, movement in movements.items():
                 try:
-                    refined[name] = refine(reference_movements[name], movement, parameters)
+                    refined[name] = alignment.refine(reference_movements[name], movement, parameters)
                 except InputError as error:
                     raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
             cuts.append(_cut_rows(demonstration, refined, parameters))
             cells += sum(one.cells for one in refined.values())
-            doubted += doubts(demonstration.name, refined, own)
+            doubted += alignment.doubts(demonstration.name, refined, own)
             if not own:
                 pairs += [_pair_rows(demonstration.name, *one) for one in refined.items()]
         except InputError as error:

@@ -193,12 +193,15 @@ def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
     for name, one in ((name.replace("/", ", "), one) for name, its in recordings.items() for one in its):
         pose = next(stream for stream in one.streams if stream.kind == "pose")
         kinds = dict.fromkeys(stream.kind.replace("_", " ") for stream in one.streams)
-        row: dict[str, Any] = {"set": name, "recording": one.name}
-        row |= {"duration_s": 1e-9 * float(pose.stamps[-1] - pose.stamps[0])}
-        row |= {"pose_hz": 1.0 / np.median(1e-9 * np.diff(pose.stamps))}
-        row |= {"largest_gap_ms": max(1e-6 * np.diff(stream.stamps).max() for stream in one.streams)}
-        rows.append(row | {"signals": ", ".join(kinds), "stamps": one.provenance.get("stamps", "")})
-    return pd.DataFrame(rows)
+        seconds, rate_hz = (
+            1e-9 * float(pose.stamps[-1] - pose.stamps[0]),
+            1.0 / np.median(1e-9 * np.diff(pose.stamps)),
+        )
+        gap_ms = max(1e-6 * np.diff(stream.stamps).max() for stream in one.streams)
+        stamps = one.provenance.get("stamps", "")
+        rows.append((name, one.name, seconds, rate_hz, gap_ms, ", ".join(kinds), stamps))
+    columns = ["set", "recording", "duration_s", "pose_hz", "largest_gap_ms", "signals", "stamps"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def read_movement(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:

@@ -102,12 +102,8 @@ def overall(verdicts: pd.Series) -> str:
 
 def write_check(check: SkillCheck, folder: str | Path) -> None:
     """Publish a check as a folder of Parquet tables, one per attribute."""
-    tables = {
-        "margins": check.margins,
-        "rest": pd.DataFrame({"joint": list(check.rest), "rest": list(check.rest.values())}),
-        "tried": check.tried,
-        "notes": pd.DataFrame({"note": pd.Series(check.notes, dtype=str)}),
-    }
+    rest = pd.DataFrame(check.rest.items(), columns=["joint", "rest"])
+    tables = vars(check) | {"rest": rest, "notes": pd.DataFrame({"note": pd.Series(check.notes, dtype=str)})}
     with publish(folder) as path:
         path.mkdir()
         write_tables(tables, path)
@@ -117,8 +113,7 @@ def read_check(folder: str | Path) -> SkillCheck:
     """Read a check. Raises InputError: a file is missing or damaged."""
     names = ("margins", "rest", "notes", "tried")
     margins, rest, notes, tried = (read_table(Path(folder) / f"{name}.parquet") for name in names)
-    named = dict(zip(rest["joint"], rest["rest"], strict=True))
-    return SkillCheck(margins, named, tuple(notes["note"]), tried)
+    return SkillCheck(margins, rest.set_index("joint")["rest"].to_dict(), tuple(notes["note"]), tried)
 
 
 def lines(check: SkillCheck) -> list[str]:
@@ -144,7 +139,8 @@ def main(files: TaskFiles) -> bool:
     Raises InputError: the task has no robot, or was not checked.
     """
     if files.kind != "movement" or not files.has("robot"):
-        raise InputError(f"{entry_files()[-1]}: {files.kind}.{files.name} has no robot to be checked on")
+        entry = f"{entry_files()[-1]}: {files.kind}.{files.name}"
+        raise InputError(f"{entry} has no robot to be checked on; add `robot: {{urdf: .., tip: ..}}`")
     check = read_check(files.folder / "check")
     print("\n".join(lines(check)))
     return check.verdict != NO

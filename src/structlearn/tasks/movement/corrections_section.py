@@ -26,10 +26,8 @@ TARGET_SAMPLES = 200
 DRAWN = 6  # settings that are drawn
 POOR = 1.0  # NMSE from which on a model is no better than the mean
 CHECKED = ("reproduction", "smoothing", "others")  # how columns of checks begin
-AXES, PATHS = (
-    ["x", "y", "z"],
-    {"nominal": "nominal_path", "coupling": "coupling_path", "spread": "corrected_spread"},
-)
+AXES = ["x", "y", "z"]
+PATHS = {"nominal": "nominal_path", "coupling": "coupling_path", "spread": "corrected_spread"}
 
 
 def feedback_section(files: TaskFiles) -> Section | None:
@@ -106,15 +104,15 @@ def phase_section(files: TaskFiles) -> Section | None:
     ends, distances, profile, targets, scores, paths = (files.table(f"feedback/{name}") for name in names)
     runs = distances.groupby("run").mean(numeric_only=True)  # of each its mean over the splits
     by_split = distances.groupby("split")[[f"{key}_mm" for key in PATHS]].mean()
-    axes = scores.groupby("axis")
+    axes, mean, std = scores.groupby("axis"), by_split.mean(), by_split.std()
     values = {
         "coupling_path_end_share": distances["end_share"].mean(),
         "corrected_reaches_learned_from": int(distances["learned_from"].iloc[0]),
         "corrected_reaches_left_out": int((distances["split"] == 0).sum()),
     }
     for key, name in PATHS.items():
-        mean = f"{name}_mean_mm" if name.endswith("path") else f"{name}_mm"
-        values |= {mean: by_split[f"{key}_mm"].mean(), f"{name}_std_mm": by_split[f"{key}_mm"].std()}
+        key_figure = f"{name}_mean_mm" if name.endswith("path") else f"{name}_mm"
+        values |= {key_figure: mean[f"{key}_mm"], f"{name}_std_mm": std[f"{key}_mm"]}
     for name, first, second in (
         ("coupling_gain", "nominal_mm", "coupling_mm"),
         ("coupling_above_spread", "coupling_mm", "spread_mm"),
@@ -129,8 +127,8 @@ def phase_section(files: TaskFiles) -> Section | None:
     find.mean("coupling_end", 100 * runs["end_share"], unit="%")
     path_distances = {
         "distance_from": [palette.PHASE_PATHS[key].name for key in PATHS],
-        "mean_mm": by_split.mean(),
-        "std_mm": by_split.std(),
+        "mean_mm": mean,
+        "std_mm": std,
         "furthest_mm": distances[by_split.columns].max(),
     }
     by_axis = {  # largest mean target, its root mean square spread, and the network on left-out ones

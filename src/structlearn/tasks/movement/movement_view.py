@@ -24,21 +24,10 @@ from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
 from structlearn.tasks.movement.phase_corrections import complete, typical_paths
 from structlearn.tasks.task_files import TaskFiles
+from structlearn.viewer import rrd
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import (
-    entity,
-    eye_view,
-    layout,
-    legend,
-    notes_view,
-    plot,
-    recording,
-    rgba,
-    send_notes,
-    send_series,
-    time_column,
-)
+from structlearn.viewer.rrd import entity, legend, rgba
 
 DEMONSTRATED = (
     "Coloured by the primitive that they were cut into, white outside; each has a tab with its signals."
@@ -119,15 +108,15 @@ def write_turns(path: Path, logs: Sequence[OrientationTrajectory], primitive: Po
     shown = [*((f"log {number}", log, RECORDED.colour) for number, log in enumerate(logs, 1))]
     shown.append((PRIMITIVE.name, learned.unroll(logs[0].dt), PRIMITIVE.colour))
     samples = round(learned.duration * RATE_HZ)
-    times = [time_column(np.linspace(0.0, learned.duration, samples))]
-    with recording(path, "Turns of the hand and the primitive") as stream:
+    times = [rrd.time_column(np.linspace(0.0, learned.duration, samples))]
+    with rrd.recording(path, "Turns of the hand and the primitive") as stream:
         stream.send_blueprint(_blueprint([name for name, _, _ in shown]))
-        send_notes(stream, TURNS + legend(dict([RECORDED, PRIMITIVE])))
+        rrd.send_notes(stream, TURNS + legend(dict([RECORDED, PRIMITIVE])))
         for place, (name, turn, colour) in enumerate(shown):
             angles = signals.time_normalised(on_chart(turn, axes).position, samples)  # (samples, 3) rad
             _send_cap(stream, name, colour, place, times, from_chart(angles, UP))
             for chart, values in zip(CHART, np.degrees(angles).T, strict=True):
-                send_series(stream, entity(chart, name), times, values[:, None], [name], [colour])
+                rrd.send_series(stream, entity(chart, name), times, values[:, None], [name], [colour])
 
 
 def _send_cap(
@@ -160,7 +149,7 @@ def _send_cap(
 
 def _blueprint(shown: Sequence[str]) -> rrb.Blueprint:
     middle = np.array([0.0, 0.5 * APART * (len(shown) - 1), 0.0])
-    scene = eye_view("Axis of the turn up", ["/caps/**", "/marks/**"], middle, EYE)
-    plots = [plot(f"{name} (degrees to the goal)", [f"{entity(name)}/**"]) for name in CHART]
-    left = rrb.Vertical(scene, notes_view(), row_shares=[3, 2])
-    return layout(rrb.Horizontal(left, rrb.Vertical(*plots, row_shares=[3, 1, 1]), column_shares=[1, 1]))
+    scene = rrd.eye_view("Axis of the turn up", ["/caps/**", "/marks/**"], middle, EYE)
+    plots = [rrd.plot(f"{name} (degrees to the goal)", [f"{entity(name)}/**"]) for name in CHART]
+    left = rrb.Vertical(scene, rrd.notes_view(), row_shares=[3, 2])
+    return rrd.layout(rrb.Horizontal(left, rrb.Vertical(*plots, row_shares=[3, 1, 1]), column_shares=[1, 1]))

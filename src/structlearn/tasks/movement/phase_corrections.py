@@ -80,9 +80,8 @@ def corrected_runs(
     found = []
     for run in runs:
         path = in_local_frame(differentiated(run.position, run.dt, smoothing_hz), nominal.frame)
-        found.append(
-            CorrectedRun(run.name, path, position_target(path, nominal.local, goal=path.position[-1]))
-        )
+        target = position_target(path, nominal.local, goal=path.position[-1])
+        found.append(CorrectedRun(run.name, path, target))
     return found
 
 
@@ -185,20 +184,12 @@ def learn_corrections(
     tables["profile"] = pd.DataFrame(
         clock | {name: np.mean([one[name] for one in profiles], axis=0) for name in profiles[0]}
     )
-    columns = zip(
-        AXES,
-        targets.mean(axis=0).T,
-        targets.std(axis=0).T,
-        phase_coupling(networks[0], SAMPLES).T,
-        strict=True,
-    )
-    tables["targets"] = pd.concat(
-        [
-            pd.DataFrame({"axis": axis, **clock, "mean": mean, "std": std, "learned": coupling})
-            for axis, mean, std, coupling in columns
-        ],
-        ignore_index=True,
-    )
+    mean, std, learned = targets.mean(axis=0), targets.std(axis=0), phase_coupling(networks[0], SAMPLES)
+    by_axis = [
+        {"axis": axis} | clock | {"mean": mean[:, at], "std": std[:, at], "learned": learned[:, at]}
+        for at, axis in enumerate(AXES)
+    ]
+    tables["targets"] = pd.concat(map(pd.DataFrame, by_axis), ignore_index=True)
     return networks[0], tables
 
 

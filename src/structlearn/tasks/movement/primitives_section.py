@@ -8,14 +8,10 @@ from matplotlib.figure import Figure
 
 from structlearn import palette
 from structlearn.core import signals
-from structlearn.primitives.fitting import (
-    REPRODUCTION_ERRORS,
-    Segment,
-    orientations,
-    segment_paths,
-)
+from structlearn.primitives.fitting import REPRODUCTION_ERRORS, Segment, orientations, segment_paths
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
+from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.twist_swing import dominant_axes, on_chart
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.document import Table
@@ -137,15 +133,16 @@ def local_panel(primitive: PosePrimitive, segments: list[Segment], view: str) ->
     title, *labels = VIEWS[view]
     figure, axes = panel(title, 3.3, xlabel=f"{labels[0]} (mm)", ylabel=f"{labels[1]} (mm)")
     learned, seen = primitive.position, [AXES.index(axis) for axis in view]
-    for number, path in enumerate([*(path for path, _ in segments), learned.unroll(segments[0][0].dt)]):
+
+    def seen_of(path: Trajectory) -> np.ndarray:
         local = in_local_frame(path, learned.frame).position
-        points = 1e3 * signals.time_normalised(local, SAMPLES)[:, seen]
-        if number < len(segments):
-            axes.plot(
-                *points.T, color=palette.LIGHT_GREY, linewidth=0.7, label=None if number else "recorded"
-            )
-        else:
-            axes.plot(*points.T, color=palette.REPRODUCTION_COLOUR, linewidth=2.0, label="primitive")
+        return 1e3 * signals.time_normalised(local, SAMPLES)[:, seen].T
+
+    for number, (path, _) in enumerate(segments):
+        label = None if number else "recorded"
+        axes.plot(*seen_of(path), color=palette.LIGHT_GREY, linewidth=0.7, label=label)
+    unrolled = seen_of(learned.unroll(segments[0][0].dt))
+    axes.plot(*unrolled, color=palette.REPRODUCTION_COLOUR, linewidth=2.0, label="primitive")
     return legend(figure)
 
 
@@ -177,18 +174,16 @@ def turns_section(files: TaskFiles) -> Section | None:
         "at the end": (errors["end_deg"].max(), len(errors)),
     }
     find.exact("turns_found", largest, unit="degrees")
-    for name, value in (
-        ("mean_deg_single", single["mean_deg"].mean()),
-        ("mean_deg_joint", joint["mean_deg"].item()),
-        ("end_deg_single", single["end_deg"].max()),
-        ("end_deg_joint", joint["end_deg"].item()),
-    ):
-        find.exact(f"{primitive.name}_{name}", value, unit="degrees", headline=name == "mean_deg_joint")
+    single_deg, all_deg = single["mean_deg"].mean(), joint["mean_deg"].item()
+    find.exact(f"{primitive.name}_mean_deg_single", single_deg, unit="degrees")
+    find.exact(f"{primitive.name}_mean_deg_joint", all_deg, unit="degrees", headline=True)
+    for kind, its in (("single", single), ("joint", joint)):
+        find.exact(f"{primitive.name}_end_deg_{kind}", its["end_deg"].max(), unit="degrees")
     turned = {"least_turn": single["turn_deg"].min(), "most_turn": single["turn_deg"].max()}
     return Section(
         "turns",
         "Turns of the hand",
-        facts=turned | {"runs": list(single["learned_from"]), "mean_deg": joint["mean_deg"].item()},
+        facts=turned | {"runs": list(single["learned_from"]), "mean_deg": all_deg},
         tables={"turns": shown(errors)},
         pictures={"turning": turn_panel(segments, primitive)},
         find=find,

@@ -40,19 +40,8 @@ from structlearn.rigid_body.arm_kinematics import (
     rest_for,
 )
 from structlearn.simulation.arm import urdf_path
-from structlearn.tasks.movement.check_results import (
-    CORRECTIONS,
-    GOALS,
-    NO,
-    NOMINAL,
-    NOT_TESTED,
-    NOTHING_TRIED,
-    STARTS,
-    THIN,
-    TRIED,
-    SkillCheck,
-    verdict,
-)
+from structlearn.tasks.movement import check_results
+from structlearn.tasks.movement.check_results import CORRECTIONS, GOALS, NO, NOMINAL, STARTS, SkillCheck
 from structlearn.tasks.movement.movement_parameters import RobotParameters
 from structlearn.tasks.task_files import local_path
 
@@ -133,7 +122,6 @@ def _run(
     return Unroll(kind, name, position, orientation if turned else None)
 
 
-# Samples per second of a run: 5 ms are short beside anything that a primitive of half a second does.
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
     """Follow all runs of a skill with a robot, and where some fail, try what would mend them (`changes`).
 
@@ -166,7 +154,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
         return pd.DataFrame(rows)
 
     named_rest = dict(zip(arm.tree.names, rest.tolist(), strict=True))
-    check = SkillCheck(rows_of(runs), named_rest, notes, NOTHING_TRIED)
+    check = SkillCheck(rows_of(runs), named_rest, notes, check_results.NOTHING_TRIED)
     failing, tried = set(check.failing["run"]), []
     for change, changed, slower in changes(skill, check):
         again = (run for run in unrolls(changed, RATE_HZ, slower) if run.name in failing)
@@ -175,7 +163,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
         tried.append((change, len(failing), left, float(still["margin"].min())))
         if left == 0:
             break
-    return replace(check, tried=pd.DataFrame(tried, columns=TRIED)) if tried else check
+    return replace(check, tried=pd.DataFrame(tried, columns=check_results.TRIED)) if tried else check
 
 
 def changes(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, ReactiveSkill, float]]:
@@ -245,38 +233,33 @@ def margins(
     middle = np.where(np.isfinite(half), room / np.where(np.isfinite(half), half, 1.0), 1.0)
     nearer = np.where(joints - tree.lower <= tree.upper - joints, tree.lower, tree.upper)
 
-    def at_most(values: np.ndarray, bound: np.ndarray | float, per: str = "") -> tuple:
+    def at_most(values: np.ndarray, bound: np.ndarray | float, names: Sequence[str], its: list[str]) -> tuple:
         size = np.abs(values)
-        return size, bound, 1.0 - size / bound, tree.names, [f"{one}{per}" for one in units]
+        return size, bound, 1.0 - size / bound, names, its
 
-    def of_tip(values: np.ndarray, bound: float, unit: str) -> tuple:
-        return values[:, None], bound, 1.0 - values[:, None] / bound, ["tip"], [unit]
+    def of_joints(values: np.ndarray, bound: np.ndarray, per: str = "") -> tuple:
+        return at_most(values, bound, tree.names, [f"{one}{per}" for one in units])
 
     def at_least(values: np.ndarray, bound: float, names: Sequence[str], unit: str) -> tuple:
         return values, bound, values / bound - 1.0, names, [unit] * len(names)
 
+    largest, least = partial(_per_joint, arm, parameters), parameters.least_singular_value
     for quantity, found in (
-        ("position", of_tip(path.missed_m, REACH_M, "m")),
-        ("orientation", of_tip(path.missed_rad, REACH_RAD, "rad")),
+        ("position", at_most(path.missed_m[:, None], REACH_M, ["tip"], ["m"])),
+        ("orientation", at_most(path.missed_rad[:, None], REACH_RAD, ["tip"], ["rad"])),
         ("joint range", (joints, nearer, middle, tree.names, units)),
-        ("velocity", at_most(velocity, tree.velocity, "/s")),
-        ("acceleration", at_most(acceleration, _per_joint(arm, parameters, "max_acceleration"), "/s²")),
-        (
-            "jerk",
-            at_most(signals.derivative(acceleration, dt), _per_joint(arm, parameters, "max_jerk"), "/s³"),
-        ),
-        ("joint jump", at_most(steps, np.full(len(units), JUMP))),
-        (
-            "singularity",
-            at_least(path.least_singular_value[:, None], parameters.least_singular_value, ["tip"], ""),
-        ),
+        ("velocity", of_joints(velocity, tree.velocity, "/s")),
+        ("acceleration", of_joints(acceleration, largest("max_acceleration"), "/s²")),
+        ("jerk", of_joints(signals.derivative(acceleration, dt), largest("max_jerk"), "/s³")),
+        ("joint jump", of_joints(steps, np.full(len(units), JUMP))),
+        ("singularity", at_least(path.least_singular_value[:, None], least, ["tip"], "")),
     ):
         yield {"quantity": quantity} | _worst(*found)
     if shapes is None:
-        yield {"quantity": "self-collision", "where": "", "unit": "m", "verdict": NOT_TESTED}
+        yield {"quantity": "self-collision", "where": "", "unit": "m", "verdict": check_results.NOT_TESTED}
     else:
         apart = parameters.least_distance_m
-        distances = link_distances(shapes, joints[::COLLISION_EVERY], apart * (1.0 + THIN))
+        distances = link_distances(shapes, joints[::COLLISION_EVERY], apart * (1.0 + check_results.THIN))
         its = _worst(*at_least(distances, apart, shapes.pairs, "m"))
         yield {"quantity": "self-collision"} | its | {"time_s": COLLISION_EVERY * its["time_s"]}
 
@@ -309,5 +292,5 @@ def _worst(
         "unit": units[place],
         "margin": margin,
         "time_s": sample / RATE_HZ,
-        "verdict": verdict(margin),
+        "verdict": check_results.verdict(margin),
     }
