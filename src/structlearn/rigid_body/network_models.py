@@ -35,7 +35,8 @@ from structlearn.rigid_body.motion import Motion
 NetworkKind = Literal["mlp", "mlp_scaled", "delan"]
 NETWORKS: tuple[NetworkKind, ...] = get_args(NetworkKind)
 
-EVALUATED_AT_ONCE = 4096  # samples; more would leave the processor's cache
+EVALUATED_AT_ONCE = 1024  # samples; more would leave the processor's cache
+SUMMED_AT_ONCE = 4096  # squared errors of samples; the order of sums decides the last digits
 
 SCALING = ("input_mean", "input_scale", "output_mean", "output_scale")
 """Tensors that all models of a stack have in common."""
@@ -274,9 +275,10 @@ class NetworkLearner:
     def nmse(self, stride: int = 1) -> np.ndarray:
         """(M, n) errors on the whole motion, or on every `stride`-th sample of it."""
         squares, count = 0.0, self.torque[..., ::stride].shape[-1]
-        every = (values[..., ::stride].split(EVALUATED_AT_ONCE, dim=-1) for values in self._data)
+        every = (values[..., ::stride].split(SUMMED_AT_ONCE, dim=-1) for values in self._data)
         for states, torque, columns in zip(*every, strict=True):
-            error = self._torques(states, columns) - torque
+            parts = (values.split(EVALUATED_AT_ONCE, dim=-1) for values in (states, columns))
+            error = torch.cat(list(map(self._torques, *parts)), dim=-1) - torque
             squares = squares + error.double().square().sum(dim=-1).numpy()
         return squares / (count * self.variance)
 
