@@ -33,7 +33,7 @@ DPI = 150
 COLOURS = 256  # of a PNG file, with a third of the bytes of true colour
 EDGE = "#868e97"  # of axes and their ticks: contrast 3:1
 
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
     "font.size": 9.0,
     "axes.titlesize": 9.5,

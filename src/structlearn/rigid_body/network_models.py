@@ -204,17 +204,26 @@ class SmallAdam(torch.optim.Optimizer):
     @torch.no_grad()
     def step(self, gradients: Sequence[Tensor | None]) -> None:  # type: ignore[override]
         """One step; parameters without a gradient stay."""
-        moved = [
-            (values, gradient.contiguous(), mean, square)  # the kernel knows no strides
-            for values, gradient, mean, square in zip(
-                self.parameters, gradients, self.means, self.squares, strict=True
-            )
-            if gradient is not None
-        ]
+        every = zip(gradients, self.parameters, self.means, self.squares, strict=True)
+        # the kernel takes all memory in order, whatever the strides
+        moved = [(slope.contiguous(), *its) for slope, *its in every if slope is not None]
+        slopes, values, means, squares = (list(its) for its in zip(*moved, strict=True))
         self.count += 1
-        lists, counts = map(list, zip(*moved, strict=True)), [self.count] * len(moved)
-        rule = {"lr": self.param_groups[0]["lr"], "beta1": 0.9, "beta2": self.decay, "eps": 1e-8}
-        torch._fused_adam_(*lists, [], counts, **rule, weight_decay=0.0, amsgrad=False, maximize=False)
+        torch._fused_adam_(
+            values,
+            slopes,
+            means,
+            squares,
+            [],
+            [self.count] * len(moved),
+            lr=self.param_groups[0]["lr"],
+            beta1=0.9,
+            beta2=self.decay,
+            weight_decay=0.0,
+            eps=1e-8,
+            amsgrad=False,
+            maximize=False,
+        )
 
     def keep(self, models: Tensor) -> None:
         """Go on with some of the models, (M,) whether each is among them."""
