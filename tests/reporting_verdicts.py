@@ -1,6 +1,5 @@
-"""Verdicts on claims from evidence alone; sentences of a page without its figures, and their length."""
+"""Verdicts on a page's claims from evidence alone, and a page's sentences without its figures being drawn."""
 
-import re
 from collections.abc import Mapping
 from importlib.resources import files
 
@@ -28,13 +27,3 @@ class AnyFigure(dict):
 
     def __missing__(self, name: str) -> list[Panel]:
         return [Panel(f"figures/{name}.svg", 10, 10)]
-
-
-def words_in_view(page: str) -> int:
-    """Number of words on a page outside folds."""
-    for hidden in ("style", "script", "head"):
-        page = re.sub(rf"<{hidden}\b.*?</{hidden}>", " ", page, flags=re.DOTALL)
-    innermost = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.DOTALL)
-    while innermost.search(page):  # folds stand in folds
-        page = innermost.sub(" ", page)
-    return len(re.sub(r"<[^>]*>", " ", page).split())

@@ -13,12 +13,12 @@ import pytest
 import yaml
 from committed import read_yaml
 from reduced_pipeline import artefacts, by_hand, clone, environment, repro
-from reporting_verdicts import AnyFigure, words_in_view
+from reporting_verdicts import AnyFigure
 from test_scraping_page import LISTED, Made
 from viewer_files import contents, values, view_names
 
 from structlearn.core.stage import TIMES, read_times, stage_parameters
-from structlearn.reporting.document import render
+from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.page.results import read_results
 

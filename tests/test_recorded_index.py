@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 import yaml
 from committed import own_tasks
-from reporting_verdicts import words_in_view
 from test_own_demonstrations import QUICK, REACH, run_stages, write_reach
 
 from structlearn.core.errors import InputError
 from structlearn.reporting.claims import claims_table
+from structlearn.reporting.document import words_in_view
 from structlearn.tasks.recorded_index import judged_again, publish_index
 from structlearn.tasks.task_entry import targets
 

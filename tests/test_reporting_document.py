@@ -7,10 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from jinja2 import UndefinedError
-from reporting_verdicts import words_in_view
 
 from structlearn.reporting.claims import VERDICTS, Claim, exact, judge
-from structlearn.reporting.document import Document, Panel, Source, Table, environment, render
+from structlearn.reporting.document import Document, Panel, Source, Table, environment, render, words_in_view
 from structlearn.reporting.figure_style import PANEL_WIDTH, Raster, canvas, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report

@@ -8,12 +8,12 @@ import pandas as pd
 import pytest
 import test_touch_skin
 from committed import ROOT, committed_entry
-from reporting_verdicts import AnyFigure, verdicts, words_in_view
+from reporting_verdicts import AnyFigure, verdicts
 from test_touch_calibration import PARAMETERS, calibrated
 
 from structlearn.core.artefacts import write_csv, write_table
 from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import environment, render
+from structlearn.reporting.document import environment, render, words_in_view
 from structlearn.tasks import task_page
 from structlearn.tasks.task_entry import source_digests, write_task
 from structlearn.tasks.task_files import LEFT_OUT, TaskFiles

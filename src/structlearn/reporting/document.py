@@ -9,6 +9,7 @@ A page needs no network and no script; its figures, tables and recordings are fi
 of one commit give equal bytes: no wall times, and only the date of the data.
 """
 
+import re
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -230,6 +231,16 @@ def anchor(heading: str) -> str:
     """Anchor of a heading: letters and digits, dashes between words."""
     words = "".join(letter if letter.isalnum() else " " for letter in heading.lower())
     return "-".join(words.split())
+
+
+def words_in_view(page: str) -> int:
+    """Number of words on a page outside folds."""
+    for hidden in ("style", "script", "head"):
+        page = re.sub(rf"<{hidden}\b.*?</{hidden}>", " ", page, flags=re.DOTALL)
+    innermost = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.DOTALL)
+    while innermost.search(page):  # folds stand in folds
+        page = innermost.sub(" ", page)
+    return len(re.sub(r"<[^>]*>", " ", page).split())
 
 
 def is_numeric(column: pd.Series) -> bool:
