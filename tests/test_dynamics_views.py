@@ -11,10 +11,10 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.motion import Motion
+from structlearn.testbeds.dynamics import views
 from structlearn.testbeds.dynamics.names import ROBOT
 from structlearn.testbeds.dynamics.protocol.tracking import tracked_reaches
 from structlearn.testbeds.dynamics.protocol.trainings import OURS
-from structlearn.testbeds.dynamics.views import arm_recordings as views
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.testbeds.dynamics.world.operational_space import tool_motion
 from structlearn.viewer.arm_meshes import send_arm

@@ -16,7 +16,7 @@ from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.network_models import SCALING, NetworkLearner
+from structlearn.rigid_body.network_models import SCALING, NetworkLearner, SmallAdam
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 from structlearn.rigid_body.payload import PayloadLearningParameters, follow_payload, identify_empty
 from structlearn.simulation.arm import Payload
@@ -153,9 +153,9 @@ def test_a_step_of_networks_goes_down_the_slope_of_the_loss(kind, friction, moti
     group = start(kind, motion.part(slice(0, 40)), friction=friction, loss="normalised")
     in_double(group)
     slopes = []
-    group.optimiser.step = lambda: slopes.extend(
-        torch.zeros_like(values) if values.grad is None else values.grad.clone()
-        for values in group.parameters
+    group.optimiser.step = lambda gradients: slopes.extend(
+        torch.zeros_like(values) if gradient is None else gradient
+        for values, gradient in zip(group.parameters, gradients, strict=True)
     )
     group.batch = 40
     group.learn(torch.arange(40))
@@ -180,6 +180,29 @@ def in_double(group):
     network = group.network
     fields = ("row", "column") if hasattr(network, "row") else SCALING
     group.network = replace(network, **{name: getattr(network, name).double() for name in fields})
+
+
+def test_steps_are_those_of_torch_also_where_gradients_have_strides_or_are_missing():
+    generator, adam = seeded(0), AdamParameters(rate=0.01, batch=1, second_moment_decay=0.99)
+    start = [torch.randn(3, 5, 4, generator=generator) for _ in range(3)]
+    own, theirs = ([values.clone() for values in start] for _ in range(2))
+    small, torchs = SmallAdam(own, adam), torch.optim.Adam(theirs, 0.01, (0.9, 0.99), fused=True)
+    kept = torch.tensor([True, False, True])
+    for step in range(6):
+        gradients = [torch.randn(len(own[0]), 4, 5, generator=generator).mT for _ in range(2)]
+        if step == 3:
+            small.keep(kept)
+            for values in theirs[:2]:
+                values.data, moments = values.data[kept], torchs.state[values]
+                moments.update({name: moments[name][kept] for name in ("exp_avg", "exp_avg_sq")})
+            gradients = [values[kept] for values in gradients]
+        small.step([*gradients, None])
+        for values, gradient in zip(theirs, gradients, strict=False):
+            values.grad = gradient.contiguous()
+        torchs.step()
+    for ours, expected in zip(own[:2], theirs[:2], strict=True):
+        torch.testing.assert_close(ours, expected, rtol=0.0, atol=0.0)
+    torch.testing.assert_close(own[2], start[2][kept], rtol=0.0, atol=0.0)  # it had no gradient
 
 
 def test_networks_of_several_motions_learn_as_each_alone():

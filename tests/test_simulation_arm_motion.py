@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 import torch
 from committed import committed
-from dynamics_motion import committed_motion
 from pydantic import ValidationError
 from rigid_body_robots import robot as rigid_body_robot
 
@@ -30,6 +29,12 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
 )
 from structlearn.testbeds.dynamics.world.controlled_arm import Feedback, ReferencePath, SimulatedArm, run
 from structlearn.testbeds.dynamics.world.operational_space import tool_motion
+
+
+def committed_motion(**changes):
+    """The sines that are scored as they stand in `params.yaml`, with changes."""
+    return committed(ArmMotionParameters, "arm_motion", test=changes).used
+
 
 SHORT = committed_motion(duration_s=4.0)
 

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 from committed import committed
-from dynamics_motion import committed_motion
 from rigid_body_robots import carrying
 
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.compiled_dynamics import friction_rows
 from structlearn.simulation.arm import ArmParameters, Payload
+from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
     StandInParameters,
@@ -16,7 +16,7 @@ from structlearn.testbeds.dynamics.world.joint_logs import (
     stand_in_log,
 )
 
-MOTION = committed_motion(duration_s=4.0)
+MOTION = committed(ArmMotionParameters, "arm_motion", test={"duration_s": 4.0}).used
 SEED = 3
 
 

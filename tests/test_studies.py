@@ -13,7 +13,7 @@ from committed import ROOT, read_yaml
 
 from structlearn.core.artefacts import write_csv
 from structlearn.core.errors import InputError
-from structlearn.reporting import study_cells, study_tables
+from structlearn.reporting import study_tables
 from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
 from structlearn.reporting.studies import (
     RESULTS,
@@ -27,17 +27,22 @@ from structlearn.reporting.studies import (
     rests_on,
     stored_study,
 )
-from structlearn.reporting.study_cells import (
+from structlearn.reporting.study_tables import (
     CELLS,
+    TOLERANCE,
     Description,
     changed,
+    check_study,
+    compare,
+    join_study,
+    joined,
+    made_with,
     processor,
     read_descriptions,
     run_cell,
     seeds_of,
     write_cell,
 )
-from structlearn.reporting.study_tables import TOLERANCE, check_study, compare, join_study, joined, made_with
 
 NAME = "toy/people"
 DESCRIPTION = Description(
@@ -99,7 +104,7 @@ def toy(scripts, monkeypatch):
         with chdir(folder):
             runpy.run_path(script)
 
-    monkeypatch.setattr(study_cells, "run_stage", run_stage)
+    monkeypatch.setattr(study_tables, "run_stage", run_stage)
     return scripts
 
 
@@ -251,7 +256,7 @@ def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monk
     assert source_commit(["src"], tmp_path) == UNKNOWN_COMMIT
 
 
-DESCRIPTIONS = read_descriptions(ROOT / study_cells.DESCRIPTIONS)
+DESCRIPTIONS = read_descriptions(ROOT / study_tables.DESCRIPTIONS)
 POPULATIONS = {"obstacles": "obstacle_people", "dynamics": "dynamics_robots", "servoing": "servo_people"}
 
 

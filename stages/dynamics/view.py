@@ -7,7 +7,7 @@ from structlearn.testbeds.dynamics import files
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_FORM
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters, tracked_reaches
 from structlearn.testbeds.dynamics.protocol.trainings import DynamicsTrainingParameters
-from structlearn.testbeds.dynamics.views.arm_recordings import (
+from structlearn.testbeds.dynamics.views import (
     DynamicsViewParameters,
     write_payload,
     write_reaches,

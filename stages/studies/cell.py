@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from structlearn.core.stage import run
-from structlearn.reporting.study_cells import CELLS, read_descriptions, run_cell, write_cell
+from structlearn.reporting.study_tables import CELLS, read_descriptions, run_cell, write_cell
 
 
 def main() -> None:

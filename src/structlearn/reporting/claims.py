@@ -313,11 +313,6 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
     )
 
 
-def in_sentence(found: Evidence, number_format: str, unit: str = "") -> str:
-    """`in_words` without the number of people and the pooled interval of a share."""
-    return in_words(replace(found, people=None), number_format, unit)
-
-
 def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
     """`0.36 [0.30, 0.42] rad`, `26 % [22, 30]`, `0.0 % [0.0, 31.2] over 8 people, [0.0, 1.2] pooled`.
 

@@ -12,7 +12,7 @@ of one commit give equal bytes: no wall times, and only the date of the data.
 import re
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -25,7 +25,7 @@ from markupsafe import Markup
 
 from structlearn.core.params import Parameters
 from structlearn.reporting import prose
-from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, in_sentence, verdict_counts
+from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, in_words, verdict_counts
 
 MISSING = "\N{EN DASH}"
 UNKNOWN_COMMIT = "unknown commit"
@@ -191,7 +191,7 @@ def environment(package: str) -> Environment:
         keep_trailing_newline=True,
     )
     made.filters["f"] = lambda value, digits: prose.rounded(value + 0, digits)  # + 0: nothing undefined
-    made.filters["words"] = in_sentence
+    made.filters["words"] = lambda found, *how: in_words(replace(found, people=None), *how)  # no pooled end
     for filter_ in (prose.listing, prose.counted, prose.capitalised, cell, anchor):
         made.filters[filter_.__name__] = filter_
     for function in (prose.interval, prose.with_interval, prose.with_spread, prose.percent):

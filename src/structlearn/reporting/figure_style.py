@@ -8,12 +8,11 @@ Draw several panels as several figures of `PANEL_WIDTH`: the page sets them side
 below each other on a phone, where their letters stay readable.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -35,7 +34,7 @@ DPI = 150
 COLOURS = 256  # of a PNG file, with a third of the bytes of true colour
 EDGE = "#868e97"  # of axes and their ticks: contrast 3:1
 
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -75,12 +74,9 @@ STYLE: dict[str, Any] = {
     "figure.constrained_layout.w_pad": 0.06,
 }
 
-Arguments = ParamSpec("Arguments")
-Drawn = TypeVar("Drawn")
-
 
 @contextmanager
-def style():
+def style() -> Iterator[None]:
     """The project's style on Matplotlib's defaults, without the user's settings."""
     with mpl.rc_context():
         mpl.rcdefaults()
@@ -88,15 +84,7 @@ def style():
         yield
 
 
-def styled(plot: Callable[Arguments, Drawn]) -> Callable[Arguments, Drawn]:
-    """Decorator of functions that make figures in the project's style."""
-
-    @wraps(plot)
-    def in_style(*arguments: Arguments.args, **options: Arguments.kwargs) -> Drawn:
-        with style():
-            return plot(*arguments, **options)
-
-    return in_style
+styled = style()  # decorator of functions that make figures in this style
 
 
 @dataclass(frozen=True)

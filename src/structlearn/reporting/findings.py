@@ -67,10 +67,9 @@ class Findings(Mapping[str, Found]):
         """
         if name in self._rows:
             raise ValueError(f"two findings are called {name}")
-        if self._study and isinstance(found, Evidence):
-            found = replace(found, study=self._study)
-        elif self._study:
-            found = {case: replace(one, study=self._study) for case, one in _cases(found)}
+        if self._study:
+            quoted = {case: replace(one, study=self._study) for case, one in _cases(found)}
+            found = quoted[""] if isinstance(found, Evidence) else quoted
         self._rows[name] = _Row(found, unit, self._population, headline)
         return found
 

@@ -1,7 +1,7 @@
 """Studies: larger populations than one run of the pipeline has, as tables in git that pages read.
 
 The pipeline `stages/studies/dvc.yaml` makes them cell by cell: for the people or robots of a cell the stages
-of a testbed run with other seeds (`structlearn.reporting.study_cells`). This module holds what pages need:
+of a testbed run with other seeds (`structlearn.reporting.study_tables`). This module holds what pages need:
 `reports/studies/<study>` has the tables of all cells and `study.json`, their parameters and each cell's
 commit. A study with other parameters than the page's counts as not run.
 """
@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core.artefacts import read_csv, read_metrics
-from structlearn.core.params import Parameters, checked, read_values
+from structlearn.core.params import Parameters, ParametersType, checked, read_values
 from structlearn.reporting.prose import counted, listing
 
 RESULTS = Path("reports/studies")
@@ -39,7 +39,7 @@ class Check(Parameters):
     cell: str
     commit: str  # of the code that ran it
     processor: str  # that it ran on
-    exact: bool  # whether all digits were compared; else within `study_cells.TOLERANCE`
+    exact: bool  # whether all digits were compared; else within `study_tables.TOLERANCE`
     compared: int  # numbers
     different: list[str]  # tables and columns in which some differ
 
@@ -53,12 +53,15 @@ class Made(Parameters):
     check: Check | None  # None before a cell was run again
 
 
+UNKNOWN = Made(parameters={}, seeds=[], cells={}, check=None)  # of tables that a test made up
+
+
 @dataclass(frozen=True)
 class Study:
     """Results of a study."""
 
     tables: Mapping[str, pd.DataFrame]  # by name, each with the columns `KEYS` first
-    made: Made | None = None  # None in tests
+    made: Made = UNKNOWN
 
     @property
     def table(self) -> pd.DataFrame:
@@ -107,10 +110,14 @@ def digests(values: Mapping[str, Any], keys: Sequence[str], seeds: Sequence[str]
 
 def stored_study(folder: Path) -> Study:
     """A study whatever its parameters; an InputError if a file is missing, damaged or lacks its commit."""
-    path = folder / "study.json"
-    made = checked(read_metrics(path), Made, path, "study")
+    return Study(*stored(folder / "study.json", Made))
+
+
+def stored(path: Path, made: type[ParametersType]) -> tuple[dict[str, pd.DataFrame], ParametersType]:
+    """Tables beside a file by name, and the file, which says how they were made; raises as `stored_study`."""
     texts = dict.fromkeys(KEYS, str)
-    return Study({table.stem: read_csv(table, dtype=texts) for table in sorted(folder.glob("*.csv"))}, made)
+    tables = {table.stem: read_csv(table, dtype=texts) for table in sorted(path.parent.glob("*.csv"))}
+    return tables, checked(read_metrics(path), made, path, path.stem)
 
 
 def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("params.yaml")) -> Study | None:
@@ -118,7 +125,6 @@ def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("param
     if not Path(folder, name, "study.json").exists():
         return None
     study = stored_study(Path(folder, name))
-    assert study.made is not None
     known = study.made.parameters
     return study if known == digests(read_values(parameters), list(known), study.made.seeds) else None
 
@@ -137,7 +143,7 @@ def extended(own: pd.DataFrame, study: Study | None, name: str, key: str = "seed
 def provenance(study: Study) -> str:
     """`5 cells made by commit a319e1d, cell 13 run again by b9b799a: equal`, in words."""
     made = study.made
-    if made is None:
+    if not made.cells:
         return "made by unknown code, not run again"
     by_commit: dict[str, list[str]] = {}
     for cell, origin in made.cells.items():

@@ -1,26 +1,174 @@
-"""Tables of studies in git: `python -m structlearn.reporting.study_tables` joins the cells that were run.
+"""Studies: cells that run a testbed for other people or robots, and the tables in git that join the cells.
 
-With `--check [NAME ...]` it runs one cell of each study again and compares it with the table. No stage of
-DVC does this: pages read these tables, so `dvc repro` of a page would run hours of studies first.
+`stages/studies/studies.yaml` describes each study, `stages/studies/dvc.yaml` lists its cells. A cell is named
+by its seeds, `13` or the range `19-26`. It leaves the tables of all variants of the study in
+`data/studies/<study>/<cell>`, and `python -m structlearn.reporting.study_tables` joins those that were run in
+`reports/studies/<study>`. With `--check [NAME ...]` it runs one cell of each study again and compares it with
+the table. No stage of DVC does this: pages read these tables, so `dvc repro` of a page would run hours of
+studies first.
 """
 
 import argparse
+import copy
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Mapping
+from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+import yaml
+from pydantic import Field
 
-from structlearn.core.artefacts import publish, write_csv
+from structlearn.core.artefacts import publish, read_csv, write_csv
 from structlearn.core.errors import InputError
-from structlearn.core.params import read_values
+from structlearn.core.params import Parameters, checked, read_values, value_at
 from structlearn.core.stage import run
-from structlearn.reporting import studies, study_cells
 from structlearn.reporting.document import Document, render, source_commit
-from structlearn.reporting.studies import OURS, RESULTS, Check, Made, Origin, Study, provenance, stored_study
-from structlearn.reporting.study_cells import Description
+from structlearn.reporting.findings import read_findings, values_by_key
+from structlearn.reporting.studies import (
+    KEYS,
+    OURS,
+    RESULTS,
+    Check,
+    Made,
+    Origin,
+    Study,
+    digests,
+    provenance,
+    stored,
+    stored_study,
+)
 
+DESCRIPTIONS = Path("stages/studies/studies.yaml")
+CELLS = Path("data/studies")
+FINDINGS = "findings"  # the table that becomes one row of numbers for each variant and cell
 TOLERANCE = 1e-3  # relative, on another type of processor than the table's, whose kernels round otherwise
+
+
+class Variant(Parameters):
+    """What a variant of a study changes beside the seeds."""
+
+    parameters: dict[str, Any]  # by dotted key
+    first: str  # stage that runs first; it finds what the variants above left of earlier stages
+
+
+class Description(Parameters):
+    """A study."""
+
+    question: str
+    seeds: list[str] = Field(min_length=1)  # parameters that are set to the seeds of a cell, by dotted key
+    stages: list[str] = Field(min_length=1)  # scripts of the testbed, in order; the report is the last
+    takes: tuple[str, ...] = ()  # outputs of the pipeline that these stages read as they are
+    tables: list[str] = Field(min_length=1)  # that are kept of `reports/<testbed>`
+    numbers: tuple[str, ...] = ("*",)  # of `findings`, by wildcards
+    variants: dict[str, Variant] = Field(default_factory=dict)  # beside the pipeline's own parameters, `OURS`
+
+
+def read_descriptions(path: Path = DESCRIPTIONS) -> dict[str, Description]:
+    """All studies by name, e.g. `scraping/people`; an InputError if a key is missing, unknown or twice."""
+    return {name: checked(its, Description, path, name) for name, its in read_values(path).items()}
+
+
+def seeds_of(cell: str) -> list[int]:
+    """Seeds of a cell: `13` is one, `19-26` are eight; an InputError for other names."""
+    first, _, last = cell.partition("-")
+    try:
+        seeds = list(range(int(first), int(last or first) + 1))
+    except ValueError as error:
+        raise InputError(f"cell {cell}: not a seed, nor a range of seeds such as 19-26") from error
+    if not seeds:
+        raise InputError(f"cell {cell}: no seed; {last} is below {first}")
+    return seeds
+
+
+def changed(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of `params.yaml` with some set to other values, by dotted key; an InputError if absent."""
+    result = copy.deepcopy(dict(values))
+    for key, value in changes.items():
+        *parents, last = key.split(".")
+        place = result
+        for part in parents:
+            place = place.get(part, {})
+        if last not in place:
+            raise InputError(f"params.yaml: key '{key}' is missing, which a study changes")
+        place[last] = value
+    return result
+
+
+def run_cell(name: str, description: Description, cell: str, root: Path) -> dict[str, pd.DataFrame]:
+    """Run the stages of a study's testbed for one cell; tables by name, with the columns `KEYS` first."""
+    testbed, seeds, parameters = name.partition("/")[0], seeds_of(cell), root / "params.yaml"
+    values = read_values(parameters)
+    own = {
+        key: seeds if isinstance(value_at(parameters, key), list) else seeds[0] for key in description.seeds
+    }
+    variants = {OURS: Variant(parameters={}, first=description.stages[0])} | description.variants
+    made = []
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        for linked in ("stages", "dvc.yaml", "dvc.lock", "reports/quoted", *description.takes):
+            (folder / linked).parent.mkdir(parents=True, exist_ok=True)
+            (folder / linked).symlink_to(root / linked)
+        for variant, its in variants.items():
+            text = yaml.safe_dump(changed(values, own | its.parameters), sort_keys=False)
+            (folder / "params.yaml").write_text(text, encoding="utf-8")
+            for stage in description.stages[description.stages.index(its.first) :]:
+                run_stage(f"stages/{testbed}/{stage}.py", folder, root, cell)
+            made.append(kept(description, folder / "reports" / testbed, variant, cell))
+    return {table: pd.concat([one[table] for one in made], ignore_index=True) for table in made[0]}
+
+
+def run_stage(script: str, folder: Path, root: Path, cell: str) -> None:
+    """Run a script of a stage in the folder of a cell; an InputError if it fails."""
+    path = os.pathsep.join(filter(None, [str(root / "src"), os.environ.get("PYTHONPATH")]))
+    environment = {name: value for name, value in os.environ.items() if name != "DVC_STAGE"}
+    options: dict[str, Any] = {"cwd": folder, "env": environment | {"PYTHONPATH": path}, "text": True}
+    done = subprocess.run([sys.executable, script], capture_output=True, check=False, **options)
+    if done.returncode:
+        raise InputError(f"cell {cell}: {script}: {(done.stderr.strip() or 'failed').splitlines()[-1]}")
+
+
+def kept(description: Description, reports: Path, variant: str, cell: str) -> dict[str, pd.DataFrame]:
+    """The tables that a study keeps of a testbed's report, with the columns `KEYS` first."""
+    found, labels = {}, dict(zip(KEYS, (variant, cell), strict=True))
+    for table in description.tables:
+        path = reports / f"{table}.csv"
+        if table == FINDINGS:
+            numbers = values_by_key(read_findings(path))
+            wanted = [key for key in numbers if any(fnmatch(key, one) for one in description.numbers)]
+            frame = pd.DataFrame([labels | {key: numbers[key] for key in wanted}])
+        else:
+            frame = read_csv(path)
+            frame = frame.assign(**labels)[[*KEYS, *frame.columns]]
+        found[path.stem] = frame
+    return found
+
+
+def write_cell(tables: Mapping[str, pd.DataFrame], folder: Path, root: Path) -> None:
+    """Publish the tables of a cell, with the commit of the code that made them."""
+    origin = Origin(commit=source_commit(root=root), processor=processor())
+    publish_tables(tables, origin, folder / "cell.json")
+
+
+def publish_tables(tables: Mapping[str, pd.DataFrame], made: Parameters, path: Path) -> None:
+    """Publish the folder of a file that says how its tables were made, and these tables."""
+    with publish(path.parent) as folder:
+        folder.mkdir()
+        for name, table in tables.items():
+            write_csv(table, folder / f"{name}.csv")
+        (folder / path.name).write_text(made.model_dump_json(indent=2) + "\n", encoding="utf-8")
+
+
+def processor() -> str:
+    """Type of the processor, by which compiled code and the kernels of libraries differ."""
+    from llvmlite import binding
+
+    return os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
 
 
 def main() -> None:
@@ -28,7 +176,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="e.g. scraping/people; default all")
     parser.add_argument("--check", action="store_true", help="run one cell of each again")
-    given, root, descriptions = parser.parse_args(), Path.cwd(), study_cells.read_descriptions()
+    given, root, descriptions = parser.parse_args(), Path.cwd(), read_descriptions()
     if unknown := sorted(set(given.names) - set(descriptions)):
         raise InputError(f"no study {', '.join(unknown)}; there are {', '.join(descriptions)}")
     different = []
@@ -46,12 +194,13 @@ def main() -> None:
 
 def join_study(name: str, description: Description, root: Path) -> None:
     """Put the cells of a study that were run into its tables in git."""
-    folders = sorted(path.parent for path in (root / study_cells.CELLS / name).glob("*/cell.json"))
-    cells = {folder.name: study_cells.read_cell(folder) for folder in folders}
+    found = sorted((root / CELLS / name).glob("*/cell.json"))
+    cells = {path.parent.name: stored(path, Origin) for path in found}
     if cells:
-        folder = root / RESULTS / name
-        before = stored_study(folder) if (folder / "study.json").exists() else None
-        write_study(joined(before, cells, made_with(name, description, root), description), folder)
+        path = root / RESULTS / name / "study.json"
+        before = stored_study(path.parent) if path.exists() else None
+        study = joined(before, cells, made_with(name, description, root), description)
+        publish_tables(study.tables, study.made, path)
     print(f"{name}: {len(cells)} cells joined")
 
 
@@ -61,12 +210,11 @@ def check_study(name: str, description: Description, root: Path) -> list[str]:
     if not (folder / "study.json").exists():
         return []
     study = stored_study(folder)
-    assert study.made is not None
     if study.made.parameters != made_with(name, description, root):
         raise InputError(f"{folder}: made with other parameters than these: make studies NAME={name}")
     cell = list(study.made.cells)[-1]
-    check = compare(study_cells.run_cell(name, description, cell, root), study, cell, root)
-    write_study(Study(study.tables, study.made.model_copy(update={"check": check})), folder)
+    check = compare(run_cell(name, description, cell, root), study, cell, root)
+    publish_tables(study.tables, study.made.model_copy(update={"check": check}), folder / "study.json")
     print(f"{name}, cell {cell}: {check.compared} numbers compared, {len(check.different)} columns differ")
     return [f"{name}: {column}" for column in check.different]
 
@@ -91,21 +239,19 @@ def joined(
 
     `before`: as it is in git, dropped if its parameters are not those of the cells, `made_with`.
     """
-    known = before.made if before else None
-    if before is None or known is None or known.parameters != made_with:
-        before = known = None
-    origins = (known.cells if known else {}) | {cell: origin for cell, (_, origin) in cells.items()}
-    order = sorted(origins, key=lambda cell: study_cells.seeds_of(cell)[0])
+    before = before if before and before.made.parameters == made_with else Study({})
+    origins = before.made.cells | {cell: origin for cell, (_, origin) in cells.items()}
+    order = sorted(origins, key=lambda cell: seeds_of(cell)[0])
     variants = [OURS, *description.variants]
     tables = {}
     for name in (Path(table).name for table in description.tables):
         parts = [its[name] for its, _ in cells.values()]
-        if before and name in before.tables:
+        if name in before.tables:
             parts.insert(0, before.tables[name].query("cell not in @cells"))
         whole = pd.concat(parts, join="inner", ignore_index=True)
         places = whole["variant"].map(variants.index) * len(order) + whole["cell"].map(order.index)
         tables[name] = whole.iloc[np.argsort(places.to_numpy(), kind="stable")].reset_index(drop=True)
-    check = known.check if known else None
+    check = before.made.check
     made = Made(
         parameters=dict(made_with),
         seeds=description.seeds,
@@ -113,15 +259,6 @@ def joined(
         check=check if check and check.cell not in cells else None,
     )
     return Study(tables, made)
-
-
-def write_study(study: Study, folder: Path) -> None:
-    """Write the tables of a study, and how it was made."""
-    for name, table in study.tables.items():
-        write_csv(table, folder / f"{name}.csv")
-    assert study.made is not None
-    with publish(folder / "study.json") as path:
-        path.write_text(study.made.model_dump_json(indent=2) + "\n", encoding="utf-8")
 
 
 def made_with(name: str, description: Description, root: Path) -> dict[str, str]:
@@ -132,20 +269,19 @@ def made_with(name: str, description: Description, root: Path) -> dict[str, str]
     files = [Path(dep) for one in its for dep in one.get("deps", [])]
     shared = [path.stem for path in files if path.match("data/code/main/*.yaml")]  # keys that stages share
     keys = sorted({key.split(".")[0] for key in (*own, *shared)})
-    return studies.digests(read_values(root / "params.yaml"), keys, description.seeds)
+    return digests(read_values(root / "params.yaml"), keys, description.seeds)
 
 
 def compare(found: Mapping[str, pd.DataFrame], study: Study, cell: str, root: Path) -> Check:
     """Compare the tables of one cell, run again, with those of the study."""
-    assert study.made is not None
-    here, check = study_cells.processor(), study.made.check
+    here, check = processor(), study.made.check
     known_on = {study.made.cells[cell].processor} | ({check.processor} if check and check.exact else set())
     exact = here in known_on
     compared, different = 0, []
     for name, table in study.tables.items():
         known = table[table["cell"] == cell].reset_index(drop=True)
         new = found[name].reset_index(drop=True)
-        for column in table.columns.drop(studies.KEYS):
+        for column in table.columns.drop(KEYS):
             compared += len(known)
             alike = column in new and len(new) == len(known) and _alike(known[column], new[column], exact)
             different += [] if alike else [f"{name}.{column}"]

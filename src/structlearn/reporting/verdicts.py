@@ -72,18 +72,12 @@ def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machi
 
 def _rows(tables: Mapping[str, pd.DataFrame], name: str) -> pd.DataFrame:
     """All rows of one side."""
+    parts = [table.assign(testbed=testbed) for testbed, table in tables.items()]
     named = [*KEYS, "study"]
-    parts = [
-        table.reindex(columns=[*dict.fromkeys([*named, *table])])
-        .astype(dict.fromkeys(named, object))
-        .assign(testbed=testbed)
-        .fillna(dict.fromkeys(named, ""))
-        for testbed, table in tables.items()
-    ]
-    rows = pd.concat(parts) if parts else pd.DataFrame(columns=[*named, "here", "verdict"])
+    rows = (pd.concat(parts) if parts else pd.DataFrame()).reindex(columns=[*named, "here", "verdict"])
+    rows = rows.astype(object).fillna(dict.fromkeys(named, ""))
     rows["again"] = rows.groupby(KEYS).cumcount()  # of rows with the same words
-    kept = rows[[*KEYS, "again", "here", "verdict", "study"]]
-    return kept.rename(columns={"here": name, "verdict": f"verdict_{name}", "study": f"study_{name}"})
+    return rows.rename(columns={"here": name, "verdict": f"verdict_{name}", "study": f"study_{name}"})
 
 
 TABLES = "reports/*/tables/claims.csv"

@@ -14,12 +14,12 @@ from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, can
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.simulation.still import View, still
-from structlearn.testbeds.dynamics import names
 from structlearn.testbeds.dynamics.names import (
     FORM_TITLES,
     IDEAL,
     LOSS_TITLES,
     REACH,
+    REFERENCE,
     ROBOT,
     ROBOT_TITLES,
     SHOWN_FORM,
@@ -44,7 +44,7 @@ SHOWN_REACHES = {
 FORM_MARKERS = {TEXT: "o", OURS: "s"}
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
 SHOWN_JOINTS = (1, 2, 4, 6)  # whose friction is drawn: large and small ones, one of a kind
-WIDE: dict[str, Any] = {"color": names.REFERENCE, "linewidth": 4.0}  # of references
+WIDE: dict[str, Any] = {"color": REFERENCE, "linewidth": 4.0}  # of references
 
 VIEW = View(target=(0.0, 0.0, 0.6), distance=2.45, yaw_deg=50.0, pitch_deg=-16.0)
 

@@ -81,6 +81,11 @@ class DynamicsResults:
         return in_order(self.outcomes["model"].str.removesuffix(COULOMB).unique())
 
     @cached_property
+    def strict(self) -> list[str]:
+        """Structures of `STRICT` that were trained."""
+        return [kind for kind in self.kinds if kind in STRICT]
+
+    @cached_property
     def robot_models(self) -> list[str]:
         """Models that learned from robots' logs, in the order of tables."""
         return in_order(self.outcomes.loc[self.outcomes["arm"] == ROBOT, "model"].unique())
@@ -94,12 +99,16 @@ class DynamicsResults:
 
         Where the threshold was not `reached`, epochs are the limit: a lower bound.
         """
-        return self._outcomes.get((arm, model, form), self._outcomes["none"])
+        return self._outcomes(arm, model, form)
 
     def runs(self, arm: str, model: str, task: str, form: Form = TEXT) -> pd.DataFrame:
         """Scores of a model that met the criterion, by seed; of stopped runs at least `STOPPED_NMSE`."""
-        known = self._runs.get((arm, model, task, KNOWN))
-        return self._runs.get((arm, model, task, form), self._runs["none"]) if known is None else known
+        known = self._runs(arm, model, task, KNOWN)
+        return known if len(known) else self._runs(arm, model, task, form)
+
+    def velocity(self, arm: str, model: str, form: Form = TEXT) -> pd.Series:
+        """NMSE of the tool's velocity in reaches, by seed; see `runs`."""
+        return self.runs(arm, model, REACH, form)["velocity_nmse"]
 
     def stopped(self, arm: str, model: str, form: Form = TEXT) -> tuple[int, int]:
         """Number of runs of a model, sines and reaches, that had to be stopped, and number of all."""
@@ -155,26 +164,29 @@ class DynamicsResults:
         return (mass / self.chosen["record_motion"].payload.mass_kg - 1.0).abs()
 
     @cached_property
-    def _outcomes(self) -> dict[Any, pd.DataFrame]:
-        """See `outcome`, by its arguments; `none` is empty."""
-        limits, rows = (
-            self.chosen["train_dynamics"].epochs,
-            self.outcomes.sort_values("seed").set_index("seed"),
-        )
+    def _outcomes(self) -> Callable[..., pd.DataFrame]:
+        """See `outcome`."""
+        limits = self.chosen["train_dynamics"].epochs
+        rows = self.outcomes.sort_values("seed").set_index("seed")
         most = np.where(rows["arm"] == IDEAL, limits.simulation, limits.robot)
         reached = rows["epochs"].notna()
         rows = rows.assign(epochs=rows["epochs"].where(reached, most), reached=reached)
-        return {**dict(iter(rows.groupby(["arm", "model", "form"]))), "none": rows.iloc[:0]}
+        return _rows_by(rows, ["arm", "model", "form"])
 
     @cached_property
-    def _runs(self) -> dict[Any, pd.DataFrame]:
-        """See `runs`, by its arguments; pages use them hundreds of times."""
+    def _runs(self) -> Callable[..., pd.DataFrame]:
+        """See `runs`."""
         columns = ["position_nmse", "velocity_nmse"]
         scores = self.scores.sort_values("seed").set_index("seed")
         counted = scores[columns].fillna(STOPPED_NMSE).clip(lower=STOPPED_NMSE)
         scores = scores.assign(**counted.where(scores["stopped"] != "", scores[columns]))
-        by = scores.groupby(["robot", "model", "task", "form"])
-        return {**dict(iter(by)), "none": scores.iloc[:0]}
+        return _rows_by(scores, ["robot", "model", "task", "form"])
+
+
+def _rows_by(table: pd.DataFrame, keys: list[str]) -> Callable[..., pd.DataFrame]:
+    """Rows by their keys, none for unknown ones, grouped once: pages ask hundreds of times."""
+    groups, none = dict(iter(table.groupby(keys))), table.iloc[:0]
+    return lambda *key: groups.get(key, none)
 
 
 def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataFrame:
@@ -277,7 +289,7 @@ def _models(find: Findings, robots: Findings, results: DynamicsResults) -> None:
             for form, suffix in SUFFIXES.items()
             for model in results.tracked(robot)
         }
-        velocity = _run({case: _velocity(results, *key) for case, key in tried.items()})
+        velocity = _run({case: results.velocity(*key) for case, key in tried.items()})
         marked = (GROUND_TRUTH, "cov_plain") if robot == IDEAL else ()
         its.mean(f"{prefix}ee_velocity_nmse", velocity, headline=marked)
         its.counted(f"{prefix}unstable", {case: results.stopped(*tried[case]) for case in velocity})
@@ -287,24 +299,21 @@ def _in_simulation(find: Findings, results: DynamicsResults, form: Form) -> None
     def epochs(model: str) -> pd.Series:
         return results.outcome(IDEAL, model, form)["epochs"]
 
-    def excess(model: str) -> pd.DataFrame:
-        """NMSE in reaches above the ground truth's, of position and velocity, by seed."""
-        columns = ["position_nmse", "velocity_nmse"]
-        its, truth = (results.runs(IDEAL, one, REACH, form)[columns] for one in (model, GROUND_TRUTH))
-        return (its - truth).dropna()
+    def reaches(model: str) -> pd.DataFrame:
+        return results.runs(IDEAL, model, REACH, form)[["position_nmse", "velocity_nmse"]]
 
-    strict = _strict(results)
+    strict, truth = results.strict, reaches(GROUND_TRUTH)
+    above = {model_name(model): (reaches(model) - truth).dropna() for model in strict}
+    velocity = partial(results.velocity, IDEAL, form=form)
     _cases(find.geometric_mean, f"epochs_{form}", {model: epochs(model) for model in strict})
     _ratios(find, f"epochs_more_{form}", epochs, RIVALS[form], strict)
-    above = {model_name(model): excess(model) for model in strict}
     find.by(_largest, f"above_truth_{form}", above, missing=UNMET)
-    velocity = partial(_velocity, results, IDEAL, form=form)
     _ratios(find, f"over_strict_{form}", velocity, NETWORKS if form == TEXT else RIVALS[form], strict)
 
 
 def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
-    error, velocity = partial(results.robot_error, form=form), partial(_velocity, results, ROBOT, form=form)
-    strict = _strict(results)
+    error, velocity = partial(results.robot_error, form=form), partial(results.velocity, ROBOT, form=form)
+    strict = results.strict
     structured = [model for model in ("symm", *strict) if model in results.kinds]
     gains = {model: error(DEFAULT) / error(model) for model in structured}
     lacking = {model: error(model) - error(f"{model}{COULOMB}") for model in strict}
@@ -322,7 +331,7 @@ def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
 
 def _online(find: Findings, results: DynamicsResults) -> None:
     """NMSE on the whole motion of the others over that of SPD, Tri and Cov."""
-    scores, strict, nothing = results.online_scores(), _strict(results), pd.Series(dtype=float)
+    scores, strict, nothing = results.online_scores(), results.strict, pd.Series(dtype=float)
 
     def course(model: str) -> pd.Series:
         return 10.0 ** scores["speed"].get(model, nothing)
@@ -333,21 +342,10 @@ def _online(find: Findings, results: DynamicsResults) -> None:
     find.mean("online_nmse", {model: final(model) for model in in_order(scores.index.unique("model"))})
     _ratios(find, "online_course", course, RIVALS[TEXT], strict)
     _ratios(find, "online_final", final, RIVALS[TEXT], strict)
-    found: dict[str, Evidence] = {}
-    for when, score in (("over the course", course), ("after one pass", final)):
-        ratio = _over(score, "mlp_scaled", strict).dropna()
-        found[when] = geometric_mean(ratio) if len(ratio) else unknown(UNMET)
-    find.add("online_scaled", found)
-
-
-def _strict(results: DynamicsResults) -> list[str]:
-    """Structures of `STRICT` that were trained."""
-    return [kind for kind in results.kinds if kind in STRICT]
-
-
-def _velocity(results: DynamicsResults, arm: str, model: str, form: Form) -> pd.Series:
-    """NMSE of the tool's velocity in reaches, by seed."""
-    return results.runs(arm, model, REACH, form)["velocity_nmse"]
+    scaled = {"over the course": course, "after one pass": final}
+    ratios = {when: _over(score, "mlp_scaled", strict).dropna() for when, score in scaled.items()}
+    either = {when: geometric_mean(its) if len(its) else unknown(UNMET) for when, its in ratios.items()}
+    find.add("online_scaled", either)
 
 
 def _run(samples: Mapping[str, pd.Series]) -> Mapping[str, pd.Series]:

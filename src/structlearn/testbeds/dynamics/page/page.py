@@ -15,7 +15,6 @@ from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import with_spread
 from structlearn.reporting.studies import rests_on
-from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.page.findings import (
@@ -206,9 +205,10 @@ def _counted(known: pd.Series, every: int) -> str:
     return text if len(known) in (0, every) else f"{text} ({len(known)} of {every})"
 
 
-def _by_model(columns: Mapping[str, pd.Series], models: list[str], number_format: str = "") -> Table:
+def _by_model(columns: Mapping[str, pd.Series], number_format: str = "") -> Table:
     """A table with a row per model."""
-    frame = pd.DataFrame(columns).loc[models].rename(index=model_name).rename_axis("model").reset_index()
+    frame = pd.DataFrame(columns)
+    frame = frame.loc[in_order(frame.index)].rename(index=model_name).rename_axis("model").reset_index()
     return Table(frame, dict.fromkeys(columns, number_format) if number_format else {})
 
 
@@ -218,18 +218,14 @@ def _online(results: DynamicsResults) -> Table:
     for form, loss in LOSSES.items():
         means = results.online_scores(form).groupby("model").mean()
         columns |= {f"final_{loss}": means["final"], f"course_{loss}": 10.0 ** means["speed"]}
-    return _by_model(columns, in_order(results.online["model"].unique()), ".2g")
-
-
-def _structures(results: DynamicsResults) -> list[str]:
-    return [kind for kind in results.kinds if kind in STRUCTURES]
+    return _by_model(columns, ".2g")
 
 
 def _bodies(results: DynamicsResults) -> Table:
     """Per `model`: number of learned `links`, and of those that meet each of `CONDITIONS`, and all."""
-    its = _as_published(results.links)
+    its = results.links.query("form == @TEXT")
     met = its[CONDITIONS].assign(possible=its[CONDITIONS].all(axis=1)).groupby(its["model"])
-    return _by_model({"links": met.size()} | dict(met.sum()), _structures(results))
+    return _by_model({"links": met.size()} | dict(met.sum()))
 
 
 def _base_errors(results: DynamicsResults) -> Table:
@@ -239,14 +235,14 @@ def _base_errors(results: DynamicsResults) -> Table:
         ("base", results.base, "value", "truth"),
         ("mass", results.links, "mass_kg", "true_mass_kg"),
     ):
-        its = _as_published(table).query(f"{true} != 0.0")
+        its = table.query(f"form == @TEXT and {true} != 0.0")
         columns[name] = ((its[learned] - its[true]) / its[true]).abs().groupby(its["model"]).median()
-    return _by_model(columns, _structures(results), ".1%")
+    return _by_model(columns, ".1%")
 
 
 def _links(results: DynamicsResults) -> Table:
     """Learned masses, centres and largest moments of `DETAILED` beside the truth, mean ± std over seeds."""
-    its = _as_published(results.links).query("model == @DETAILED")
+    its = results.links.query("form == @TEXT and model == @DETAILED")
     axes = [f"centre_{axis}_m" for axis in "xyz"]
     away = its[axes].to_numpy() - its[[f"true_{axis}" for axis in axes]].to_numpy()
     links = its.assign(away=np.linalg.norm(away, axis=1)).groupby("link", sort=False)
@@ -263,7 +259,8 @@ def _links(results: DynamicsResults) -> Table:
 
 def _base_parameters(results: DynamicsResults) -> Table:
     """Base parameters of `DETAILED`: `parameter`, `truth`, `learned` (mean over seeds) and its `std`."""
-    by = _as_published(results.base).query("model == @DETAILED").groupby("parameter", sort=False)
+    its = results.base.query("form == @TEXT and model == @DETAILED")
+    by = its.groupby("parameter", sort=False)
     columns = {"truth": by["truth"].first(), "learned": by["value"].mean(), "std": by["value"].std()}
     return Table(pd.DataFrame(columns).reset_index(), dict.fromkeys(columns, ".4f"))
 
@@ -292,10 +289,6 @@ def _friction(results: DynamicsResults) -> Table:
         columns |= {f"true_{term}": joints["truth"].first(), term: joints["value"].agg(_spread, ".3f")}
     formats = {"true_viscous": ".3f", "true_coulomb": ".3f"}
     return Table(pd.DataFrame(columns).reset_index(), formats)
-
-
-def _as_published(table: pd.DataFrame) -> pd.DataFrame:
-    return table[table["form"] == TEXT]
 
 
 def _spread(values: pd.Series, number_format: str) -> str:

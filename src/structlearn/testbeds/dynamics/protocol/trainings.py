@@ -154,21 +154,20 @@ def train(
         (III.4.2.1), which is required of networks alone.
     """
     # trainings that share a process: structures share a regressor, networks of robots are one stack
-    groups: dict[tuple, list[int]] = {}
-    for place, training in enumerate(work):
+    groups: dict[tuple, list[Training]] = {}
+    for training in work:
         own = training.kind == "nostr" if training.kind in STRUCTURES else (training.kind, training.form)
         stacked = training.arm == ROBOT and training.kind in STACKED
         where = len(motions[training.motion]) if stacked else training.motion
-        groups.setdefault((where, training.friction, own), []).append(place)
-    together = sorted(groups.values(), key=lambda places: work[places[0]].kind != "delan")
+        groups.setdefault((where, training.friction, own), []).append(training)
+    together = sorted(groups.values(), key=lambda group: group[0].kind != "delan")
     run = partial(_train_together, motions=motions, tree=tree, parameters=parameters)
-    items = [[work[place] for place in places] for places in together]
-    results: dict[int, Learned] = {}
-    for places, found in zip(together, parallel_map(run, items, "dynamics models"), strict=True):
-        results |= dict(zip(places, found, strict=True))
+    results: dict[Training, Learned] = {}
+    for group, found in zip(together, parallel_map(run, together, "dynamics models"), strict=True):
+        results |= dict(zip(group, found, strict=True))
     models, errors, outcomes = {}, [], []
-    for place, training in enumerate(work):
-        learned = results[place]
+    for training in work:
+        learned = results[training]
         keys = {"arm": training.arm, "model": training.model, "form": training.form}
         table = error_table(learned.nmse, "epoch")
         errors.append(table.assign(seed=np.array(training.seeds)[table["seed"]], **keys))
