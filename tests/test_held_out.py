@@ -39,7 +39,7 @@ from test_obstacles_models import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
 from test_tasks_obstacles import phase_dependent
 
-from structlearn.avoidance import scene_folds
+from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
 from structlearn.avoidance.scene_folds import learn_past_obstacles
@@ -483,7 +483,7 @@ def reaches_past_boxes(monkeypatch, tmp_path):
             for number, (bow, x) in enumerate(((0.12, 0.0), (0.01, -0.2)))
         ]
 
-    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_obstacles(its, boxes.PARAMETERS))
+    learn = each(monkeypatch, scene_models, "learn", lambda its: learn_past_obstacles(its, boxes.PARAMETERS))
     return Case(lambda its: learn(its)[0][0], trials(), trials(1), trials(2))
 
 

@@ -21,21 +21,10 @@ from structlearn.testbeds.obstacles.names import FREE, HIT, KINDS, SOURCES, mode
 from structlearn.testbeds.obstacles.page.findings import ObstacleResults, findings, read_published
 from structlearn.testbeds.obstacles.page.page import PACKAGE, document
 from structlearn.testbeds.obstacles.page.page import people as hits_by_person
-from structlearn.testbeds.obstacles.protocol import avoidance_protocols
+from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
-from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
-    SituationKey,
-    groups_of,
-    hit_settings,
-    reaches_by_situation,
-    without_avoidance,
-)
 from structlearn.testbeds.obstacles.views import demonstrated_avoidance as drawn
-from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
-    shown_scenarios,
-    write_trained_avoidance,
-)
 from structlearn.testbeds.obstacles.views.unseen_avoidance import write_unseen_avoidance
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters
@@ -234,7 +223,7 @@ def own_scores():
 
 @pytest.fixture(scope="module")
 def reaches():
-    return reaches_by_situation(evaluation()[1], own_scores(), PRIMITIVE)
+    return unrolled_reaches.reaches_by_situation(evaluation()[1], own_scores(), PRIMITIVE)
 
 
 @pytest.fixture(scope="module")
@@ -244,12 +233,12 @@ def shown(reaches):
         {"scenario": [0, 0, 3, 3, 6, 6], "demonstration": [0, 1] * 3, "time_s": 6 * [0.5]}
     ).assign(target_x=0.0, target_y=np.arange(6.0), target_z=1.0)
     names = [place.name for place in PLACES[::3]]
-    return shown_scenarios(PLACES, names, lambda _: demonstrations(), samples, reaches, 30)
+    return drawn.shown_scenarios(PLACES, names, lambda _: demonstrations(), samples, reaches, 30)
 
 
 def test_reaches_are_those_of_the_tables(reaches):
-    its, found = reaches[SituationKey("trained", "cube", 2)], own_scores()
-    assert without_avoidance(its) is its[0]
+    its, found = reaches[unrolled_reaches.SituationKey("trained", "cube", 2)], own_scores()
+    assert unrolled_reaches.without_avoidance(its) is its[0]
     scores = found[(found["protocol"] == "trained") & (found["obstacle"] == "cube")]
     scores = scores[(scores["scenario"] == 2) & (scores["rules"] == avoidance_protocols.LIMITED)]
     scores = scores.set_index(["model", "learned_from"])
@@ -267,7 +256,7 @@ def test_reaches_are_those_of_the_tables(reaches):
 def test_a_solid_is_as_large_as_its_obstacle_and_turned_as_far(tmp_path, shown, shape):
     path = tmp_path / "trained.rrd"
     one = next(one for one in shown if one.scenario.shape == shape)
-    write_trained_avoidance(path, [one], "Solid")
+    drawn.write_trained_avoidance(path, [one], "Solid")
     kind = {"sphere": "Ellipsoids3D", "cube": "Boxes3D", "cylinder": "Cylinders3D"}[shape]
     solid = {
         name: np.array(values(path, f"/{shape}\\/01/obstacle/solid", f"{kind}:{name}"), float).squeeze()
@@ -284,7 +273,7 @@ def test_a_solid_is_as_large_as_its_obstacle_and_turned_as_far(tmp_path, shown, 
 
 def test_models_stand_beside_the_demonstrations_that_they_learned_from(tmp_path, shown):
     path = tmp_path / "trained.rrd"
-    write_trained_avoidance(path, shown, "Trained")
+    drawn.write_trained_avoidance(path, shown, "Trained")
     rows, _, timelines = contents(path)
     assert timelines == {"time"}
     for one in shown:
@@ -305,14 +294,14 @@ def test_models_stand_beside_the_demonstrations_that_they_learned_from(tmp_path,
 
 def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reaches):
     path = tmp_path / "unseen.rrd"
-    write_unseen_avoidance(path, UNSEEN, groups_of(UNSEEN, reaches), PRIMITIVE, "Unseen")
+    write_unseen_avoidance(path, UNSEEN, unrolled_reaches.groups_of(UNSEEN, reaches), PRIMITIVE, "Unseen")
     rows, _, timelines = contents(path)
     assert timelines == {"sphere"}
     for name in (*SHAPES, "all"):
         assert rows[f"/one/paths/{name}"] == rows[f"/closest/{name}"] == 63
         assert colour_of(path, f"/all/{name}", "LineStrips3D") == SOURCES[name].colour
     assert rows["/one/sphere"] == rows["/closest/no\\ avoidance"] == 63
-    hit = {number for _, number in hit_settings(reaches, "unseen")}
+    hit = {number for _, number in unrolled_reaches.hit_settings(reaches, "unseen")}
     assert 0 < len(hit) < 63
     expected = [(HIT if number in hit else FREE).colour for number in range(1, 64)]
     colours = values(path, "/one/sphere/cloud", "Points3D:colors")

@@ -15,15 +15,6 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import features
 from structlearn.avoidance.network_training import NetworkParameters
 from structlearn.avoidance.scene_folds import MODELS, WAYS, folds_of_people, learn_past_obstacles
-from structlearn.avoidance.scene_models import (
-    SCENE,
-    TEXT,
-    displaced_states,
-    nearest_seen,
-    samples_of_scene,
-    scene_states,
-    unroll_through,
-)
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
@@ -34,13 +25,8 @@ from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape
 from structlearn.reporting.claims import read_claims
 from structlearn.tasks.obstacles import coupling_representations, coupling_samples
+from structlearn.tasks.obstacles import representations_section as section
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters, samples_of_reaches
-from structlearn.tasks.obstacles.representations_section import (
-    INPUTS,
-    REPRESENTATIONS,
-    representation_facts,
-    representation_findings,
-)
 from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
@@ -193,7 +179,7 @@ def test_the_text_sees_the_nearest_box():
     rng = np.random.default_rng(0)
     position, velocity = rng.normal(0.1, 0.1, (2, len(reaches), 3))
     clouds = np.stack([scenes.clouds[:, 0] + [0.0, 0.5, 0.0], scenes.clouds[:, 0]], axis=1)
-    seen, x = nearest_seen(position, velocity, clouds)
+    seen, x = scene_models.nearest_seen(position, velocity, clouds)
     near = clouds[:, 1]
     expected = features(position, velocity, 1.0, near, near.mean(axis=1))
     assert np.allclose(seen, expected)
@@ -209,16 +195,18 @@ def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstrat
     )
     assert np.array_equal(alone.unroll(0.01, duration=1.0).position, both.unroll(0.01, duration=1.0).position)
     goals, samples = np.array([reach.goal for reach in reaches]), PARAMETERS.reaches.samples
-    alone = unroll_through(baseline, goals, None, samples)
+    alone = scene_models.unroll_through(baseline, goals, None, samples)
     one = baseline.unroll(1.0 / (samples - 1), start=np.zeros(3), goal=goals[0], duration=1.0)
     assert np.allclose(alone.position[0], one.position)
-    states = scene_states([reach.path for reach in reaches], baseline, 1)
+    states = scene_models.scene_states([reach.path for reach in reaches], baseline, 1)
     target = states.target.reshape(len(reaches), samples, 3)
-    shown = unroll_through(baseline, goals, lambda k, x, v: target[:, k], samples)
+    shown = scene_models.unroll_through(baseline, goals, lambda k, x, v: target[:, k], samples)
     own = np.array([reach.path.position for reach in reaches])
     assert np.abs(shown.position - own).max() < 0.015  # of 0.12; it begins as the baseline's reaches did
     assert np.abs(alone.position - own).max() > 0.1
-    pushed = unroll_through(baseline, goals, lambda k, x, v: np.full(x.shape, 40.0), samples, 0.02, 20.0)
+    pushed = scene_models.unroll_through(
+        baseline, goals, lambda k, x, v: np.full(x.shape, 40.0), samples, 0.02, 20.0
+    )
     left = np.linalg.norm(pushed.position[:, -1] - alone.position[:, -1], axis=1)
     assert left.max() < 0.02 + 1e-9
     assert np.abs(pushed.position - alone.position).max() > 0.05
@@ -227,8 +215,8 @@ def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstrat
 def test_states_elsewhere_lead_back():
     reaches, _ = made_up_reaches()
     baseline = fit_position([reach.path for reach in reaches]).local
-    states = scene_states([reach.path for reach in reaches], baseline, 10)
-    beside = displaced_states(states, PARAMETERS.network, 60.0, (0, 0))
+    states = scene_models.scene_states([reach.path for reach in reaches], baseline, 10)
+    beside = scene_models.displaced_states(states, PARAMETERS.network, 60.0, (0, 0))
     count = len(states.time)
     assert len(beside.time) == 2 * count
     assert np.array_equal(beside.position[:count], states.position)
@@ -236,11 +224,11 @@ def test_states_elsewhere_lead_back():
     assert np.allclose(beside.target[count:], states.target - 60.0 * off)
     assert 0.5 < off.std() / PARAMETERS.network.displaced_m < 1.5
     few = PARAMETERS.network.model_copy(update={"demonstrations": 2})
-    assert len(np.unique(displaced_states(states, few, 60.0, (0, 0)).scene)) == 2
+    assert len(np.unique(scene_models.displaced_states(states, few, 60.0, (0, 0)).scene)) == 2
     scenes = scene_models.reach_scenes(reaches, PARAMETERS)
-    dataset = samples_of_scene(states, scenes, PARAMETERS.look_ahead.ahead_m)
+    dataset = scene_models.samples_of_scene(states, scenes, PARAMETERS.look_ahead.ahead_m)
     one = states.where(states.scene == 4)
-    alone = samples_of_scene(one, scenes, PARAMETERS.look_ahead.ahead_m)
+    alone = scene_models.samples_of_scene(one, scenes, PARAMETERS.look_ahead.ahead_m)
     assert np.array_equal(dataset.features[states.scene == 4], alone.features)
 
 
@@ -277,10 +265,10 @@ def made_up_ways():
     Person 1 touches a box once and takes another gap: if nobody did, how people differ would be unknown.
     """
     touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11, "text_ensemble": 8}
-    touching |= {TEXT: 0, SCENE: 0, "planned": 0}
+    touching |= {scene_models.TEXT: 0, scene_models.SCENE: 0, "planned": 0}
     keys = [(way, person, number) for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))]
     rows = pd.DataFrame(keys, columns=["way", "fold", "number"])
-    people, number, scene = rows["fold"], rows["number"], rows["way"] == SCENE
+    people, number, scene = rows["fold"], rows["number"], rows["way"] == scene_models.SCENE
     most = rows["way"].map(touching)
     rows = rows.assign(
         reach=[f"p{person}_{one}" for _, person, one in keys],
@@ -467,14 +455,15 @@ def made_up_scores():
 
 def test_claims_follow_the_tables(root):
     kinds = [dict.fromkeys(pair) for pair in zip(*coupling_representations.REPRESENTATIONS, strict=True)]
-    assert [set(REPRESENTATIONS), set(INPUTS)] == [set(names) for names in kinds]  # they stand as text there
+    written = [set(section.REPRESENTATIONS), set(section.INPUTS)]
+    assert written == [set(names) for names in kinds]  # they stand as text there
     claims = read_claims(root / "stages/tasks/claims/avoidance.yaml")
-    find = representation_findings(made_up_scores())
+    find = section.representation_findings(made_up_scores())
     words = [claim.verdict(one, case) for claim in claims for case, one in find[claim.evidence].items()]
     assert set(words) == {"yes"}
     best = made_up_scores()["scores"].set_index(KEYS)["nmse"]
     assert find["nmse_x"].value == best["ensemble", "phase", "x"]
-    assert representation_facts(made_up_scores())["best"]["name"] == "ensemble of networks"
+    assert section.representation_facts(made_up_scores())["best"]["name"] == "ensemble of networks"
 
 
 def test_the_recorded_samples():

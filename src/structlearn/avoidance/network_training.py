@@ -26,7 +26,7 @@ from pydantic import Field, PositiveInt
 from structlearn.avoidance import avoidance_network
 from structlearn.avoidance import levenberg_marquardt as lm
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
-from structlearn.avoidance.avoidance_network import AvoidanceNetworks
+from structlearn.avoidance.avoidance_network import AvoidanceNetworks, Layers
 from structlearn.avoidance.features import CouplingModel, displaced
 from structlearn.avoidance.rai_2014 import HumanInspiredModels, fit_human_inspired
 from structlearn.core.errors import InputError
@@ -116,9 +116,7 @@ def lesson(
 
 
 def stacked(
-    layers: Sequence[avoidance_network.Layers],
-    datasets: Sequence[AvoidanceDataset],
-    parameters: NetworkParameters,
+    layers: Sequence[Layers], datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters
 ) -> AvoidanceNetworks:
     """Networks of `train_member`, or means of them, each with the dataset that it was trained on."""
     columns = seen_columns(parameters.inputs, datasets[0].features.shape[1])
