@@ -15,7 +15,7 @@ from structlearn.primitives.vector import fit_expected_traces
 NAMES = ("down", "tilt", "scrape")
 POINTS = np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.05], [0.3, 0.1, 0.05], [0.3, 0.3, 0.25]])
 TURNS = (0.6, -0.5, 0.7)
-TAUGHT_DT = 0.01
+DEMONSTRATED_DT = 0.01
 CAUTIOUS = Limits()
 
 
@@ -41,10 +41,10 @@ def random_skill(rng, networks=None, channels=6, turned=True, limits=CAUTIOUS):
     primitives, expected, base = [], {}, np.array([1.0, 0.0, 0.0, 0.0])
     for name, start, goal, turn in zip(NAMES, POINTS, POINTS[1:], TURNS, strict=False):
         duration = rng.uniform(0.4, 0.7)
-        taught = wobbly_turn(rng, turn, 0.1, duration, TAUGHT_DT, base, rng.normal(size=3))
-        base = taught.orientation[-1]
-        point = fit_position([reach(rng, start, goal, duration, TAUGHT_DT, 0.02)], (True, False, False))
-        primitives.append(PosePrimitive(name, point, fit_quaternion([taught]) if turned else None))
+        demonstrated = wobbly_turn(rng, turn, 0.1, duration, DEMONSTRATED_DT, base, rng.normal(size=3))
+        base = demonstrated.orientation[-1]
+        point = fit_position([reach(rng, start, goal, duration, DEMONSTRATED_DT, 0.02)], (True, False, False))
+        primitives.append(PosePrimitive(name, point, fit_quaternion([demonstrated]) if turned else None))
         swing = np.sin(np.linspace(0.0, 3.0, 60)[:, None] * rng.uniform(0.5, 2.0, channels))
-        expected[name] = fit_expected_traces([20.0 * swing], TAUGHT_DT, 25.0)
+        expected[name] = fit_expected_traces([20.0 * swing], DEMONSTRATED_DT, 25.0)
     return ReactiveSkill(primitives, expected, networks or {}, limits)

@@ -95,8 +95,8 @@ def random_quaternion_primitive(rng, *batch, bound=30.0):
 
 
 def random_twist_swing(rng, *batch, turns=1.7, bound=50.0):
-    taught = wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))
-    fitted = fit_twist_swing([taught])
+    demonstrated = wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))
+    fitted = fit_twist_swing([demonstrated])
     weights = fitted.chart.weights + rng.uniform(-bound, bound, size=(*batch, 25, 3)) * [1.0, 0.1, 0.1]
     return replace(fitted, chart=replace(fitted.chart, weights=weights))
 

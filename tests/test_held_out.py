@@ -428,7 +428,7 @@ def unhindered_reach(monkeypatch, tmp_path):
     def learn(data):
         recorded = iter(data)
         monkeypatch.setattr(avoidance_scores, "read_runs", lambda _: next(recorded))
-        return avoidance_scores.taught(person.seed, tmp_path, scene, person, parameters)[0]
+        return avoidance_scores.person_data(person.seed, tmp_path, scene, person, parameters)[0]
 
     return Case(learn, sets, [sets[0], *(moved(its, 0) for its in sets[1:])], [moved(sets[0], 0), *sets[1:]])
 

@@ -26,7 +26,7 @@ from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.readers.demonstration import Demonstration, write_runs
 from structlearn.testbeds.obstacles.files import BASELINE, read_baselines, write_baselines
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import taught
+from structlearn.testbeds.obstacles.protocol.avoidance_scores import person_data
 from structlearn.testbeds.obstacles.world.reaching_person import (
     FIXED_POINTS,
     AvoiderParameters,
@@ -305,9 +305,9 @@ def test_runs_teach_what_the_person_does(tmp_path):
     for place in (None, *scenarios(scene)):
         name = BASELINE if place is None else place.name
         write_runs(captured(place, scene, person), tmp_path / f"{name}.parquet")
-    read = taught(3, tmp_path, scene, person, PARAMETERS)
+    read = person_data(3, tmp_path, scene, person, PARAMETERS)
     nobody = person.model_copy(update={"seed": 99})  # whose runs these are not
-    simulated, other = (taught(seed, tmp_path, scene, nobody, PARAMETERS) for seed in (3, 4))
+    simulated, other = (person_data(seed, tmp_path, scene, nobody, PARAMETERS) for seed in (3, 4))
     np.testing.assert_allclose(read[0].goal, simulated[0].goal, atol=1e-9)
     for ours, theirs in zip(read[1:], simulated[1:], strict=True):
         assert (ours["person"] == 3).all()

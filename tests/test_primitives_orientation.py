@@ -135,26 +135,29 @@ def test_a_turn_about_a_fixed_axis_is_exactly_the_vector_system(dt, rng):
 )
 @for_rngs
 def test_a_smooth_demonstration_is_reproduced(fit, turns, limit_deg, rng):
-    taught = wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))
-    path = fit([taught]).unroll(DT)
-    error = np.degrees(quaternion.angle_between(path.orientation, taught.orientation))
+    demonstrated = wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))
+    path = fit([demonstrated]).unroll(DT)
+    error = np.degrees(quaternion.angle_between(path.orientation, demonstrated.orientation))
     assert error.max() < limit_deg
     assert error[-1] < 0.1
-    scale = np.abs(taught.angular_velocity).max()
-    np.testing.assert_allclose(path.angular_velocity, taught.angular_velocity, atol=0.05 * scale)
-    np.testing.assert_allclose(path.angular_velocity[0], taught.angular_velocity[0], atol=1e-9)
+    scale = np.abs(demonstrated.angular_velocity).max()
+    np.testing.assert_allclose(path.angular_velocity, demonstrated.angular_velocity, atol=0.05 * scale)
+    np.testing.assert_allclose(path.angular_velocity[0], demonstrated.angular_velocity[0], atol=1e-9)
 
 
 @for_rngs
 def test_demonstrations_of_different_durations_and_signs_are_one_primitive(rng):
     seed, base, axis = rng.integers(2**32), random_orientations(rng), rng.normal(size=3)
-    taught = [
+    demonstrated = [
         wobbly_turn(np.random.default_rng(seed), 1.5, 0.1, duration, duration / 250, base, axis)
         for duration in (1.0, 1.5, 2.5)
     ]
-    flipped = [*taught[:2], dataclasses.replace(taught[2], orientation=-taught[2].orientation)]
+    flipped = [
+        *demonstrated[:2],
+        dataclasses.replace(demonstrated[2], orientation=-demonstrated[2].orientation),
+    ]
     primitive = fit_quaternion(flipped)
-    for demonstration in taught:
+    for demonstration in demonstrated:
         path = primitive.unroll(demonstration.dt, duration=demonstration.duration)
         error = quaternion.angle_between(path.orientation, demonstration.orientation)
         assert error.max() < np.radians(0.2)

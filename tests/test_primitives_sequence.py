@@ -27,9 +27,9 @@ def learned(rng, turns=None):
         duration = rng.uniform(0.8, 2.0)
         orientation = None
         if turns is not None:
-            taught = wobbly_turn(rng, turns[i], 0.15, duration, DT, base, rng.normal(size=3))
-            base = taught.orientation[-1]
-            orientation = fit_orientation([taught])
+            demonstrated = wobbly_turn(rng, turns[i], 0.15, duration, DT, base, rng.normal(size=3))
+            base = demonstrated.orientation[-1]
+            orientation = fit_orientation([demonstrated])
         points = reach(rng, POINTS[i], POINTS[i + 1], duration, DT, detour=0.03)
         primitives.append(PosePrimitive(f"part {i + 1}", fit_position([points]), orientation))
     return primitives
@@ -65,8 +65,8 @@ def test_no_signal_jumps_at_a_switch(turns, moved, rng):
 )
 def test_the_form_follows_from_the_largest_net_turn(turn_deg, form):
     rng = np.random.default_rng(0)
-    taught = [wobbly_turn(rng, turn, 0.0) for turn in np.radians([20.0, turn_deg])]
-    assert isinstance(fit_orientation(taught), form)
+    demonstrated = [wobbly_turn(rng, turn, 0.0) for turn in np.radians([20.0, turn_deg])]
+    assert isinstance(fit_orientation(demonstrated), form)
 
 
 def test_moved_goals_are_shifted_and_turned_in_the_base_frame():
@@ -119,11 +119,11 @@ def stored_primitives(oriented=True):
     reaches = {"approach": [0.0, 0.1, 0.9], "scrape along": [0.8, 0.1, 0.1], "stay": [0.0, 0.0, 0.001]}
     for name, goal in reaches.items():
         fit = fit_twist_swing if name == "scrape along" else fit_quaternion
-        taught = wobbly_turn(rng, 1.0, dt=STEP, base=random_orientations(rng))
+        demonstrated = wobbly_turn(rng, 1.0, dt=STEP, base=random_orientations(rng))
         position = fit_position(
             [reach(rng, np.zeros(3), goal, dt=STEP, detour=0.0)], scaled=(True, False, False)
         )
-        primitives.append(PosePrimitive(name, position, fit([taught]) if oriented else None))
+        primitives.append(PosePrimitive(name, position, fit([demonstrated]) if oriented else None))
     return primitives
 
 

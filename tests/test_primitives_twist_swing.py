@@ -87,12 +87,12 @@ def test_angular_rates_are_the_derivatives_of_the_orientation(swing):
 @for_rngs
 def test_the_dominant_axis_is_the_one_turned_about(rng):
     turn = rng.uniform(0.3, 14.0)
-    taught = [wobbly_turn(rng, turn, wobble=0.02, axis=AXIS) for _ in range(3)]
-    axes = chart.dominant_axes(taught)
+    demonstrated = [wobbly_turn(rng, turn, wobble=0.02, axis=AXIS) for _ in range(3)]
+    axes = chart.dominant_axes(demonstrated)
     np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1.0)
     assert axes[:, 0] @ AXIS / np.linalg.norm(AXIS) > 0.9
-    assert chart.largest_turn(taught) == pytest.approx(turn, abs=0.1)
+    assert chart.largest_turn(demonstrated) == pytest.approx(turn, abs=0.1)
 
 
 @pytest.mark.parametrize("turns", [0.3, -1.0, 1.7, -3.2])
@@ -105,9 +105,9 @@ def test_several_recordings_with_sign_flips_are_one_primitive(turns, rng):
         nudge = quaternion.from_rotation_vector(random_vectors(rng, 0.05))
         flips = rng.choice([-1.0, 1.0], size=(len(path.time), 1))
         recorded.append(quaternion.product(path.orientation, nudge) * flips)
-    taught = [differentiated_orientation(path, DT, cutoff_hz=40.0) for path in recorded]
-    primitive = chart.fit_twist_swing(taught)
-    for demonstration in taught:
+    demonstrated = [differentiated_orientation(path, DT, cutoff_hz=40.0) for path in recorded]
+    primitive = chart.fit_twist_swing(demonstrated)
+    for demonstration in demonstrated:
         start, goal = demonstration.orientation[[0, -1]]
         path = primitive.unroll(DT, start, goal, demonstration.duration)
         error = np.degrees(quaternion.angle_between(path.orientation, demonstration.orientation))

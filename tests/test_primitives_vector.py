@@ -137,15 +137,15 @@ def demonstration(rng, goal, **options):
 @REACHES
 @for_rngs
 def test_a_reach_is_reproduced_in_its_frame(goal, kind, rng):
-    taught = demonstration(rng, goal)
-    primitive = fit_position([taught])
+    demonstrated = demonstration(rng, goal)
+    primitive = fit_position([demonstrated])
     assert primitive.frame == kind
-    assert primitive.duration == pytest.approx(taught.duration)
+    assert primitive.duration == pytest.approx(demonstrated.duration)
     path = primitive.unroll(DT)
-    assert np.linalg.norm(path.position - taught.position, axis=1).max() < 1e-3
-    assert normalised_error(path.position, taught.position) < 1e-5
-    assert normalised_error(path.velocity, taught.velocity) < 1e-4
-    np.testing.assert_allclose(path.acceleration[0], taught.acceleration[0], atol=1e-9)
+    assert np.linalg.norm(path.position - demonstrated.position, axis=1).max() < 1e-3
+    assert normalised_error(path.position, demonstrated.position) < 1e-5
+    assert normalised_error(path.velocity, demonstrated.velocity) < 1e-4
+    np.testing.assert_allclose(path.acceleration[0], demonstrated.acceleration[0], atol=1e-9)
 
 
 def random_reach(rng, goal=LEVEL):
@@ -169,13 +169,13 @@ def test_turning_start_goal_and_frame_together_turns_the_path(goal, kind, rng):
 
 @for_rngs
 def test_demonstrations_in_other_directions_are_one_primitive(rng):
-    taught = demonstration(rng, LEVEL)
-    taught_again = []
+    demonstrated = demonstration(rng, LEVEL)
+    turned = []
     for angle in (0.0, 0.5, -0.4):
         turn = quaternion.from_rotation_vector([0.0, 0.0, angle])
-        signals = {name: quaternion.rotate(turn, vars(taught)[name]) for name in SIGNALS}
-        taught_again.append(replace(taught, **signals))
-    primitive, alone = fit_position(taught_again), fit_position([taught])
+        signals = {name: quaternion.rotate(turn, vars(demonstrated)[name]) for name in SIGNALS}
+        turned.append(replace(demonstrated, **signals))
+    primitive, alone = fit_position(turned), fit_position([demonstrated])
     np.testing.assert_allclose(primitive.local.weights[1:], alone.local.weights[1:], atol=1e-3)
-    path = primitive.unroll(DT, taught.position[0], taught.position[-1])
-    assert np.linalg.norm(path.position - taught.position, axis=1).max() < 1e-3  # IV.6.1
+    path = primitive.unroll(DT, demonstrated.position[0], demonstrated.position[-1])
+    assert np.linalg.norm(path.position - demonstrated.position, axis=1).max() < 1e-3  # IV.6.1

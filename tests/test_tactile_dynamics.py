@@ -205,9 +205,9 @@ def test_the_steepest_action_is_the_best_on_its_line():
 def test_likely_actions_are_those_of_the_training_split():
     """Of one component; their scales are of one kind, linear or angular, over its components."""
     dataset = toy_dataset(contacts=10)
-    taught = chains(dataset, CHAIN_STEPS, split=TRAIN)
-    units = touch_units(dataset, taught, 0.01)
-    squared = np.square(taught.actions.reshape(-1, 6)).mean(axis=0)
+    training = chains(dataset, CHAIN_STEPS, split=TRAIN)
+    units = touch_units(dataset, training, 0.01)
+    squared = np.square(training.actions.reshape(-1, 6)).mean(axis=0)
     np.testing.assert_allclose(units.likely_action, np.sqrt(squared), rtol=1e-5)
     for part in (slice(0, LINEAR), slice(LINEAR, None)):
         np.testing.assert_allclose(units.action_scale[part], np.sqrt(squared[part].mean()), rtol=1e-5)

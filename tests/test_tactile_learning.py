@@ -43,10 +43,10 @@ def touch():
 @pytest.fixture(scope="module")
 def lesson(touch):
     dataset, geodesics = touch
-    taught = chains(dataset, latent_training.CHAIN_STEPS, split=TRAIN)
-    units = touch_units(dataset, taught, 0.01)
+    training = chains(dataset, latent_training.CHAIN_STEPS, split=TRAIN)
+    units = touch_units(dataset, training, 0.01)
     pairs = latent_training.draw_pairs(dataset.split, geodesics, TRAIN, 5000, np.random.default_rng(0))
-    return latent_training.latent_data(dataset, pairs, taught, units)
+    return latent_training.latent_data(dataset, pairs, training, units)
 
 
 @pytest.fixture(scope="module")

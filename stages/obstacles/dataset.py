@@ -10,7 +10,7 @@ from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.testbeds.obstacles.files import RUNS, write_baselines
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import taught
+from structlearn.testbeds.obstacles.protocol.avoidance_scores import person_data
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters
 
@@ -18,7 +18,7 @@ from structlearn.testbeds.obstacles.world.scenarios import SceneParameters
 def main() -> None:
     population = stage_parameters("obstacle_people", Population)
     teach = partial(
-        taught,
+        person_data,
         recorded=RUNS,
         scene=stage_parameters("obstacle_scene", SceneParameters),
         person=stage_parameters("obstacle_demonstrator", AvoiderParameters),

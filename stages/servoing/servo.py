@@ -26,15 +26,15 @@ def main() -> None:
     )
     with publish("data/servoing/servo") as folder:
         folder.mkdir()
-        taught = read_models("data/servoing/models.safetensors")
-        comparison = compare(taught, person, finger, parameters, variants(parameters.horizon))
+        trained = read_models("data/servoing/models.safetensors")
+        comparison = compare(trained, person, finger, parameters, variants(parameters.horizon))
         for name, table in comparison.items():
             write_table(table, folder / f"{name}.parquet")
         trials = []
         for name in other.skins:
-            taught = read_models(f"data/servoing/other_skins/{name}.safetensors")
+            trained = read_models(f"data/servoing/other_skins/{name}.safetensors")
             its_person, chosen = other.person_with(name, person), variants_of_other_skins()
-            found = compare(taught, its_person, finger, parameters, chosen)["trials"]
+            found = compare(trained, its_person, finger, parameters, chosen)["trials"]
             trials.append(found.assign(skin=name))
         write_table(pd.concat(trials, ignore_index=True), folder / "other_skins.parquet")
 

@@ -87,10 +87,10 @@ def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParamet
     or to test on, or a signal never changes.
     """
     rng = np.random.default_rng(parameters.training.seed)
-    taught = _chains(dataset, CHAIN_STEPS, STRIDES, "train")
-    units = touch_units(dataset, taught, parameters.map_unit_m)
+    training = _chains(dataset, CHAIN_STEPS, STRIDES, "train")
+    units = touch_units(dataset, training, parameters.map_unit_m)
     pairs = draw_pairs(dataset.split, geodesics, TRAIN, parameters.pair_pool, rng)
-    data = latent_data(dataset, pairs, taught, units)
+    data = latent_data(dataset, pairs, training, units)
     splits = {
         name: split_data(units, dataset, geodesics, split, parameters.evaluation_pairs, rng)
         for name, split in SPLITS.items()

@@ -193,7 +193,7 @@ class LatentModels:
         return self.locally_linear.network.parameters() + self.nonlinear.network.parameters()
 
 
-class Taught(NamedTuple):
+class TrainedTouch(NamedTuple):
     """Trained models of S seeds, and the units of their inputs; dynamics only if they were trained."""
 
     models: LatentModels
@@ -210,7 +210,7 @@ def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> N
     )
 
 
-def read_models(path: str | Path) -> Taught:
+def read_models(path: str | Path) -> TrainedTouch:
     """Read a stack of models and their units.
 
     Raises InputError: the file is missing, damaged or holds something else.
@@ -220,6 +220,6 @@ def read_models(path: str | Path) -> Taught:
         units = TouchUnits(**{field.name: arrays.pop(UNITS + field.name) for field in fields(TouchUnits)})
         seeds = arrays.pop(SEEDS).tolist()
         tensors = {name: torch.from_numpy(values) for name, values in arrays.items()}
-        return Taught(LatentModels.from_arrays(seeds, tensors), units)
+        return TrainedTouch(LatentModels.from_arrays(seeds, tensors), units)
     except KeyError as error:
         raise InputError(f"{path}: holds no latent spaces of touch (missing {error})") from error

@@ -86,13 +86,13 @@ def walks(skin: PressedSkin, count: int, reach: float, rng: np.random.Generator)
 
     `reach`: largest step along an axis in m, apart from the distance to the nearest press there.
     """
-    taught = np.flatnonzero(skin.split == TRAIN)
-    tree = cKDTree(skin.place[taught])
-    visited = [rng.integers(0, len(taught), count)]
+    known = np.flatnonzero(skin.split == TRAIN)
+    tree = cKDTree(skin.place[known])
+    visited = [rng.integers(0, len(known), count)]
     for _ in range(CHAIN_STEPS):
-        aims = skin.place[taught[visited[-1]]] + rng.uniform(-reach, reach, (count, skin.place.shape[1]))
+        aims = skin.place[known[visited[-1]]] + rng.uniform(-reach, reach, (count, skin.place.shape[1]))
         visited.append(tree.query(aims)[1])
-    rows = taught[np.stack(visited, axis=1)]
+    rows = known[np.stack(visited, axis=1)]
     actions = np.diff(skin.place[rows], axis=1) / STEP_S
     size = np.sqrt(np.mean(actions**2, axis=(0, 1)))
     return Chains(rows, actions[..., size > STILL * size.max()], np.full(count, STEP_S))

@@ -45,14 +45,16 @@ def learn_parts(
     for name, log in logs.items():
         motions[name] = Motion(log.positions, log.velocities, log.accelerations, log.torques)
     choices = held_out(list(logs), parameters)
-    taught = [joined([motions[name] for name in logs if name not in its]) for _, _, its in choices]
+    learned_from = [joined([motions[name] for name in logs if name not in its]) for _, _, its in choices]
     rows: list[tuple[str, str, int, str, str, float]] = []
-    arms, joints = [], taught[0].joints
+    arms, joints = [], learned_from[0].joints
     tree = planar_tree(np.zeros((joints - 1, 2)))
     for kind in parameters.hidden:
-        for choice, network in zip(choices, learned_networks(kind, tree, taught, parameters), strict=True):
+        for choice, network in zip(
+            choices, learned_networks(kind, tree, learned_from, parameters), strict=True
+        ):
             rows += [(kind, *row) for row in errors(network, tree, choice, logs, motions)]
-    for choice, motion in zip(choices, taught, strict=True):
+    for choice, motion in zip(choices, learned_from, strict=True):
         protocol, draw, _ = choice
         if protocol == AUTHORS and draw:  # the fit needs no seed
             continue

@@ -151,39 +151,39 @@ def press_numbers(time: np.ndarray, force: np.ndarray, pressed: float) -> np.nda
     return np.searchsorted(0.5 * (time[ends[: len(starts)]] + time[starts]), time, side="right")
 
 
-def _models(taught: WeighedPresses, penalties: Sequence[float]) -> dict[str, Estimate]:
-    strength = polynomial(taught.channels[:, -1:], taught.force, PRESSURE_DEGREE)
+def _models(training: WeighedPresses, penalties: Sequence[float]) -> dict[str, Estimate]:
+    strength = polynomial(training.channels[:, -1:], training.force, PRESSURE_DEGREE)
     return {
-        QUADRATIC: _quadratic(taught, penalties),
+        QUADRATIC: _quadratic(training, penalties),
         PRESSURE: lambda channels: strength(channels[:, -1:]),
     }
 
 
-def _process(taught: WeighedPresses, known: int) -> Estimate:
-    middle, spread = taught.channels.mean(axis=0), taught.channels.std(axis=0)
-    read = gaussian_process((taught.channels - middle) / spread, taught.force[:, None], known)
+def _process(training: WeighedPresses, known: int) -> Estimate:
+    middle, spread = training.channels.mean(axis=0), training.channels.std(axis=0)
+    read = gaussian_process((training.channels - middle) / spread, training.force[:, None], known)
     return lambda channels: read((channels - middle) / spread)[:, 0]
 
 
-def _quadratic(taught: WeighedPresses, penalties: Sequence[float]) -> Estimate:
+def _quadratic(training: WeighedPresses, penalties: Sequence[float]) -> Estimate:
     """Ridge regression with the penalty that is best on training presses left out in turn."""
     from sklearn.linear_model import Ridge
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
     inputs = make_pipeline(StandardScaler(), PolynomialFeatures(2, include_bias=False), StandardScaler())
-    seen, part = inputs.fit_transform(taught.channels), taught.press % INNER_FOLDS
+    seen, part = inputs.fit_transform(training.channels), training.press % INNER_FOLDS
 
     def missed(penalty: float) -> float:
         errors = [
-            Ridge(penalty).fit(seen[part != one], taught.force[part != one]).predict(seen[part == one])
-            - taught.force[part == one]
+            Ridge(penalty).fit(seen[part != one], training.force[part != one]).predict(seen[part == one])
+            - training.force[part == one]
             for one in np.unique(part)
         ]
         return sum(np.square(error).sum() for error in errors)
 
     best = Ridge(min(penalties, key=missed))
-    return make_pipeline(inputs, best).fit(taught.channels, taught.force).predict
+    return make_pipeline(inputs, best).fit(training.channels, training.force).predict
 
 
 def _press_errors(

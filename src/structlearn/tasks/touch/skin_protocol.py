@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.user_tables import TouchLog
-from structlearn.tactile.latent_models import Taught
+from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
 from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
@@ -28,7 +28,7 @@ SPREAD = 0.5  # of likely actions, over which the corrected controller takes slo
 
 def learn_touch(
     logs: Sequence[TouchLog], parameters: TouchParameters
-) -> tuple[dict[str, Taught], dict[str, pd.DataFrame]]:
+) -> tuple[dict[str, TrainedTouch], dict[str, pd.DataFrame]]:
     """Learn from all touches and test on what was left out.
 
     Recordings with a force are for forces alone: their probe stays at one place.
@@ -78,11 +78,11 @@ def learn_touch(
     return skins, tables
 
 
-def _whole(run: Touches) -> Taught:
+def _whole(run: Touches) -> TrainedTouch:
     return learn_skin(run, np.full(len(run.counts), True), run.parameters.servo is not None)
 
 
-def servo_trials(work: tuple[Taught, Touches, Touches]) -> tuple[pd.DataFrame, pd.DataFrame]:
+def servo_trials(work: tuple[TrainedTouch, Touches, Touches]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Closed loops of all controllers, from press to press of another run.
 
     Returns:
@@ -131,7 +131,9 @@ def table_of(run: Touches, other: Touches, depth_m: float) -> PressedSkin:
     return other.skin(np.flatnonzero(kept))
 
 
-def controllers(learned: Taught, parameters: TouchParameters) -> Iterator[tuple[bool, str, TactileServo]]:
+def controllers(
+    learned: TrainedTouch, parameters: TouchParameters
+) -> Iterator[tuple[bool, str, TactileServo]]:
     """Structure, name and controller of all that are compared."""
     chosen = parameters.servo
     assert chosen is not None

@@ -12,7 +12,7 @@ import pandas as pd
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.electrodes import map_laying
-from structlearn.tactile.latent_models import Taught
+from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin
 from structlearn.tactile.touch_dataset import TouchUnits
@@ -43,7 +43,9 @@ class Reading:
     decoded: np.ndarray | float = np.nan  # (N, E) signals in the networks' units, from the coordinates
 
 
-def place_errors(work: tuple[Taught | None, Touches, Touches | int]) -> tuple[pd.DataFrame, pd.DataFrame]:
+def place_errors(
+    work: tuple[TrainedTouch | None, Touches, Touches | int],
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of what was learned from one recording on another, or on the blocks of one of its own folds.
 
     `work`: what was learned, or None where it is learned here from all blocks but those of the fold; the
@@ -56,12 +58,12 @@ def place_errors(work: tuple[Taught | None, Touches, Touches | int]) -> tuple[pd
     """
     learned, run, other = work
     if isinstance(other, Touches):
-        new, taught, asked = NEW_RUN, np.arange(len(run.counts)), np.arange(len(other.counts))
+        new, training, asked = NEW_RUN, np.arange(len(run.counts)), np.arange(len(other.counts))
     else:
         left_out, other, new = run.blocks()[1] == other, run, NEW_BLOCKS
-        taught, asked = np.flatnonzero(~left_out), np.flatnonzero(left_out)
-    learned = learned or learn_skin(run, np.isin(np.arange(len(run.counts)), taught), with_dynamics=False)
-    found = readings(learned, (run, taught), other.skin(asked))
+        training, asked = np.flatnonzero(~left_out), np.flatnonzero(left_out)
+    learned = learned or learn_skin(run, np.isin(np.arange(len(run.counts)), training), with_dynamics=False)
+    found = readings(learned, (run, training), other.skin(asked))
     names = {"learned_from": run.name, "asked_about": other.name}
     table = block_scores(found, learned.units, (other, asked))
     lies = pd.DataFrame(other.place[asked], columns=["x_m", "y_m", "z_m"], dtype=float)
@@ -132,16 +134,16 @@ SEEN_OVER_TIME: dict[str, Callable[[TouchLog], np.ndarray]] = {
 }
 
 
-def readings(learned: Taught, known: tuple[Touches, np.ndarray], asked: PressedSkin) -> list[Reading]:
+def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], asked: PressedSkin) -> list[Reading]:
     """Estimates of touches by all models, from training touches (a recording and its rows).
 
     Place and depth are read from latent coordinates by polynomials, place from the map alone where there is
     one. Rivals have no map: their coordinates are scaled to fit the distances between training touches best.
     """
     run, rows = known
-    taught, parameters, degree = run.skin(rows), run.parameters, run.parameters.degree
+    training, parameters, degree = run.skin(rows), run.parameters, run.parameters.degree
     pairs = run.pairs(rows, parameters.spaces.evaluation_pairs, np.random.default_rng(0))
-    spaces, units, wanted = learned.models, learned.units, taught.place
+    spaces, units, wanted = learned.models, learned.units, training.place
 
     def space(model: str, known: np.ndarray, new: np.ndarray) -> Reading:
         """From latent states (N, 3) of a space without a map."""
@@ -163,7 +165,7 @@ def readings(learned: Taught, known: tuple[Touches, np.ndarray], asked: PressedS
             pressure=new[:, PLANE],
         )
 
-    seen, new = (units.signals(skin.signals) for skin in (taught, asked))
+    seen, new = (units.signals(skin.signals) for skin in (training, asked))
     inputs = (as_tensor(signals).T.expand(len(spaces), -1, -1) for signals in (seen, new))
     states = [spaces.autoencoders.encoder.forward(its).transpose(1, 2).double().numpy() for its in inputs]
     decoded = spaces.autoencoders.decoder.forward(as_tensor(states[1]).transpose(1, 2)).transpose(1, 2)

@@ -13,7 +13,7 @@ import pandas as pd
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.geodesics import Geodesics, geodesics
-from structlearn.tactile.latent_models import Taught
+from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs, draw_pairs, latent_data, learn_from
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin, drifted, held_out, plate_pairs, seen, walks
 from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, touch_units
@@ -128,15 +128,15 @@ def folds_of(runs: Sequence[Touches]) -> list[tuple[None, Touches, int]]:
     return work
 
 
-def learn_skin(run: Touches, taught: np.ndarray, with_dynamics: bool) -> Taught:
-    """Train latent spaces, and forward and inverse models if wanted, on the touches in a mask `taught` (N,).
+def learn_skin(run: Touches, training: np.ndarray, with_dynamics: bool) -> TrainedTouch:
+    """Train latent spaces, and forward and inverse models if wanted, on a mask of touches `training` (N,).
 
     Raises InputError: a channel or the pressure never changes.
     """
     parameters = run.parameters
     spaces, servo, seed = parameters.spaces, parameters.servo, parameters.spaces.training.seed
     rng = np.random.default_rng(seed if servo is None else [seed, servo.seed])
-    split = np.where(taught, TRAIN, TEST)
+    split = np.where(training, TRAIN, TEST)
     counts, copies = run.counts, parameters.copies
     if copies > 1:
         counts = drifted(counts, parameters.gain_spread, copies, rng)
@@ -153,4 +153,4 @@ def learn_skin(run: Touches, taught: np.ndarray, with_dynamics: bool) -> Taught:
     units = touch_units(skin, chains, length)
     if not with_dynamics:
         chains = Chains(chains.rows[:0], chains.actions[:0], chains.time_step[:0])
-    return Taught(learn_from(latent_data(skin, pairs, chains, units), spaces), units)
+    return TrainedTouch(learn_from(latent_data(skin, pairs, chains, units), spaces), units)

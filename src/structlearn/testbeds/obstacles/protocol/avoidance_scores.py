@@ -86,7 +86,7 @@ def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndar
     )
 
 
-def taught(
+def person_data(
     seed: int,
     recorded: str | Path,
     scene: SceneParameters,

@@ -24,7 +24,7 @@ from structlearn.simulation.touch_demonstrator import (
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_comparison import LatentComparison, learn
-from structlearn.tactile.latent_models import Taught
+from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, prepare
@@ -53,7 +53,7 @@ MOTIONS = ("rotation", "translation", "mixed")  # across the finger, along it, o
 
 
 def compare(
-    taught: Taught,
+    trained: TrainedTouch,
     person: ToucherParameters,
     finger: FingerParameters,
     parameters: ServoTrialParameters,
@@ -65,7 +65,7 @@ def compare(
     latent states of start and target, and `servo_scores.scored`; `progress`: see `servo_scores.progress`;
     `paths`: of the first trials of every seed and some controllers, see `_paths`.
     """
-    run = partial(_run, taught=taught, person=person, finger=finger, parameters=parameters)
+    run = partial(_run, trained=trained, person=person, finger=finger, parameters=parameters)
     results = parallel_map(run, chosen, "closed loops", local=True)
     return {name: pd.concat([its[name] for its in results], ignore_index=True) for name in results[0]}
 
@@ -104,7 +104,7 @@ def draw(
 
 
 def make_controller(
-    variant: Variant, taught: Taught, parameters: ServoTrialParameters, sample_hz: float
+    variant: Variant, trained: TrainedTouch, parameters: ServoTrialParameters, sample_hz: float
 ) -> tuple[TactileServo, LoopParameters]:
     """A controller of all seeds, and its timing; electrodes are read `sample_hz` times per second."""
     form = parameters.published if variant.form == PUBLISHED else parameters.resting
@@ -115,7 +115,7 @@ def make_controller(
     loop = parameters.loop_of_data if variant.change == AS_DATA else parameters.loop
     # the models' step, even where an action is replaced before the step is over
     steps = sample_hz / TEST_STRIDE, max(1, round(TEST_STRIDE / loop.samples_per_action))
-    whole = (*taught, variant.structure, servo_parameters, *steps)
+    whole = (*trained, variant.structure, servo_parameters, *steps)
     if variant.form == PUBLISHED:
         return TactileServo(*whole), loop
     caution = Caution(
@@ -128,7 +128,7 @@ def make_controller(
 
 def _run(
     variant: Variant,
-    taught: Taught,
+    trained: TrainedTouch,
     person: ToucherParameters,
     finger: FingerParameters,
     parameters: ServoTrialParameters,
@@ -136,13 +136,13 @@ def _run(
     """Tables of one controller; draws are the same for all."""
     rng = np.random.default_rng(parameters.seed)
     scene = make_scene(person, finger, parameters)
-    models = len(taught.models.seeds)
+    models = len(trained.models.seeds)
     places, wanted, motion = draw(person, parameters, models, rng)
     tilt = np.radians(parameters.tilt_deg) * rng.standard_normal((2, len(places), 2))
     start, target = press(places, tilt[0], scene, rng), press(wanted, tilt[1], scene, rng)
-    controller, loop = make_controller(variant, taught, parameters, scene.sample_hz)
+    controller, loop = make_controller(variant, trained, parameters, scene.sample_hz)
     run = servo(controller, models, start, target, scene, loop, parameters.duration_s, rng)
-    seed = np.repeat(taught.models.seeds, parameters.trials)
+    seed = np.repeat(trained.models.seeds, parameters.trials)
     number = np.tile(np.arange(parameters.trials), models)
     columns = {"seed": seed, "trial": number, "motion": np.array(MOTIONS)[motion]}
     for name, held in (("start", start), ("target", target)):
