@@ -1,4 +1,4 @@
-"""Robots for the tests of rigid-body dynamics: arms from public URDFs and one with everything odd."""
+"""Robots for tests of rigid-body dynamics, from public URDFs and one with everything odd, and motions."""
 
 import re
 from functools import lru_cache
@@ -9,6 +9,8 @@ import numpy as np
 import pinocchio
 import pybullet_data
 
+from structlearn.rigid_body.friction import friction_columns
+from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, configuration, read_urdf
 from structlearn.simulation.arm import Payload
 
@@ -116,3 +118,32 @@ def robot_with(robot: Robot, inertias: LinkInertias) -> Robot:
     ):
         model.inertias[place] = pinocchio.Inertia(mass, moment / mass, inertia)
     return Robot(robot.name, robot.tree, inertias, model)
+
+
+VISCOUS, COULOMB = 0.3, 0.8
+
+
+def sine_motion(arm: Robot, samples: int = 1200, dt: float = 0.02) -> Motion:
+    """Every joint on a sine of its own period; torques by Pinocchio."""
+    joints = len(arm.tree.names)
+    frequency = 2.0 * np.pi / np.linspace(9.0, 2.0, joints)
+    angle = dt * np.arange(samples)[:, None] * frequency + np.arange(joints)
+    amplitude = 0.9
+    states = (
+        amplitude * np.sin(angle),
+        amplitude * frequency * np.cos(angle),
+        -amplitude * frequency**2 * np.sin(angle),
+    )
+    return Motion(*states, pinocchio_torques(arm, *states))
+
+
+def rubbing_motion(arm: Robot) -> Motion:
+    """The same with viscous and Coulomb friction in every joint."""
+    motion = sine_motion(arm)
+    friction = friction_columns(motion.q, motion.qd, ("viscous", "coulomb")) @ [VISCOUS, COULOMB]
+    return Motion(motion.q, motion.qd, motion.qdd, motion.torque + friction)
+
+
+def arm() -> Robot:
+    """The KUKA iiwa."""
+    return robot("iiwa")

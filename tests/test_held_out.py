@@ -31,7 +31,7 @@ from committed import ROOT, TASK_FILE, committed, committed_entry, read_yaml
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
-from rigid_body_motions import arm, rubbing_motion, sine_motion
+from rigid_body_robots import arm, rubbing_motion, sine_motion
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_models import PARAMETERS as AVOIDANCE

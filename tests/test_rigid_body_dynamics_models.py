@@ -6,7 +6,7 @@ import torch
 from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
-from rigid_body_motions import arm, rubbing_motion
+from rigid_body_robots import arm, rubbing_motion
 from torch.autograd.functional import hessian, jacobian
 
 from structlearn.core.artefacts import write_tensors

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 import torch
-from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
-from rigid_body_robots import ROBOTS, robot, states
+from rigid_body_robots import COULOMB, ROBOTS, VISCOUS, arm, robot, rubbing_motion, states
 
 from structlearn.rigid_body.base_parameters import base_parameters, base_table, fit_base, link_table
 from structlearn.rigid_body.friction import friction_coefficients

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 import torch
 from committed import committed
-from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
-from rigid_body_robots import carrying
+from rigid_body_robots import COULOMB, VISCOUS, arm, carrying, rubbing_motion, sine_motion
 
 from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import AdamParameters, seeded

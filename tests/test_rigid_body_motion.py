@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 import torch
-from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
-from rigid_body_robots import carrying, pinocchio_torques, robot_with
+from rigid_body_robots import COULOMB, VISCOUS, arm, carrying, pinocchio_torques, robot_with, rubbing_motion
 
 from structlearn.core.errors import InputError
 from structlearn.rigid_body import identification, payload
