@@ -239,7 +239,8 @@ def published() -> Mapping[str, Any]:
 def findings(results: DynamicsResults) -> Findings:
     """All of the page.
 
-    `epochs`: to the threshold on every joint in simulation, `epochs_limit` where it was not reached.
+    `epochs`: to the threshold on every joint in simulation, `epochs_limit` where it was not reached; geometric
+    means, as the claims compare models by ratio.
     `ee_velocity_nmse`: of the tool's velocity in reaches; a run that had to be stopped counts at least 1, and
     as one of the `unstable` runs, sines and reaches. `robot_...`: the same of robots; `robot_nmse` on their
     logs, mean over joints. `online_nmse`: on the whole motion after one pass. `payload_settling_s_...`: over
@@ -281,7 +282,7 @@ def _models(find: Findings, robots: Findings, results: DynamicsResults) -> None:
     for form, suffix in SUFFIXES.items():
         epochs |= {f"{kind}{suffix}": results.outcome(IDEAL, kind, form)["epochs"] for kind in results.kinds}
         errors |= {f"{model}{suffix}": results.robot_error(model, form) for model in results.robot_models}
-    find.mean("epochs", _run(epochs), headline=HEADLINES)
+    find.geometric_mean("epochs", _run(epochs), headline=HEADLINES)
     robots.mean("robot_nmse", _run(errors), headline=(DEFAULT, "cov_plain", f"cov{COULOMB}_plain"))
     for robot, its, prefix in ((IDEAL, find, ""), (ROBOT, robots, "robot_")):
         tried = {
