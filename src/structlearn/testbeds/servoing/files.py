@@ -1,4 +1,4 @@
-"""Files of the servoing testbed, for its page and its recordings."""
+"""Files of the servoing testbed that its page and recordings read."""
 
 import pandas as pd
 
@@ -13,17 +13,17 @@ MADE_BY = {
     "loops": (f"{DATA}/servo", "servoing_servo"),
     "skins": (f"{DATA}/other_skins", "servoing_other_skins"),
 }
-"""Files and folders, and the stages that write them."""
+"""File or folder of each source, and the stage that writes it."""
 
 TABLES = {
     "models": ("latent", "forward", "decoded", "directions", "curve", "latent_map"),
     "loops": ("trials", "progress", "paths", "other_skins"),
     "skins": ("latent", "directions"),
 }
-"""Tables of the folders, see `tactile.latent_comparison.LatentComparison` and
-`protocol.servo_trials.compare`; those of other skins have a column `skin`."""
+"""Tables in these folders, see `tactile.latent_comparison.LatentComparison` and
+`protocol.servo_trials.compare`; tables of other skins have a column `skin`."""
 
 
 def tables(source: str) -> dict[str, pd.DataFrame]:
-    """Tables of a folder by name."""
+    """Read all tables of a source, keyed by name."""
     return {name: read_table(f"{MADE_BY[source][0]}/{name}.parquet") for name in TABLES[source]}

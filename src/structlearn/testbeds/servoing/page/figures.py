@@ -1,4 +1,4 @@
-"""Figures of the servoing testbed, panel by panel (figures II.3 to II.6)."""
+"""Figures of the servoing page (figures II.3 to II.6), one panel at a time."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -35,24 +35,24 @@ from structlearn.testbeds.servoing.protocol.servo_variants import RESTING, Varia
 
 BOUNDS = {"reconstruction": PUBLISHED["reconstruction_nmse"], "distances": PUBLISHED["distances_nmse"]}
 
-MAP_SAMPLES = 12_000  # samples of the map that are drawn: more hide each other
-FEWEST = 10  # samples in a square of skin below which no mean error is drawn
-TOLERANCES_MM = np.linspace(0.25, 4.0, 16)  # at which success is looked at
+MAP_SAMPLES = 12_000  # samples drawn in the latent map; more would overlap
+FEWEST = 10  # samples that a square of skin needs before its mean error is drawn
+TOLERANCES_MM = np.linspace(0.25, 4.0, 16)  # tolerances at which success is evaluated
 
 DASHES: Mapping[str, LineStyleType] = {form: "-" if form == RESTING else "--" for form in names.FORM_NAMES}
 
-SCALE = 10.0  # of the still: the camera sees nothing nearer than 5 cm
+SCALE = 10.0  # enlargement of the still: the camera's near plane is 5 cm
 SKIN, ELECTRODE, HANDLE = (0.45, 0.49, 0.55, 1.0), (0.9, 0.62, 0.0, 1.0), (0.8, 0.72, 0.6, 1.0)  # rgba
-ELECTRODE_M = 0.0006  # radius of the mark on the skin over an electrode
-HANDLE_M = 0.04  # length of the handle that is drawn, without its round ends
-ALONG_M = -0.006  # where along the finger it touches the handle
-ACROSS = np.array([0.0, 0.0, 0.5 * np.pi])  # how the handle is turned from the finger
+ELECTRODE_M = 0.0006  # radius of the mark over an electrode
+HANDLE_M = 0.04  # drawn length of the handle, without its round ends
+ALONG_M = -0.006  # contact with the handle, along the finger
+ACROSS = np.array([0.0, 0.0, 0.5 * np.pi])  # rotation vector from the finger to the handle
 VIEW = View(target=(0.0, 0.0, 0.06), distance=0.66, yaw_deg=35.0, pitch_deg=-8.0)
 
 
 @styled
 def drawings(results: ServoingResults) -> dict[str, Drawing | Sequence[Drawing]]:
-    """All figures by name."""
+    """All figures, keyed by name."""
     models = results.models
     others = [kind for kind in names.DYNAMICS[:-1] if kind[1] != NO_INVERSE]
     return {
@@ -85,7 +85,7 @@ def _lines(labels: Mapping[LineStyleType, str]) -> list[Artist]:
 
 
 def _scene_still(results: ServoingResults) -> np.ndarray:
-    """Still (H, W, 3) of the finger across the handle, with its skin all round."""
+    """Still image (H, W, 3) of the finger lying across the handle."""
     skin, radius = results.skin, 1e-3 * results.chosen["toucher"].handle_radius_mm
     touched = skin.surface(ALONG_M, 0.0)
     over = -touched - radius * skin.normal(touched)  # origin of the finger in the frame of the handle
@@ -100,7 +100,7 @@ def _scene_still(results: ServoingResults) -> np.ndarray:
 
 
 def _all_round(skin: Skin, position: np.ndarray, turned: np.ndarray, colour: tuple[float, ...]) -> Sheet:
-    """The surface round the whole core, which is closed at both ends, turned by a rotation vector."""
+    """Closed surface round the whole core, rotated by the rotation vector `turned`."""
     orientation = quaternion.from_rotation_vector(turned)
     turn = 0.5 * np.pi * skin.radius
     along, across = np.meshgrid(
@@ -114,7 +114,7 @@ def _all_round(skin: Skin, position: np.ndarray, turned: np.ndarray, colour: tup
 
 
 def _approach(results: ServoingResults) -> Figure:
-    """Distance from the target over time with the dissertation's controller and ours."""
+    """Distance from the target over time for the dissertation's controller and ours."""
     figure, axes = _panel("From the target, with NJ", "time (s)", "distance (mm)")
     for variant in (names.OURS, names.TEXT):
         rows, colour = rows_of(results.loops["progress"], variant), names.FORM_COLOURS[variant.form]
@@ -128,7 +128,7 @@ def _approach(results: ServoingResults) -> Figure:
 
 
 def _maps(results: ServoingResults) -> list[Raster]:
-    """Figure II.3: the flat map beside the skin, every sample by its most active electrode."""
+    """Figure II.3: latent map beside the skin, samples coloured by their most active electrode."""
     electrode = results.models.latent_map["electrode"].to_numpy()
     colours = np.array(names.electrode_colours(len(results.skin.electrodes)))
     kept = np.linspace(0, len(electrode) - 1, min(MAP_SAMPLES, len(electrode))).astype(int)
@@ -149,7 +149,7 @@ def _maps(results: ServoingResults) -> list[Raster]:
 
 
 def _contacts(results: ServoingResults) -> list[Figure]:
-    """Errors of the estimated contact over the skin, and their cumulative distribution."""
+    """Errors of the estimated contact point across the skin, and their cumulative distribution."""
     errors = results.contact_errors
     bias = contact_bias(errors)
     bias = bias[bias["samples"] >= FEWEST]
@@ -168,14 +168,14 @@ def _contacts(results: ServoingResults) -> list[Figure]:
 
 
 def _electrodes(axes: Axes, skin: Skin) -> None:
-    """The flat skin: its electrodes."""
+    """Mark the electrodes on the flat skin."""
     places = 1e3 * np.stack(skin.coordinates(skin.project(skin.electrodes)))
     axes.plot(*places, "o", color=LIGHT_GREY, markersize=7, zorder=0)
     axes.set_aspect("equal")
 
 
 def _training(models: ModelScores) -> list[Figure]:
-    """Errors on the test split while training, with intervals over seeds."""
+    """Test errors during training, with intervals over seeds."""
     first, spaces = _panel("Latent space", "steps of training", "NMSE, test split")
     for name, colour in names.LATENT_COLOURS.items():
         _line(spaces, models.training(name), colour, label=names.LATENT_NAMES[name])
@@ -198,14 +198,14 @@ def _training(models: ModelScores) -> list[Figure]:
 
 
 def _line(axes: Axes, values: pd.DataFrame, colour: str, **look: Any) -> None:
-    """Means over seeds (columns) of places (rows), with the band of their 95 % interval."""
+    """Mean over seeds (columns) at each index (rows), with its 95 % confidence band."""
     at, (mean, half) = values.index, np.array([mean_interval(seeds) for seeds in values.to_numpy()]).T
     axes.plot(at, mean, color=colour, **look)
     axes.fill_between(at, np.maximum(mean - half, 1e-4), mean + half, color=colour, alpha=0.15, linewidth=0)
 
 
 def _forward(models: ModelScores, kind: tuple[str, str]) -> list[Figure]:
-    """Figure II.4 of one model: NMSE over the chain; and over the error that nothing moves."""
+    """Figure II.4 for one model: NMSE over the chain, absolute and relative to "nothing moves"."""
     panels = []
     for values, quantity in ((models.forwards, "NMSE"), (models.relative_forwards, "over “nothing moves”")):
         label = quantity if quantity == "NMSE" else f"NMSE {quantity}"
@@ -235,7 +235,7 @@ def _bars(
     groups: Mapping[str, Callable[[InverseModel, bool], Sequence[float]]],
     legend: bool,
 ) -> Figure:
-    """Bars of inverse models with intervals (value, low, high), hollow if trained without their loss."""
+    """Bars of inverse models with intervals (value, low, high); hollow if trained without their loss."""
     figure, axes = _panel(title, "", label)
     for group, found in enumerate(groups.values()):
         for place, (name, colour) in enumerate(names.INVERSE_COLOURS.items()):
@@ -253,7 +253,7 @@ def _bars(
 
 
 def _directions(models: ModelScores, structure: bool) -> Figure:
-    """Figure II.5: cosine distances per inverse model, trained with its loss and without."""
+    """Figure II.5: cosine distance of each inverse model, trained with and without its loss."""
 
     def distance(comparison: str, name: InverseModel, with_loss: bool) -> tuple[float, float, float]:
         mean, half = mean_interval(models.cosines(name, with_loss, structure, comparison))
@@ -265,7 +265,7 @@ def _directions(models: ModelScores, structure: bool) -> Figure:
 
 
 def _success(results: ServoingResults, form: str) -> Figure:
-    """Share of targets that controllers of one form reach."""
+    """Success rate of the controllers of one form."""
 
     def share(structure: bool, name: InverseModel, with_loss: bool) -> list[float]:
         found = rate(results.trials, Variant(form, name, structure, with_loss))
@@ -277,7 +277,7 @@ def _success(results: ServoingResults, form: str) -> Figure:
 
 
 def _ways(results: ServoingResults, variant: Variant) -> Figure:
-    """Paths of true contacts over the flat skin, from start (dot) to target (cross, orange if missed)."""
+    """True contact paths on the flat skin, from start (dot) to target (cross, orange if missed)."""
     title = names.FORM_NAMES[variant.form].capitalize()
     figure, axes = _panel(title, "along the finger (mm)", "across (mm)", 3.3)
     skin = results.skin
@@ -297,7 +297,7 @@ def _ways(results: ServoingResults, variant: Variant) -> Figure:
 
 
 def _progress(results: ServoingResults) -> list[Figure]:
-    """Distance and share within tolerance over time, success over the tolerance, and path lengths."""
+    """Distance and share within tolerance over time, success by tolerance, and path lengths."""
     loops, bound = results.loops, results.chosen["servo"].tolerance
     one, distance = _panel("Distance, median", "time (s)", "mm")
     two, within = _panel("Within both tolerances", "time (s)", "% of trials")

@@ -1,9 +1,9 @@
-"""Findings on tactile servoing, for sentences and claims of the page.
+"""Findings on tactile servoing for the page's sentences and claims.
 
-Claims and sentences are over people. The study `servoing/people` runs the whole branch for each, with new
-demonstrations, sensor, models and trials, so people are independent; seeds of one person's models are not. A
-person's row `servo_success_rate` is a sample of `people_servo_success_rate`, which n counts. Rows of the
-person of this run are gathered by the study; no verdict rests on them.
+Claims and sentences generalise over people. The study `servoing/people` repeats the whole branch for each
+person with new demonstrations, sensor, models and trials, so people are independent samples; seeds of one
+person's models are not. A person's row `servo_success_rate` is one sample of `people_servo_success_rate`,
+whose n counts people. The study gathers this run's own rows from each person; no verdict rests on them alone.
 """
 
 from collections.abc import Callable, Mapping
@@ -43,14 +43,14 @@ from structlearn.testbeds.servoing.protocol.servo_variants import (
 
 PUBLISHED = read_values(Path(__file__).with_name("published.yaml"))  # numbers as the dissertation prints them
 
-PEOPLE_STUDY = "servoing/people"  # the study that verdicts stand on
-TEST_CHAIN = 3  # steps of prediction on which forward models are compared; they learn from two (II.4.4)
-SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
+PEOPLE_STUDY = "servoing/people"  # the study behind the verdicts
+TEST_CHAIN = 3  # prediction steps at which forward models are compared; they are trained on two (II.4.4)
+SQUARE_MM = 1.5  # side of the squares of skin over which errors are averaged
 
-TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)  # not tried on a robot in the text
+TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)  # the dissertation did not run it on a robot
 
 RATE, FORWARD = "servo_success_rate", "forward_nmse"
-SPACE_KEYS = {True: "struct", False: "nostruct"}  # latent spaces in the names of findings
+SPACE_KEYS = {True: "struct", False: "nostruct"}  # latent spaces with and without structure in finding names
 
 HEADLINES_OF_ONE = {
     "reconstruction_nmse": ("test",),
@@ -59,18 +59,18 @@ HEADLINES_OF_ONE = {
     "cosine_distance": ("nj", "nj_without_loss"),
     RATE: ("", "published", "nostruct", "sphere", "flat_pad"),
 }
-"""Headlines where the study was not run with these parameters, to compare experiments by."""
+"""Headlines for comparing experiments when the study was not run with these parameters."""
 
 PREDICTED = {
     f"chain{TEST_CHAIN}_{part}{SPACE_KEYS[space]}": (part.rstrip("_") or "nmse", space)
     for part, space in product(("", "plane_", "third_", "pressure_", "electrodes_"), STRUCTURES)
 }
-"""Cases of the forward NMSE of NL with NJ: column of `ModelScores.forwards`, and whether with structure."""
+"""Forward NMSE of NL with NJ, by case: column of `ModelScores.forwards`, and whether with structure."""
 
 
 @dataclass(frozen=True)
 class ModelScores:
-    """Tables of `tactile.latent_comparison.LatentComparison`, and arrays of them over S seeds."""
+    """Tables of `tactile.latent_comparison.LatentComparison`, with arrays over the S seeds."""
 
     latent: pd.DataFrame
     forward: pd.DataFrame
@@ -81,11 +81,11 @@ class ModelScores:
 
     @property
     def steps(self) -> list[int]:
-        """Lengths of chains on which forward models were tested."""
+        """Chain lengths on which forward models were tested."""
         return sorted(self.forward["steps"].unique().tolist())
 
     def latents(self, column: str, structure: bool = True, split: str = "test") -> np.ndarray:
-        """An error of latent spaces (S,)."""
+        """One latent-space error (S,)."""
         rows = matching(self.latent, structure=structure, split=split)
         return rows.sort_values("seed")[column].to_numpy()
 
@@ -105,7 +105,7 @@ class ModelScores:
     def relative_forwards(
         self, forward: str, trained_with: str, structure: bool = True, steps: int = TEST_CHAIN
     ) -> np.ndarray:
-        """Forward NMSE over that of the prediction that nothing moves (S,)."""
+        """Forward NMSE divided by that of the "nothing moves" baseline (S,)."""
         still = self.forwards(*STILL, structure, steps)
         return self.forwards(forward, trained_with, structure, steps) / still
 
@@ -117,9 +117,9 @@ class ModelScores:
         comparison: str = "encoder",
         part: str | None = None,
     ) -> np.ndarray:
-        """Cosine distance (S,) of an inverse model whose forward model was trained with its loss, or without.
+        """Cosine distance (S,) of an inverse model whose forward model was trained with or without its loss.
 
-        Averaged over both parts of an action, or of one; `comparison`: see `names.COMPARISON_NAMES`.
+        Averaged over both parts of an action unless `part` is given; `comparison`: see `COMPARISON_NAMES`.
         """
         keys = {"inverse": inverse, "trained_with": inverse if with_loss else NO_INVERSE}
         keys |= {} if part is None else {"part": part}
@@ -127,32 +127,32 @@ class ModelScores:
         return rows.groupby("seed")["distance"].mean().to_numpy()
 
     def training(self, quantity: str) -> pd.DataFrame:
-        """A key figure while training, with structure: rows are steps, columns seeds."""
+        """Learning curve of a quantity, with structure: rows are training steps, columns seeds."""
         rows = self.curve[self.curve["structure"] & (self.curve["quantity"] == quantity)]
         return rows.pivot_table("value", "step", "seed")
 
     def steps_until(self, quantity: str, bound: float) -> int | None:
-        """Steps of training from which on a key figure stays below a bound in all seeds, if ever."""
+        """Training step from which a quantity stays below a bound in all seeds; None if it never does."""
         above = (self.training(quantity).max(axis=1) >= bound)[::-1].cummax()
         return None if above.iloc[0] else int(above.index[~above][-1])
 
     def halfway(self, quantity: str) -> float:
-        """Mean over seeds of a key figure at half of the steps, or the first point after it."""
+        """Mean over seeds of a quantity at half of the training steps, or the first point after."""
         means = self.training(quantity).mean(axis=1)
         return float(means[means.index >= 0.5 * means.index.max()].iloc[0])
 
 
 @dataclass(frozen=True)
 class ServoingResults:
-    """Outputs of the stages of the testbed."""
+    """Outputs of the testbed's stages."""
 
     dataset: TouchDataset
     truth: pd.DataFrame  # true contacts of the demonstrations
     models: ModelScores
     loops: Mapping[str, pd.DataFrame]  # tables of `protocol.servo_trials.compare`
-    skin_tables: Mapping[str, pd.DataFrame]  # of other skins, `latent`, `directions`, `trials`, by `skin`
-    chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
-    study: Study | None  # over people; None where it was not run
+    skin_tables: Mapping[str, pd.DataFrame]  # `latent`, `directions`, `trials` of other skins, by `skin`
+    chosen: Mapping[str, Any]  # parameters, keyed as in `params.yaml`
+    study: Study | None  # over people; None if it was not run
 
     @property
     def skin(self) -> Skin:
@@ -161,12 +161,12 @@ class ServoingResults:
 
     @cached_property
     def trials(self) -> ControllerScores:
-        """Closed loops with this skin."""
+        """Closed-loop trials with this skin."""
         return ControllerScores(self.loops["trials"])
 
     @cached_property
     def skins(self) -> dict[str, ControllerScores]:
-        """Closed loops with other skins, by skin."""
+        """Closed-loop trials with other skins, keyed by skin."""
         groups = self.skin_tables["trials"].groupby("skin", sort=False)
         return {str(name): ControllerScores(rows) for name, rows in groups}
 
@@ -176,17 +176,17 @@ class ServoingResults:
         return People(self.study, STUDIED)
 
     def trials_per_person(self, skin: str = "") -> int:
-        """Targets of each controller over the models of one person, with this skin or another."""
+        """Number of targets per controller over all models of one person, with this skin or another."""
         return self.chosen["other_skins" if skin else "train_latent"].seeds * self.chosen["servo"].trials
 
     @cached_property
     def pairs(self) -> int:
-        """Number of pairs as the text counts them, over all splits and strides."""
+        """Number of pairs as the dissertation counts them, over all splits and strides."""
         return len(chains(self.dataset, 2))
 
     @cached_property
     def tested(self) -> Chains:
-        """The chains that forward and inverse models are tested on."""
+        """Test chains of the forward and inverse models."""
         return chains(self.dataset, self.chosen["train_latent"].longest_chain, (TEST_STRIDE,), TEST)
 
     @cached_property
@@ -196,17 +196,17 @@ class ServoingResults:
 
     @cached_property
     def map_on_skin(self) -> np.ndarray:
-        """The latent map (N, 2) in mm, laid onto the surface coordinates."""
+        """Latent map (N, 2) in mm, aligned with the surface coordinates."""
         unit_mm = 1e3 * self.chosen["train_latent"].map_unit_m
         flat = unit_mm * self.models.latent_map[["x", "y"]].to_numpy(float)
         return map_laying(flat, self.places)(flat)
 
     @cached_property
     def contact_errors(self) -> pd.DataFrame:
-        """Errors of estimated contact points of pressed samples.
+        """Errors of the estimated contact points of pressed samples.
 
-        `error_mm`, the distance in space; `along_mm` and `across_mm`, its parts by surface coordinates; and
-        the true contact, `true_along_mm` and `true_across_mm`.
+        Columns: `error_mm`, Euclidean distance; `along_mm` and `across_mm`, differences in surface
+        coordinates; `true_along_mm` and `true_across_mm`, the true contact.
         """
         dataset, truth = self.dataset, self.truth
         numbers = {name: number for number, name in enumerate(truth["trial"].unique())}
@@ -225,10 +225,10 @@ class ServoingResults:
 
 
 def contact_bias(errors: pd.DataFrame) -> pd.DataFrame:
-    """Mean `contact_errors` over squares of skin by true contact.
+    """Mean of `contact_errors` over squares of skin, by true contact.
 
-    The square's middle `square_along_mm`, `square_across_mm`; means of `along_mm`, `across_mm`, `error_mm`;
-    `samples`; `squared_mm2`, the share of the square's mean in the sum of squared errors.
+    Columns: `square_along_mm`, `square_across_mm`, the square's centre; means of `along_mm`, `across_mm`,
+    `error_mm`; `samples`; `squared_mm2`, the contribution of the square's bias to the sum of squared errors.
     """
     squares = [
         (SQUARE_MM * (np.floor(errors[f"true_{name}_mm"] / SQUARE_MM) + 0.5)).rename(f"square_{name}_mm")
@@ -241,7 +241,7 @@ def contact_bias(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def findings(results: ServoingResults) -> Findings:
-    """All findings of the page; those over people are not tested where the study was not run."""
+    """All findings of the page; findings over people are "not tested" if the study was not run."""
     find = Findings(f"models of person {results.chosen['toucher'].seed}")
     _of_person(find, results)
     if not results.people.count:
@@ -251,20 +251,20 @@ def findings(results: ServoingResults) -> Findings:
 
 
 def over_people(find: Findings, results: ServoingResults) -> None:
-    """Rows that claims and sentences rest on."""
+    """Add the findings that claims and sentences rest on."""
     _prediction(find, results.people)
     _closed_loop(find, results)
 
 
 def rate(trials: ControllerScores, variant: Variant) -> Evidence:
-    """Share of trials of one person in which a controller reaches its target; clustered by model."""
+    """Success rate of a controller over one person's trials, with an interval clustered by model."""
     counts = trials.counts(variant)
     found = clustered_share(counts["success"].to_numpy(), counts["trials"].to_numpy())
     return replace(found, people=None)  # clusters are trained models, not people
 
 
 def rate_case(variant: Variant, skin: str = "") -> str:
-    """Case of a controller, e.g. `ll_nostruct_published`; the defaults are those of `OURS`."""
+    """Name of a controller's case, e.g. `ll_nostruct_published`; values that `OURS` has are left out."""
     return key(
         skin,
         "" if variant.inverse == JACOBIAN else variant.inverse.lower(),
@@ -278,27 +278,27 @@ def rate_case(variant: Variant, skin: str = "") -> str:
 def forward_case(
     forward: str, trained_with: str, structure: bool, steps: int = TEST_CHAIN, column: str = ""
 ) -> str:
-    """Case of a forward NMSE, e.g. `chain3_pressure_nl_nj_struct`."""
+    """Name of a forward-NMSE case, e.g. `chain3_pressure_nl_nj_struct`."""
     way = "" if trained_with == NO_INVERSE else trained_with.lower()
     return key(f"chain{steps}", column, forward.lower(), way, SPACE_KEYS[structure])
 
 
 def key(*words: str) -> str:
-    """Name of a finding, or of a case of it, from its words; empty ones are left out."""
+    """Join the non-empty words of a finding's name or case by underscores."""
     return "_".join(filter(None, words))
 
 
 def rated() -> list[Variant]:
-    """Controllers whose share of targets is a finding."""
+    """Controllers whose success rate is a finding."""
     every = product((TEXT.form, OURS.form), FORWARD_OF, STRUCTURES, (True, False))
     return [Variant(*case) for case in every] + [replace(form, change=AS_DATA) for form in (TEXT, OURS)]
 
 
 def _of_person(find: Findings, results: ServoingResults) -> None:
-    """Means over models on test contacts, with structure unless stated otherwise.
+    """Add means over models on test contacts, with structure unless stated otherwise.
 
-    `forward_nmse_chain3_struct` is of NL with NJ. Cosine distances ask for the latent state that followed,
-    `*_predicted` for the predicted one, of each inverse model with the forward model trained with it.
+    `forward_nmse_chain3_struct` is of NL with NJ. Cosine distances are of actions for the latent state that
+    followed (`*_predicted`: for the predicted one), with the forward model trained with each inverse.
     """
     models, loops = results.models, results.trials
     ours = loops.rate(OURS)
@@ -333,7 +333,7 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
 
 
 def _prediction(find: Findings, people: People) -> None:
-    """Latent spaces, forward and inverse models: means, and differences in pairs of one person."""
+    """Add means of latent spaces, forward and inverse models, and differences paired by person."""
     numbers = people.numbers
 
     def cosines(name: str, ending: str = "") -> np.ndarray | None:
@@ -371,7 +371,7 @@ def _prediction(find: Findings, people: People) -> None:
 
 
 def _closed_loop(find: Findings, results: ServoingResults) -> None:
-    """Shares of targets, and differences in % of targets, in pairs of one person."""
+    """Add success rates, and differences in percentage points paired by person."""
     find.exact("people", results.people.count or float("nan"), headline=True)
 
     def rates(variant: Variant, skin: str = "") -> np.ndarray | None:
@@ -398,7 +398,7 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
         with_skins = {SKIN_NAMES[skin]: rates(variant, skin) for skin in results.skins}
         its = rates(variant)
         serves = variant == OURS or (its is not None and _clustered(trials, its).low > 0.5)
-        # if a controller fails, failing elsewhere or without the loss says nothing
+        # if a controller fails anyway, its failures with other skins or without the loss show nothing
         if variant != OURS:
             share(f"loss_needed{ending}", rates(replace(variant, with_loss=False)) if serves else None)
         if serves:
@@ -411,12 +411,12 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
 
 
 def _clustered(trials: int, rates: np.ndarray, comparisons: int = 1) -> Evidence:
-    """A share over people of as many trials each, from their rates (P,)."""
+    """Success rate over people with `trials` trials each, from their rates (P,)."""
     return clustered_share(np.rint(trials * rates), np.full(len(rates), trials), comparisons)
 
 
 def _smallest_rise(forward: Callable[..., Any], structure: bool) -> Evidence:
-    """Least certain rise of forward NMSE from one step of prediction to the next, over all models."""
+    """Least certain rise of forward NMSE from one prediction step to the next, over all models."""
     cases = [(kind, steps) for kind in DYNAMICS for steps in range(1, TEST_CHAIN)]
     pairs = [(forward(kind, structure, n + 1), forward(kind, structure, n)) for kind, n in cases]
     if any(one is None for pair in pairs for one in pair):

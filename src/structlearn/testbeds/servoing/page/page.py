@@ -42,7 +42,7 @@ from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 MOTIONS = {"rotation": ROTATION, "translation": TRANSLATION, "any motion": OTHER}
 
 PARTS = ["plane", "third", "electrodes", "pressure"]
-"""Errors of predictions by part of the latent state, and after decoding."""
+"""Prediction errors by part of the latent state, and after decoding."""
 
 LOOP_COLUMNS = {
     "with_loss": ("its loss", ""),
@@ -59,11 +59,11 @@ LOOP_COLUMNS = {
     "position_error_mm": ("off (mm)", ".2f"),
     "pressure_error": ("pressure", ".3f"),
 }
-"""Headings and formats of closed loops."""
+"""Heading and number format of each closed-loop column."""
 
 
 def document(results: ServoingResults, find: Findings) -> Document:
-    """The page with its tables and verdicts; figures are those of `figures.drawings`."""
+    """Page with its tables and verdicts; figures come from `figures.drawings`."""
     errors, shown = results.contact_errors, tables(results)
     squares = np.square(errors[["along_mm", "across_mm"]]).to_numpy().sum()
     facts = {
@@ -96,7 +96,7 @@ def document(results: ServoingResults, find: Findings) -> Document:
 
 
 def tables(results: ServoingResults) -> dict[str, Table]:
-    """All tables by name."""
+    """All tables, keyed by name."""
     models = results.models
     loops = {SKIN_NAMES[name]: loop_table(one) for name, one in results.skins.items()}
     return {
@@ -111,7 +111,7 @@ def tables(results: ServoingResults) -> dict[str, Table]:
 
 
 def latent_table(models: ModelScores) -> pd.DataFrame:
-    """Errors of latent spaces: `space`, `split`; mean, half interval and worst seed of each column."""
+    """Latent-space errors by `space` and `split`: mean, interval half-width and worst seed of each column."""
     rows = []
     for structure, split in product(STRUCTURES, SPLITS):
         row: dict[str, object] = {"space": STRUCTURE_NAMES[structure], "split": split}
@@ -124,9 +124,9 @@ def latent_table(models: ModelScores) -> pd.DataFrame:
 
 
 def forward_table(models: ModelScores) -> pd.DataFrame:
-    """Forward NMSE by model, space and steps (figure II.4): mean and half 95 % interval over seeds.
+    """Forward NMSE by model, space and steps (figure II.4): mean and 95 % half-width over seeds.
 
-    `relative` is over the error of the prediction that nothing moves; of `PARTS` there are means.
+    `relative` is divided by the error of "nothing moves"; columns named in `PARTS` are means.
     """
     rows = []
     for kind, structure, steps in product((STILL, *DYNAMICS), STRUCTURES, models.steps):
@@ -140,9 +140,9 @@ def forward_table(models: ModelScores) -> pd.DataFrame:
 
 
 def direction_table(models: ModelScores) -> pd.DataFrame:
-    """Cosine distances by `inverse` model, its `loss` in training and `space` (figure II.5).
+    """Cosine distances by `inverse` model, training `loss` and `space` (figure II.5).
 
-    Per comparison the mean and half interval over seeds of both parts of an action, and means of each.
+    For each comparison, mean and half-width over seeds for the whole action, and the mean of each part.
     """
     rows = []
     for name, loss, structure in product(FORWARD_OF, (True, False), STRUCTURES):
@@ -158,10 +158,10 @@ def direction_table(models: ModelScores) -> pd.DataFrame:
 
 
 def skin_table(results: ServoingResults) -> pd.DataFrame:
-    """Means over seeds of models of other skins, with structure, on test contacts.
+    """Mean test errors over seeds of models of other skins, with structure.
 
-    `skin`; `LATENT_NAMES`; cosine distances of actions to the latent state that followed, by inverse models
-    trained with their loss: `<inverse>_linear`, `<inverse>_angular`.
+    Columns: `skin`; those of `LATENT_NAMES`; `<inverse>_linear` and `<inverse>_angular`, cosine distances of
+    actions for the latent state that followed, for inverse models trained with their loss.
     """
     latent, directions = results.skin_tables["latent"], results.skin_tables["directions"]
     spaces = latent[latent["structure"] & (latent["split"] == "test")]
@@ -175,7 +175,7 @@ def skin_table(results: ServoingResults) -> pd.DataFrame:
 
 
 def loop_table(scores: ControllerScores) -> pd.DataFrame:
-    """A row per controller: `success_rates`, interval of the rate, rates by motion, and median errors."""
+    """One row per controller: `success_rates`, interval of the rate, rates by motion, median errors."""
     trials = scores.trials
     motions = success_rates(trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
     motions = motions[trials["motion"].unique()].add_prefix("rate_")
@@ -193,7 +193,7 @@ def _rounded(frame: pd.DataFrame, number_format: str, headings: Mapping[str, str
 
 
 def _loops(frame: pd.DataFrame) -> Table:
-    """Closed loops, with the dissertation's controller and ours in bold."""
+    """Table of closed-loop scores, with the dissertation's controller and ours in bold."""
     keys, bold = frame[KEYS].to_dict("records"), (vars(names.TEXT), vars(names.OURS))
     strong = frozenset(row for row, its in enumerate(keys) if its in bold)
     frame = frame.assign(form=frame["form"].map(names.FORM_NAMES))
@@ -202,7 +202,7 @@ def _loops(frame: pd.DataFrame) -> Table:
 
 
 def _data(results: ServoingResults) -> pd.DataFrame:
-    """Counts of the data: columns `quantity`, `dissertation`, `here`."""
+    """Sizes of the data set: columns `quantity`, `dissertation`, `here`."""
     dataset, person, geodesics = results.dataset, results.chosen["toucher"], results.chosen["geodesics"]
     by_motion = [dataset.motion == motion for motion in (ROTATION, TRANSLATION)]
     by_split = [dataset.split == split for split in SPLITS.values()]
@@ -231,7 +231,7 @@ def _data(results: ServoingResults) -> pd.DataFrame:
 
 
 def _test_chains(results: ServoingResults) -> list[tuple[str, int, int]]:
-    """Numbers of chains and contacts that forward and inverse models are tested on, by motion."""
+    """Number of test chains and contacts of the forward and inverse models, by motion."""
     first, dataset = results.tested.rows[:, 0], results.dataset
     rows = []
     for name, number in MOTIONS.items():

@@ -1,1 +1,1 @@
-"""Which controllers servo from where to where, and how well."""
+"""Servoing protocol: controllers, trials and scores."""

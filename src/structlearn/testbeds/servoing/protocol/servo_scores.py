@@ -1,4 +1,4 @@
-"""Scores of servoing: success, time, path, contact on the skin (II.4.6, figure II.6)."""
+"""Servoing scores: success, time, path length, contact on the skin (II.4.6, figure II.6)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -12,19 +12,20 @@ from structlearn.tactile.electrodes import path_length, skin_distance
 from structlearn.testbeds.servoing.protocol.servo_variants import ToleranceParameters, Variant
 from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
 
-THINNED = 10  # samples of the electrodes per point of a path; tremor of the contact between them is no travel
+THINNED = 10  # electrode samples per path point, so that contact tremor does not add path length
 
-KEYS = [field.name for field in fields(Variant)]  # columns that name a controller
+KEYS = [field.name for field in fields(Variant)]  # columns that identify a controller
 
 
 def scored(
     run: Servoed, start: Held, target: Held, scene: Scene, tolerance: ToleranceParameters
 ) -> pd.DataFrame:
-    """Scores of B trials, a row each.
+    """Scores of B trials, one row each.
 
-    `position_error_mm`, `pressure_error` and `load_error` (both relative) at the end; `success`; `reach_s`
-    from which on both tolerances are kept, or NaN; `path_mm` of the contact and the shortest, `geodesic_mm`;
-    `lifted` and `off_skin`: whether the finger was ever in the air, the contact ever beyond the skin's ends.
+    `position_error_mm`, `pressure_error` and `load_error` (both relative) at the end; `success`; `reach_s`,
+    the time from which both tolerances hold to the end, or NaN; `path_mm` of the contact; `geodesic_mm`, the
+    shortest path; `lifted`, whether the finger ever left the handle; `off_skin`, whether the contact ever
+    passed the skin's edge.
     """
     skin = scene.finger.skin
     judged = round(tolerance.judged_s * scene.sample_hz)
@@ -49,9 +50,9 @@ def scored(
 
 
 def errors(run: Servoed, target: Held, judged: int) -> tuple[np.ndarray, np.ndarray]:
-    """Distance from the target in m and relative error of the pressure, (N, B) each.
+    """Distance from the target in m, and relative pressure error, (N, B) each.
 
-    The pressure of the target is the mean over its last `judged` samples.
+    The target pressure is the mean over the last `judged` samples.
     """
     wanted = -target.signals[-judged:].mean(axis=(0, 2))
     pressure = -run.signals.mean(axis=2)
@@ -59,7 +60,7 @@ def errors(run: Servoed, target: Held, judged: int) -> tuple[np.ndarray, np.ndar
 
 
 def progress(run: Servoed, target: Held, scene: Scene, tolerance: ToleranceParameters) -> pd.DataFrame:
-    """Approach of B trials: `time_s`, `median_mm`, `upper_mm` (90 %), share `within` tolerance."""
+    """Progress of B trials: `time_s`, `median_mm`, `upper_mm` (90 % quantile), share `within` tolerance."""
     position, pressure = errors(run, target, round(tolerance.judged_s * scene.sample_hz))
     within = (position <= 1e-3 * tolerance.position_mm) & (pressure <= tolerance.pressure)
     shown = slice(THINNED - 1, None, THINNED)
@@ -70,10 +71,10 @@ def progress(run: Servoed, target: Held, scene: Scene, tolerance: ToleranceParam
 
 
 def success_rates(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Success by groups of rows of `scored`, in their order.
+    """Success rates of groups of rows of `scored`, in order of appearance.
 
-    `trials`, `successes`, `rate`, medians over successes of `reach_s` and `path_ratio` (path over shortest
-    path), and the numbers `lifted` and `off_skin`.
+    Columns: `trials`, `successes`, `rate`; medians over successes of `reach_s` and `path_ratio` (path over
+    shortest path); numbers of trials `lifted` and `off_skin`.
     """
     success = trials["success"]
     ratio = (trials["path_mm"] / trials["geodesic_mm"]).where(success)
@@ -87,7 +88,7 @@ def success_rates(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 def success_by_tolerance(
     trials: pd.DataFrame, by: Sequence[str], positions_mm: np.ndarray, pressure: float
 ) -> pd.DataFrame:
-    """Share of trials that end within each distance of the target: columns `tolerance_mm`, `by`, `rate`."""
+    """Success rate for each distance tolerance: columns `tolerance_mm`, `by`, `rate`."""
     pressed, keys = trials["pressure_error"] <= pressure, [trials[name] for name in by]
     rates = {
         bound: (pressed & (trials["position_error_mm"] <= bound)).groupby(keys, sort=False).mean()
@@ -98,13 +99,13 @@ def success_by_tolerance(
 
 @dataclass(frozen=True)
 class ControllerScores:
-    """Closed loops of several controllers."""
+    """Closed-loop trials of several controllers, with their scores."""
 
-    trials: pd.DataFrame  # see `protocol.servo_trials.compare`; all controllers met the same contacts
+    trials: pd.DataFrame  # see `protocol.servo_trials.compare`; the same contacts for all controllers
 
     @cached_property
     def rates(self) -> pd.DataFrame:
-        """Success per controller, see `protocol.servo_scores.success_rates`; indexed by `KEYS`."""
+        """Success rates per controller, see `success_rates`; indexed by `KEYS`."""
         return success_rates(self.trials, KEYS).set_index(KEYS)
 
     def rate(self, variant: Variant) -> pd.Series:
@@ -112,22 +113,22 @@ class ControllerScores:
         return self.rates.loc[tuple(vars(variant).values())]
 
     def successes(self, variant: Variant) -> np.ndarray:
-        """Targets reached per seed (S,), in %."""
+        """Success rate per seed (S,), in %."""
         return 100 * rows_of(self.trials, variant).groupby("seed")["success"].mean().to_numpy()
 
     def counts(self, variant: Variant) -> pd.DataFrame:
-        """Numbers by seed: `trials`, `success`, and `lost`, once in the air or beyond the ends of skin."""
+        """Counts by seed: `trials`, `success`, and `lost` (contact lifted or beyond the skin's edge)."""
         rows = rows_of(self.trials, variant)
         lost = rows["lifted"] | rows["off_skin"]
         groups = rows.assign(lost=lost, trials=1).groupby("seed")
         return groups[["trials", "success", "lost"]].sum()
 
     def only_pressed_wrong(self, variant: Variant, position_mm: float) -> int:
-        """Number of missed targets within a distance of the contact: only its pressure is off."""
+        """Number of missed targets whose contact is within `position_mm`, so that only pressure is off."""
         rows = rows_of(self.trials, variant)
         return int((~rows["success"] & (rows["position_error_mm"] <= position_mm)).sum())
 
 
 def rows_of(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
-    """Rows of one controller of a table with the columns `KEYS`."""
+    """Rows of one controller, from a table with the columns `KEYS`."""
     return matching(table, **vars(variant))

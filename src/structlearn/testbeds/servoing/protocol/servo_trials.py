@@ -1,8 +1,8 @@
-"""Closed loops of all controllers on the same random trials, so that they are compared in pairs.
+"""Closed-loop trials of all controllers, the same random trials for each so that they compare in pairs.
 
-Published controllers are those of the text; resting ones correct their model (`tactile.servo_controller`).
-Both see the same electrodes and act at the same rate, which is higher than the models' step rate; the text
-states neither for run time.
+Published controllers are the dissertation's; resting controllers correct their model
+(`tactile.servo_controller`). Both read the same electrodes and act at the same rate, which is higher than the
+models' step rate; the dissertation states neither rate for run time.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ from structlearn.testbeds.servoing.world.servo_loop import (
     servo,
 )
 
-MOTIONS = ("rotation", "translation", "mixed")  # across the finger, along it, or both
+MOTIONS = ("rotation", "translation", "mixed")  # across the finger, along it, both
 
 
 def compare(
@@ -59,11 +59,11 @@ def compare(
     parameters: ServoTrialParameters,
     chosen: Sequence[Variant],
 ) -> dict[str, pd.DataFrame]:
-    """Servo with some controllers, all on the same trials where the person demonstrated.
+    """Run several controllers on the same trials, within the region the person demonstrated.
 
-    Returns tables by name, with the columns of `Variant`. `trials`: `seed`, `trial`, `motion`, contacts and
-    latent states of start and target, and `servo_scores.scored`; `progress`: see `servo_scores.progress`;
-    `paths`: of the first trials of every seed and some controllers, see `_paths`.
+    Returns tables keyed by name, with the columns of `Variant`. `trials`: `seed`, `trial`, `motion`, contacts
+    and latent states of start and target, and `servo_scores.scored`; `progress`: see `servo_scores.progress`;
+    `paths`: the first trials of every seed, for unablated controllers, see `_paths`.
     """
     run = partial(_run, trained=trained, person=person, finger=finger, parameters=parameters)
     results = parallel_map(run, chosen, "closed loops", local=True)
@@ -73,7 +73,7 @@ def compare(
 def make_scene(
     person: ToucherParameters, finger: FingerParameters, parameters: ServoTrialParameters
 ) -> Scene:
-    """The finger and the handle of the demonstrations, and the robot."""
+    """Finger, handle and robot for closed-loop trials, as in the demonstrations."""
     skin = SKINS[person.skin]
     return Scene(
         finger=make_finger(finger, skin, person.sensor_seed, person.rate_hz / SAMPLED_EVERY),
@@ -87,9 +87,9 @@ def make_scene(
 def draw(
     person: ToucherParameters, parameters: ServoTrialParameters, models: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Random trials on the part of the skin that was demonstrated.
+    """Random trials on the demonstrated part of the skin.
 
-    Returns start and target, (B, 3) each: along and across the finger in m, load in N; and motions (B,).
+    Returns start and target, (B, 3) each: along and across the finger in m, load in N; and motion index (B,).
     """
     along, across = covered(person, SKINS[person.skin])
     count = models * parameters.trials
@@ -106,14 +106,14 @@ def draw(
 def make_controller(
     variant: Variant, trained: TrainedTouch, parameters: ServoTrialParameters, sample_hz: float
 ) -> tuple[TactileServo, LoopParameters]:
-    """A controller of all seeds, and its timing; electrodes are read `sample_hz` times per second."""
+    """Controller with the models of all seeds, and its timing; electrodes are read at `sample_hz`."""
     form = parameters.published if variant.form == PUBLISHED else parameters.resting
     own = form.model_dump(include={"action_penalty", "gradient_gain", "largest_action"})
     servo_parameters = ServoParameters(
         inverse=variant.inverse, trained_with_inverse=variant.with_loss, horizon=variant.horizon, **own
     )
     loop = parameters.loop_of_data if variant.change == AS_DATA else parameters.loop
-    # the models' step, even where an action is replaced before the step is over
+    # duration of one model step, even if actions are replaced more often
     steps = sample_hz / TEST_STRIDE, max(1, round(TEST_STRIDE / loop.samples_per_action))
     whole = (*trained, variant.structure, servo_parameters, *steps)
     if variant.form == PUBLISHED:
@@ -133,7 +133,7 @@ def _run(
     finger: FingerParameters,
     parameters: ServoTrialParameters,
 ) -> dict[str, pd.DataFrame]:
-    """Tables of one controller; draws are the same for all."""
+    """Tables of one controller; random draws are the same for all controllers."""
     rng = np.random.default_rng(parameters.seed)
     scene = make_scene(person, finger, parameters)
     models = len(trained.models.seeds)
@@ -166,10 +166,10 @@ def _run(
 def _paths(
     run: Servoed, scene: Scene, shown: np.ndarray, seed: np.ndarray, trial: np.ndarray
 ) -> pd.DataFrame:
-    """Thinned paths of some trials, one after the other.
+    """Thinned paths of some trials, concatenated.
 
-    `seed`, `trial`, `time_s`; pose of the finger in the base frame; true contact in the frame of the finger;
-    latent state; `electrode_01` and so on in counts less their offset.
+    Columns: `seed`, `trial`, `time_s`; finger pose in the base frame; true contact in the finger frame;
+    latent state; `electrode_01` and so on, counts minus offset.
     """
     rows = slice(0, None, THINNED)
     steps = len(run.load[rows])
@@ -202,10 +202,10 @@ def learn_other_skin(
     latent: LatentParameters,
     name: SkinName,
 ) -> LatentComparison:
-    """Demonstrate and learn with a finger of another shape by the same code, with fewer models.
+    """Demonstrate and learn with a differently shaped finger by the same code, with fewer models.
 
-    The method claims not to assume the skin's geometry (II.5): distances on the skin come from neighbouring
-    contact points, and these from electrodes.
+    Tests the claim that the method does not assume the skin's geometry (II.5): distances on the skin come
+    from neighbouring contact points, which are estimated from the electrodes.
     """
     person = other.person_with(name, person)
     recordings = [recorded(run, person) for run in demonstrate(person, finger)]

@@ -1,4 +1,4 @@
-"""Controllers that are compared in closed loop, and their parameters."""
+"""Controllers compared in closed loop, and the parameters of their trials."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,11 +22,11 @@ PUBLISHED, RESTING = "published", "resting"  # forms of the controllers
 AS_DATA = "filter and rate of the data"
 ALL_ALIKE, DERIVATIVE, UNCORRECTED = "all actions alike", "derivative at rest", "model never corrected"
 CHANGES = (AS_DATA, ALL_ALIKE, DERIVATIVE, UNCORRECTED)
-"""Ablations of the resting controller; the first is one of the published controller too."""
+"""Ablations of the resting controller; the first also applies to the published controller."""
 
 
 class ToleranceParameters(Parameters):
-    """When a target counts as reached."""
+    """Tolerances within which a target counts as reached."""
 
     position_mm: float = Field(gt=0)
     pressure: float = Field(gt=0)
@@ -34,7 +34,7 @@ class ToleranceParameters(Parameters):
 
 
 class PublishedParameters(Parameters):
-    """Controllers as published; the action limit and the gain are in the networks' units."""
+    """Published controllers; the action limit and the gain are in the networks' units."""
 
     action_penalty: float = Field(gt=0)
     gradient_gain: float = Field(gt=0)
@@ -42,7 +42,7 @@ class PublishedParameters(Parameters):
 
 
 class RestingParameters(Parameters):
-    """Controllers that correct their model (`tactile.servo_controller`)."""
+    """Resting controllers, which correct their model (`tactile.servo_controller`)."""
 
     action_penalty: float = Field(gt=0)
     largest_action: float = Field(gt=0)
@@ -51,7 +51,7 @@ class RestingParameters(Parameters):
 
 
 class ServoTrialParameters(Parameters):
-    """Closed loops."""
+    """Closed-loop trials."""
 
     seed: int = Field(ge=0)
     trials: PositiveInt
@@ -71,18 +71,18 @@ class ServoTrialParameters(Parameters):
 
 @dataclass(frozen=True)
 class Variant:
-    """A controller that is compared."""
+    """A controller under comparison."""
 
     form: str  # `PUBLISHED` or `RESTING`
     inverse: InverseModel
     structure: bool = True  # of its latent space
-    with_loss: bool = True  # whether its forward model was trained with the loss of the inverse model
-    horizon: int = 1  # steps ahead
-    change: str = ""  # one of `CHANGES`, or none
+    with_loss: bool = True  # whether its forward model was trained with the inverse model's loss
+    horizon: int = 1  # prediction steps
+    change: str = ""  # ablation, one of `CHANGES`, or empty
 
 
 def variants(horizon: int) -> list[Variant]:
-    """All controllers that are compared."""
+    """All controllers under comparison."""
     every = [
         Variant(form, inverse, structure, with_loss)
         for form in (PUBLISHED, RESTING)
@@ -97,7 +97,7 @@ def variants(horizon: int) -> list[Variant]:
 
 
 def variants_of_other_skins() -> list[Variant]:
-    """Those that are also compared with other skins."""
+    """Controllers that are also compared with other skins."""
     return [Variant(form, inverse) for form in (PUBLISHED, RESTING) for inverse in FORWARD_OF]
 
 
@@ -105,7 +105,7 @@ SkinName = Literal["biotac", "flat_pad", "sphere"]
 
 
 class OtherSkin(Parameters):
-    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`."""
+    """Demonstrations on another skin, see `simulation.touch_demonstrator.ToucherParameters`."""
 
     along_mm: tuple[float, float]
     across_deg: float = Field(ge=0, le=80)
@@ -113,11 +113,11 @@ class OtherSkin(Parameters):
 
 
 class OtherSkinsParameters(Parameters):
-    """Other skins; all else is as for the first one."""
+    """Other skins; all other settings are those of the first skin."""
 
     skins: Mapping[SkinName, OtherSkin]
     seeds: PositiveInt
 
     def person_with(self, skin: SkinName, person: ToucherParameters) -> ToucherParameters:
-        """A person who demonstrates on another skin."""
+        """Parameters of a person who demonstrates on another skin."""
         return person.model_copy(update={"skin": skin} | self.skins[skin].model_dump())

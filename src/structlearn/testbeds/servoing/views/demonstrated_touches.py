@@ -1,4 +1,4 @@
-"""Recordings of demonstrated touch (II.4.1.1), and of the latent map beside the skin (figure II.3)."""
+"""Recordings of demonstrated touches (II.4.1.1), and of the latent map beside the skin (figure II.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from structlearn.viewer.rrd import (
 TITLE, MAP_TITLE = "Touch: demonstrations", "Touch: latent map"
 EVERY = 10  # samples per point of a path
 POINT_MM, SAMPLE_OPACITY = 0.12, 0.5  # radius and opacity of a sample on a flat picture
-PATH = "#ffffff"  # colour of paths among coloured samples
+PATH = "#ffffff"  # colour of paths over coloured samples
 
 PLOTS = {
     "along": "along the finger (mm): blue map, orange skin",
@@ -43,15 +43,15 @@ PLOTS = {
 
 @dataclass(frozen=True)
 class ShownTouch:
-    """A demonstration of T samples, of which N are of contacts."""
+    """A demonstration of T samples, N of them in contact."""
 
-    demonstration: Demonstration  # on the clock of the samples
-    motion: scene.FingerMotion  # of it, with counts less their offset
-    rows: np.ndarray  # (N,) samples of contacts
-    contact: np.ndarray  # (N,) number of the contact, ascending
-    contact_point: np.ndarray  # (N, 3) m, estimated, frame of the finger
+    demonstration: Demonstration  # on the sample clock
+    motion: scene.FingerMotion  # counts minus offset
+    rows: np.ndarray  # (N,) indices of the samples in contact
+    contact: np.ndarray  # (N,) contact number, ascending
+    contact_point: np.ndarray  # (N, 3) m, estimated, finger frame
     pressure: np.ndarray  # (N,) counts
-    latent: np.ndarray  # (N, 3) in the networks' units: two of the map, one of pressure
+    latent: np.ndarray  # (N, 3) in the networks' units: two map coordinates, one for pressure
     truth: pd.DataFrame  # true contacts, see `simulation.touch_demonstrator.true_contacts`
 
     @property
@@ -61,7 +61,7 @@ class ShownTouch:
 
     @property
     def contacts(self) -> list[scene.Contact]:
-        """Estimated and true contact over the whole time."""
+        """Estimated and true contact over the whole demonstration."""
         point, touching = np.zeros((len(self.motion.time), 3)), np.zeros(len(self.motion.time), dtype=bool)
         point[self.rows], touching[self.rows] = self.contact_point, True
         time, load = (self.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
@@ -80,10 +80,10 @@ def shown_touches(
     names: Sequence[str],
     air_s: float,
 ) -> list[ShownTouch]:
-    """Demonstrations of some names with their samples; all are numbered as in the dataset.
+    """Select demonstrations by name, with their samples; `demonstrations` are numbered as in the dataset.
 
-    `latent_map`: see `tactile.latent_comparison.latent_map`; `air_s`: duration in the air at the start, where
-    counts are the offset. Raises InputError: there is no demonstration of such a name.
+    `latent_map`: see `tactile.latent_comparison.latent_map`; `air_s`: time in the air at the start, which
+    gives the offset. Raises InputError: there is no demonstration of such a name.
     """
     numbers = {one.name: number for number, one in enumerate(demonstrations)}
     if unknown := [name for name in names if name not in numbers]:
@@ -114,7 +114,7 @@ def shown_touches(
 def write_touch_demonstrations(
     path: str | Path, shown: Sequence[ShownTouch], skin: Skin, handle_radius: float
 ) -> None:
-    """Record demonstrations of touch, a tab each; the handle's radius in m."""
+    """Record demonstrations of touch, one tab each; `handle_radius` in m."""
     origin = origin_label([one.demonstration for one in shown])
     scale = scene.full_scale([one.motion.signals for one in shown])
     with recording(path, TITLE) as stream:
@@ -128,9 +128,9 @@ def write_touch_demonstrations(
 
 
 def handle_place(one: ShownTouch, skin: Skin, handle_radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Centre (3,) m and horizontal unit axis (3,) of the handle, base frame, inferred from the contacts.
+    """Centre (3,) m and horizontal unit axis (3,) of the handle in the base frame, inferred from contacts.
 
-    The finger's x axis lies across the handle; the middle of the handle is behind the contacts.
+    Assumes that the finger's x axis lies across the handle, whose centre line is behind the contacts.
     """
     behind = one.contact_point + handle_radius * skin.normal(one.contact_point)
     turned = quaternion.rotate(one.motion.orientation[one.rows], behind)
@@ -145,7 +145,7 @@ def _finger_x(one: ShownTouch) -> np.ndarray:
 
 
 def _send_curves(stream: rr.RecordingStream, one: ShownTouch, skin: Skin) -> None:
-    """Pressure, load, and surface coordinates of the contact; lines end where it does."""
+    """Pressure, load and surface coordinates of the contact; lines are interrupted where contact is."""
     pressure = -one.motion.signals.mean(axis=1)
     send_curve(stream, entity(one.name, "pressure", "raw"), one.motion.time, pressure, "pressure", ESTIMATED)
     if len(one.truth):
@@ -197,9 +197,9 @@ def write_latent_maps(
     contact_points: np.ndarray,
     count: int,
 ) -> None:
-    """Record the latent map, and paths on it, a tab for each demonstration.
+    """Record the latent map with contact paths on it, one tab for each demonstration.
 
-    `latent_map` and `contact_points` (N, 3) m are of the same samples, of which `count` are drawn.
+    `latent_map` and `contact_points` (N, 3) m belong to the same samples, of which `count` are drawn.
     """
     origin = origin_label([one.demonstration for one in shown])
     places = {"map": flat_skin.latent(latent_map[["x", "y"]].to_numpy(float))}
@@ -224,7 +224,7 @@ def write_latent_maps(
 
 
 def _send_paths(stream: rr.RecordingStream, one: ShownTouch, flat_skin: scene.FlatSkin) -> None:
-    """A path for each contact, and the pressure in the latent state and of the counts."""
+    """A path for each contact, and its pressure in the latent state and in counts."""
     for number in np.unique(one.contact):
         rows = np.flatnonzero(one.contact == number)[::EVERY]
         time = one.motion.time[one.rows[rows]]

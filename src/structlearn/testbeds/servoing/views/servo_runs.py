@@ -1,4 +1,4 @@
-"""Recording of closed loops: finger, skin, electrodes, and the latent path to its target (figure II.6)."""
+"""Recording of closed loops: finger, electrodes, and the latent path to the target (figure II.6)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from structlearn.viewer.rrd import colour_words, entity, layout, recording, rgba
 TITLE = "Touch: closed loops"
 
 SHOWN = {FORM_NAMES[variant.form]: variant for variant in (TEXT, OURS)}
-"""Controllers that are shown beside each other."""
+"""Controllers shown side by side."""
 
 PLOTS = {
     "distance": "true contact from its target (mm)",
@@ -34,14 +34,14 @@ PLOTS = {
 
 @dataclass(frozen=True)
 class ServoRun:
-    """A closed loop of N points in time: rows of the table `paths`, and its row of `trials`."""
+    """One closed-loop trial over N points in time: rows of the table `paths`, and the row of `trials`."""
 
     path: pd.DataFrame
     trial: pd.Series
 
     @property
     def motion(self) -> scene.FingerMotion:
-        """Motion and signals of the finger."""
+        """Finger motion and electrode signals."""
         signals = self.path.filter(like="electrode_").to_numpy(float)
         pose = self.columns("finger_{}_m"), self.columns("finger_q{}", "wxyz")
         return scene.FingerMotion(self.path["time_s"].to_numpy(float), *pose, signals)
@@ -52,16 +52,16 @@ class ServoRun:
         return self.path["load_n"].to_numpy(float)
 
     def columns(self, names: str, axes: str = "xyz") -> np.ndarray:
-        """Columns (N, D) of the path by a pattern with the axes in it, e.g. `finger_{}_m`."""
+        """Path columns (N, D) whose names fit a pattern with the axis as placeholder, e.g. `finger_{}_m`."""
         return self.path[[names.format(axis) for axis in axes]].to_numpy(float)
 
     def of_trial(self, names: str) -> np.ndarray:
-        """Columns (3,) of the trial by such a pattern."""
+        """Trial columns (3,) whose names fit such a pattern."""
         return self.trial[[names.format(axis) for axis in "xyz"]].to_numpy(float)
 
 
 def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[dict[str, ServoRun]]:
-    """The first trials of the first model, by the names of `SHOWN`; tables of `servo_trials.compare`."""
+    """First trials of the first model, keyed by `SHOWN`, from the tables of `servo_trials.compare`."""
 
     def run(number: int, variant: Variant) -> ServoRun:
         path, trial = (
@@ -77,7 +77,7 @@ def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[di
 def write_servo_runs(
     path: str | Path, shown: Sequence[Mapping[str, ServoRun]], flat_skin: scene.FlatSkin, handle: Handle
 ) -> None:
-    """Record closed loops (`shown_runs`): a tab per trial, in it a column per controller."""
+    """Record closed loops (`shown_runs`): one tab per trial, one column per controller."""
     skin = flat_skin.skin
     scale = scene.full_scale([run.motion.signals for runs in shown for run in runs.values()])
     names = [
@@ -101,14 +101,14 @@ def write_servo_runs(
 
 
 def _send_ways(stream: rr.RecordingStream, path: str, run: ServoRun, flat_skin: scene.FlatSkin) -> None:
-    """Paths of the latent state on its map and of the true contact on the skin, and rings at targets."""
+    """Latent path on its map, true contact path on the skin, and rings at both targets."""
     time, touching = run.motion.time, run.load > 0
     scene.send_map_path(stream, f"{path}/latent", time, flat_skin.latent(run.columns("latent_{}")), LATENT)
     if touching.any():
         on_skin = flat_skin.places(run.columns("{}_m")[touching])
         scene.send_map_path(stream, f"{path}/contact", time[touching], on_skin, TRUE)
     angle = np.linspace(0.0, 2 * np.pi, 41)[:, None]
-    ring = np.hstack([np.cos(angle), np.sin(angle)])  # of 1 mm: what counts as reached
+    ring = np.hstack([np.cos(angle), np.sin(angle)])  # 1 mm radius: the tolerance
     for name, place, colour in (
         ("latent target", flat_skin.latent(run.of_trial("target_latent_{}")), LATENT),
         ("target", flat_skin.places(run.of_trial("target_{}_m")), TRUE),
@@ -118,7 +118,7 @@ def _send_ways(stream: rr.RecordingStream, path: str, run: ServoRun, flat_skin: 
 
 
 def _send_curves(stream: rr.RecordingStream, name: str, label: str, run: ServoRun) -> None:
-    """Distance of the contact from its target, pressure and load; of both controllers in one plot."""
+    """Distance of the contact from its target, pressure and load; both controllers in one plot."""
     time, colour = run.motion.time, FORM_COLOURS[SHOWN[label].form]
     away = 1e3 * np.linalg.norm(run.columns("{}_m") - run.of_trial("target_{}_m"), axis=1)
     away[run.load <= 0] = np.nan

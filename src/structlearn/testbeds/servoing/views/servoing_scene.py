@@ -1,7 +1,7 @@
 """Recordings of the servoing testbed: finger, handle, coloured electrodes, flat maps.
 
-A finger, of any skin of `tactile.electrodes`, is drawn by lines of its surface coordinates, so electrodes
-under the skin are visible. Flat pictures are in mm: x along the finger, y across it, upwards.
+Fingers (any skin of `tactile.electrodes`) are drawn as lines of constant surface coordinates, so electrodes
+below the skin stay visible. Flat pictures are in mm: x along the finger, y across it, upwards.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,16 +32,16 @@ from structlearn.viewer.rrd import (
 
 SKIN, HANDLE = "#6b7480", "#8d7f6b"
 
-HANDLE_M = 0.03  # length of the handle that is drawn
-GRID_LINES, GRID_POINTS = 9, 25  # lines of the skin in either direction, and points of each
-ELECTRODE_M, CONTACT_M = 0.0007, 0.0009  # radii of electrodes and points of contact in 3-D views
+HANDLE_M = 0.03  # drawn length of the handle
+GRID_LINES, GRID_POINTS = 9, 25  # skin lines in each direction, and points per line
+ELECTRODE_M, CONTACT_M = 0.0007, 0.0009  # radii of electrodes and contact points in 3-D views
 ELECTRODE_MM, CONTACT_MM = 0.75, 0.45  # the same in flat pictures
-MARGIN_MM = 2.0  # about flat pictures
-IN_FRONT = 50.0  # order of drawing of paths on flat pictures; points have 30
+MARGIN_MM = 2.0  # around flat pictures
+IN_FRONT = 50.0  # draw order of paths in flat pictures; points have 30
 
-POSE_RATE_HZ, COLOUR_RATE_HZ = 50.0, 25.0  # of the finger and its electrodes; colours are most of a file
-FULL_SCALE_QUANTILE = 0.97  # share of the signals within the colour scale: most electrodes feel little
-AXES_M, EYE_M = 0.006, 0.055  # length of the finger's axes; from the camera to the handle
+POSE_RATE_HZ, COLOUR_RATE_HZ = 50.0, 25.0  # finger and electrodes; colours take up most of a file
+FULL_SCALE_QUANTILE = 0.97  # share of the signals within the colour scale: most electrodes respond little
+AXES_M, EYE_M = 0.006, 0.055  # length of the finger's axes; distance from the camera to the handle
 
 
 class ServoingViewParameters(Parameters):
@@ -54,55 +54,55 @@ class ServoingViewParameters(Parameters):
 
 @dataclass(frozen=True)
 class FingerMotion:
-    """A finger with E electrodes over T samples."""
+    """Motion and signals of a finger with E electrodes over T samples."""
 
     time: np.ndarray  # (T,) s
     position: np.ndarray  # (T, 3) m, base frame
     orientation: np.ndarray  # (T, 4) finger to base
-    signals: np.ndarray  # (T, E) counts less their offset
+    signals: np.ndarray  # (T, E) counts minus offset
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A point of contact over T samples."""
+    """A contact point over T samples."""
 
     name: str  # e.g. `true`
     colour: str
     time: np.ndarray  # (T,) s
-    point: np.ndarray  # (T, 3) m, frame of the finger
-    touching: np.ndarray  # (T,) whether there is a contact; the point vanishes otherwise
+    point: np.ndarray  # (T, 3) m, finger frame
+    touching: np.ndarray  # (T,) whether there is a contact; otherwise the point is hidden
 
 
 @dataclass(frozen=True)
 class FlatSkin:
-    """A skin in flat pictures, with the latent map laid onto it."""
+    """A skin in flat pictures, with the latent map aligned to it."""
 
     skin: Skin
-    laying: MapLaying  # of the map, in mm
-    unit_mm: float  # per unit of the map
+    laying: MapLaying  # alignment of the map, in mm
+    unit_mm: float  # mm per unit of the map
 
     @classmethod
     def fitted(cls, skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> Self:
-        """By contact points (N, 3) m and map coordinates (N, 2), in units of `map_unit` m, of N samples."""
+        """Fit to N contact points (N, 3) m and map coordinates (N, 2) in units of `map_unit` m."""
         laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
         return cls(skin, laying, 1e3 * map_unit)
 
     def places(self, points: np.ndarray) -> np.ndarray:
-        """Places (..., 2) of points (..., 3) m of the skin."""
+        """Flat coordinates (..., 2) mm of points (..., 3) m on the skin."""
         return flat(self.skin, points)
 
     def latent(self, states: np.ndarray) -> np.ndarray:
-        """Places (..., 2) of latent states (..., 3) in the networks' units."""
+        """Flat coordinates (..., 2) mm of latent states (..., 3) in the networks' units."""
         return self.laying(self.unit_mm * states[..., :2])
 
 
 def full_scale(signals: Sequence[np.ndarray]) -> float:
-    """Change of counts with the full colour, of signals (T, E) each."""
+    """Counts shown in full colour, for signals (T, E) each."""
     return float(np.quantile(np.abs(np.concatenate(signals)), FULL_SCALE_QUANTILE))
 
 
 def flat(skin: Skin, points: np.ndarray) -> np.ndarray:
-    """Places (..., 2) in a flat picture of points (..., 3) m of a skin."""
+    """Flat-picture coordinates (..., 2) mm of points (..., 3) m on a skin."""
     along, across = skin.coordinates(points)
     return 1e3 * np.stack([along, -across], axis=-1)
 
@@ -115,9 +115,9 @@ def send_touch(
     contacts: Sequence[Contact],
     scale: float,
 ) -> None:
-    """Log a moving `finger` and its flat `skin` below a path, with coloured electrodes and contacts.
+    """Log a moving `finger` and the flat `skin` below a path, with coloured electrodes and contacts.
 
-    `scale`: counts with the full colour, orange where pressed, light blue where the fluid bulges.
+    `scale`: counts shown in full colour, orange where pressed, light blue where the fluid bulges.
     """
     finger, flat_skin = f"{path}/finger", f"{path}/skin"
     dt = float(np.median(np.diff(motion.time)))
@@ -144,7 +144,7 @@ def send_touch(
 
 
 def _send_contact(stream: rr.RecordingStream, path: str, skin: Skin, contact: Contact) -> None:
-    """Log a point of contact in the frame of the finger and on its flat picture."""
+    """Log a contact point in the finger frame and on the flat skin."""
     if not len(contact.time):
         return
     kept = slice(None, None, thinning(float(np.median(np.diff(contact.time))), COLOUR_RATE_HZ))
@@ -166,7 +166,7 @@ def skin_lines(skin: Skin) -> list[np.ndarray]:
 def send_map_path(
     stream: rr.RecordingStream, path: str, time: np.ndarray, places: np.ndarray, colour: str
 ) -> None:
-    """Log a point (T, 2) that moves on a flat picture, and the path behind it, in the foreground."""
+    """Log a point (T, 2) mm moving on a flat picture, with its trail, in the foreground."""
     send_moving_point(stream, f"{path}/now", time, places, colour, CONTACT_MM, IN_FRONT)
     trail = rr.LineStrips2D.from_fields(radii=-2.0, colors=rgba([colour]), draw_order=IN_FRONT)
     stream.log(f"{path}/trail", trail, static=True)
@@ -177,7 +177,7 @@ def send_map_path(
 def send_handle(
     stream: rr.RecordingStream, path: str, centre: np.ndarray, axis: np.ndarray, radius: float
 ) -> None:
-    """Log a handle: a bar with round ends about its centre (3,) m along its horizontal unit axis (3,)."""
+    """Log the handle, a capsule with its centre (3,) m and horizontal unit axis (3,)."""
     turned = quaternion.from_rotation_vector(0.5 * np.pi * np.cross([0.0, 0.0, 1.0], axis))
     bar = rr.Capsules3D(
         lengths=[HANDLE_M],
@@ -193,9 +193,9 @@ def send_handle(
 def close_view(
     name: str, contents: Sequence[str], centre: np.ndarray, finger_x: np.ndarray
 ) -> rrb.Spatial3DView:
-    """3-D view of the skin on the handle at `centre` (3,) m, from beside and below.
+    """3-D view of the skin on the handle at `centre` (3,) m, from the side and below.
 
-    `finger_x` (3,): the finger's x axis in the base frame, about horizontal.
+    `finger_x` (3,): the finger's x axis in the base frame, roughly horizontal.
     """
     ahead = finger_x * [1.0, 1.0, 0.0]
     ahead = ahead / np.linalg.norm(ahead)
@@ -206,7 +206,7 @@ def close_view(
 
 
 def map_view(name: str, paths: Sequence[str], skin: Skin) -> rrb.Spatial2DView:
-    """View of what is drawn below paths on a flat skin, or on a latent map in its size."""
+    """2-D view of what is logged below some paths, with the extent of the flat skin."""
     (left, right), (low, high) = (1e3 * np.array(ends) for ends in (skin.along, skin.across))
     return flat_view(
         name, paths, [left - MARGIN_MM, right + MARGIN_MM], [-high - MARGIN_MM, -low + MARGIN_MM]
@@ -216,7 +216,7 @@ def map_view(name: str, paths: Sequence[str], skin: Skin) -> rrb.Spatial2DView:
 def tab(
     name: str, columns: Sequence[rrb.Vertical], plots: Mapping[str, str], legends: bool = False
 ) -> rrb.Horizontal:
-    """A tab: columns of views, plots of entities below its name, and notes."""
+    """Tab with columns of views, plots of the entities below its name, and notes."""
     drawn = [plot(heading, [f"{entity(name, group)}/**"], legends) for group, heading in plots.items()]
     beside = rrb.Vertical(*drawn, notes_view(name))
     return rrb.Horizontal(rrb.Horizontal(*columns), beside, column_shares=[1, 1], name=name)

@@ -1,1 +1,1 @@
-"""The simulated finger in closed loop."""
+"""Closed-loop simulation of the finger."""

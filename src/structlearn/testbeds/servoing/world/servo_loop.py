@@ -1,8 +1,8 @@
-"""Tactile servoing in closed loop, for many fingers at once (II.4.6).
+"""Closed-loop simulation of tactile servoing, for many fingers at once (II.4.6).
 
-A finger rests on the handle at some place of its skin with some load. A controller sees its electrodes and
-commands velocities until the electrodes read as at another place and load. The robot follows with a small
-delay at its own rate; electrodes are read more slowly, through a causal low-pass; actions come slower still.
+A finger rests on the handle with some load at some place of its skin. The controller reads the electrodes and
+commands velocities until they read as they do at the target place and load. The robot follows with a small
+delay at its own rate; electrodes are read more slowly, through a causal low-pass; actions are slower still.
 """
 
 from dataclasses import dataclass
@@ -31,11 +31,11 @@ from structlearn.simulation.touch_demonstrator import (
     held_on_handle,
 )
 
-if TYPE_CHECKING:  # torch takes a second to load, and the report needs none
+if TYPE_CHECKING:  # torch takes a second to load, and the report does not need it
     from structlearn.tactile.servo_controller import TactileServo
 
 CENTRE = (0.5, 0.1, 0.9)  # m, of the handle in the base frame; its axis is y
-FILTER_ORDER = 2  # of the low-pass, as in the preparation of the training data
+FILTER_ORDER = 2  # of the low-pass, as for the training data
 
 
 class LoopParameters(Parameters):
@@ -47,17 +47,17 @@ class LoopParameters(Parameters):
 
 @dataclass(frozen=True)
 class Scene:
-    """Finger, handle and robot of all trials."""
+    """Finger, handle and robot, shared by all trials."""
 
     finger: Finger
     handle: Handle
-    robot_hz: float  # ticks of the robot per second; electrodes are read every `SAMPLED_EVERY` ticks
-    follow_s: float  # time constant with which the robot takes up a velocity
-    rest_s: float  # before a target is read, and before a trial starts
+    robot_hz: float  # control rate; electrodes are read every `SAMPLED_EVERY` ticks
+    follow_s: float  # time constant with which the robot tracks a commanded velocity
+    rest_s: float  # rest before a target is read, and before a trial starts
 
     @property
     def sample_hz(self) -> float:
-        """Samples of the electrodes per second."""
+        """Sampling rate of the electrodes in Hz."""
         return self.robot_hz / SAMPLED_EVERY
 
     @property
@@ -67,30 +67,30 @@ class Scene:
 
 
 class Held(NamedTuple):
-    """B fingers that have been pressed on the handle and rest there."""
+    """B fingers resting on the handle after being pressed onto it."""
 
     position: np.ndarray  # (B, 3) m
     orientation: np.ndarray  # (B, 4) finger to base
-    contact: Contact  # true ones
+    contact: Contact  # true contacts
     memory: Memory  # of the skins
-    signals: np.ndarray  # (T, B, E) counts less their offset since the skin was touched
+    signals: np.ndarray  # (T, B, E) counts minus offset, since first contact
 
 
 @dataclass(frozen=True)
 class Servoed:
-    """B fingers over N samples of the electrodes."""
+    """Trajectories of B fingers over N electrode samples."""
 
     position: np.ndarray  # (N, B, 3) m
     orientation: np.ndarray  # (N, B, 4) finger to base
-    point: np.ndarray  # (N, B, 3) m, true contact on the skin, frame of the finger
+    point: np.ndarray  # (N, B, 3) m, true contact on the skin, finger frame
     load: np.ndarray  # (N, B) N; zero in the air
-    signals: np.ndarray  # (N, B, E) counts less their offset, as read
-    latent: np.ndarray  # (N, B, 3) that the last action was chosen for
+    signals: np.ndarray  # (N, B, E) counts minus offset, as read
+    latent: np.ndarray  # (N, B, 3) state for which the last action was chosen
     target_latent: np.ndarray  # (B, 3)
 
 
 class LowPass:
-    """Butterworth low-pass of signals (T, B, E) that come piece by piece, zero before the first."""
+    """Causal Butterworth low-pass of signals (T, B, E) that arrive in pieces, starting from zero."""
 
     def __init__(self, cutoff_hz: float, rate_hz: float, shape: tuple[int, int]) -> None:
         from scipy.signal import butter
@@ -99,7 +99,7 @@ class LowPass:
         self._state = np.zeros((len(self._sections), 2, *shape))
 
     def __call__(self, piece: np.ndarray) -> np.ndarray:
-        """The next T samples, (T, B, E) -> (T, B, E)."""
+        """Filter the next T samples, (T, B, E) -> (T, B, E)."""
         from scipy.signal import sosfilt
 
         passed, self._state = sosfilt(self._sections, piece, axis=0, zi=self._state)
@@ -107,13 +107,13 @@ class LowPass:
 
 
 def handle_of(person: ToucherParameters) -> Handle:
-    """The handle in closed loops."""
+    """Handle of the closed-loop trials."""
     half_length, radius = 1e-3 * person.handle_half_mm, 1e-3 * person.handle_radius_mm
     return Handle(np.array(CENTRE), np.array([0.0, 1.0, 0.0]), half_length, radius)
 
 
 def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Generator) -> Held:
-    """Press fingers on the handle and let them rest.
+    """Press B fingers onto the handle and let them rest.
 
     `places` (B, 3): along and across the finger in m, load in N; `tilt` (B, 2): pitch and yaw in rad.
     """
@@ -139,9 +139,9 @@ def servo(
     duration_s: float,
     rng: np.random.Generator,
 ) -> Servoed:
-    """Servo B fingers from their start to the touch of their targets.
+    """Servo B fingers from their start contacts to the target contacts.
 
-    The controller has S models; the first B / S trials are for the first one, and so on.
+    The controller has S models; the first B / S trials use the first model, and so on.
     """
     step = loop.samples_per_action
     by_model = (models, -1)
