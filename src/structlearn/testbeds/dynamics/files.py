@@ -11,7 +11,7 @@ from structlearn.readers.joint_log import JointLog, read_log_table
 from structlearn.rigid_body.model_names import ROBOT
 from structlearn.rigid_body.motion import Motion, measured_motion
 
-if TYPE_CHECKING:  # torch takes a second to load, and stages that record need only paths
+if TYPE_CHECKING:  # torch takes a second to load, and recording stages only need paths
     from structlearn.rigid_body.dynamics_models import DynamicsModels
     from structlearn.testbeds.dynamics.protocol.trainings import Form
 
@@ -27,32 +27,32 @@ TABLES = {
     "online": "online/errors",
     "payload": "online/payload",
 }
-"""By name; `protocol.trainings`, `protocol.tracking` and `rigid_body.payload` describe their columns."""
+"""Path of each table; columns: see `protocol.trainings`, `protocol.tracking` and `rigid_body.payload`."""
 
 
 def read_tables(*names: str) -> dict[str, pd.DataFrame]:
-    """Tables by name; all of `TABLES` where none is named."""
+    """Read tables by name; all of `TABLES` if no names are given."""
     return {name: read_table(DATA / f"{TABLES[name]}.parquet") for name in names or TABLES}
 
 
 def read_logs(kind: str) -> dict[str, JointLog]:
-    """Logs of `IDEAL`, of `ROBOT` or with a `payload`, by name, which is the robot's seed."""
+    """Logs of one kind (`IDEAL`, `ROBOT` or `payload`), keyed by name; a robot's log is named by its seed."""
     return {log.name: log for log in read_log_table(f"data/runs/dynamics/{kind}.parquet")}
 
 
 def as_motion(log: JointLog, cutoff_hz: float = float("inf")) -> Motion:
-    """A log as a motion to learn from, after a low-pass."""
+    """Convert a log to a motion for learning, low-pass filtered at `cutoff_hz`."""
     signals = (log.time, log.positions, log.velocities, log.torques)
     return measured_motion(log.name, *signals, cutoff_hz=cutoff_hz)
 
 
 def step_s(log: JointLog) -> float:
-    """Mean time between samples."""
+    """Mean sampling interval in s."""
     return float(log.time[-1]) / (len(log.time) - 1)
 
 
 def read_robot_models(robot: int, models: Sequence[str], form: "Form") -> dict[str, "DynamicsModels"]:
-    """Models that learned from a robot's log in a form, by name (`cov`, `cov_coulomb`)."""
+    """Models that a robot's log trained in one form, keyed by name (`cov`, `cov_coulomb`)."""
     from structlearn.rigid_body.dynamics_models import read_dynamics_models
 
     folder = DATA / "models" / ROBOT / str(robot) / form

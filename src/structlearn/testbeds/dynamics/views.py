@@ -1,4 +1,4 @@
-"""Recordings of arms (III.4): reaches with one model after the other, torques along sines, and a payload."""
+"""Recordings of arms (III.4): reaches with different models, torques along sines, and a payload."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -39,11 +39,11 @@ from structlearn.viewer.rrd import (
 
 ARM, BODY, WANTED = "arm", "payload", "wanted"
 
-MEASURED = "_measured"  # drawn below the models: curves are drawn in the order of their names
-RADIUS_M = 0.05  # of the drawn payload
+MEASURED = "_measured"  # drawn first, below the models: curves are drawn in order of name
+RADIUS_M = 0.05  # drawn size of the payload
 
 LEARNED, EMPTY = colour("cov"), colour(GROUND_TRUTH)
-"""Of the model that learns online, and of that of the empty arm."""
+"""Colours of the online model and of the empty arm's model."""
 
 
 class DynamicsViewParameters(Parameters):
@@ -60,10 +60,10 @@ class DynamicsViewParameters(Parameters):
 def write_reaches(
     path: str | Path, urdf: str | Path, joints: Sequence[str], shown: Sequence[TrackedReach], title: str
 ) -> None:
-    """Write the reaches of one arm with several models as a recording.
+    """Record the reaches of one arm with several models.
 
-    Every model has a view with its arm and the wanted and actual path of the tool; plots show its error and
-    its speed. The run of the first model was not stopped.
+    Every model has a view with its arm and the tool's reference and actual path; plots show tool error and
+    speed. The first model's run must not have been stopped.
     """
     with recording(path, title) as stream:
         stream.send_blueprint(_reaches_blueprint(shown, title))
@@ -96,7 +96,7 @@ def write_reaches(
 def _send_tool(
     stream: rr.RecordingStream, place: str, times: rr.TimeColumn, tool: np.ndarray, colour: str, width: float
 ) -> None:
-    """A path (T, 3) of the tool, and the tool on it."""
+    """Log a tool path (T, 3), and the tool moving along it."""
     strips = rr.LineStrips3D([tool], colors=rgba([colour]), radii=width)
     stream.log(f"{place}/path", strips, static=True)
     send_moving_frame(stream, f"{place}/tool", [times], tool, None, colour, 0.0)
@@ -111,7 +111,7 @@ def _reaches_blueprint(shown: Sequence[TrackedReach], title: str) -> rrb.Bluepri
         )
         for reach in shown
     ]
-    # an arm that runs away would hide all others: curves can be told apart for most of the time
+    # limit the axis: an arm that runs away would hide all other curves
     farthest = 1.2 * max(float(np.quantile(reach.off_mm, 0.95)) for reach in shown if len(reach.time) > 1)
     off = plot("tool off by (mm)", ["/off/**"], legend=False)
     off.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, farthest))
@@ -133,10 +133,10 @@ def write_torques(
     chosen: DynamicsViewParameters,
     title: str,
 ) -> None:
-    """Write a robot's motion as a recording, with a plot of torques per joint: measured, and by models.
+    """Record a robot's motion with a plot per joint of measured torques and those of models.
 
-    `dt` is the s between samples; models are the URDF and the first seed of learned ones; the tool point is
-    in the last joint's frame.
+    `dt` is the sampling interval in s; shown are the URDF's model and the first seed of each learned model;
+    `tool_m` is in the last joint's frame.
     """
     every, joints = thinning(dt, chosen.rate_hz), robot.tree.names
     motion = motion.part(slice(0, round(chosen.torques_s / dt), every))
@@ -167,12 +167,12 @@ def write_torques(
 
 
 def _torque_blueprint(errors: pd.DataFrame, motion: Motion, tool: np.ndarray, title: str) -> rrb.Blueprint:
-    """Of the NMSE by joint (rows) and model (columns), and the tool (T, 3) m along the motion."""
+    """Layout for the NMSE by joint (rows) and model (columns), and the tool path (T, 3) m."""
     plots = []
     for (joint, its), measured in zip(errors.iterrows(), motion.torque.T, strict=True):
         heading = f"{joint} (N m); best: {model_name(its.idxmin())}, NMSE {its.min():.2g}"
         view = plot(heading, [f"{entity('torque', joint)}/**"], legend=False)
-        # models that are far off would hide the measured torque
+        # limit the axis: models that are far off would hide the measured torque
         low, high = np.quantile(measured, [0.002, 0.998])
         room = 0.25 * (high - low)
         view.properties["ScalarAxis"] = rrb.ScalarAxis(range=(low - room, high + room))
@@ -191,7 +191,7 @@ def write_payload(
     chosen: DynamicsViewParameters,
     title: str,
 ) -> None:
-    """Write an arm that picks up a payload, and what is learned of it, as a recording about the pick-up.
+    """Record an arm picking up a payload, and what the model learns of it, around the time of pick-up.
 
     `learned`: see `rigid_body.payload.follow_payload`.
     """

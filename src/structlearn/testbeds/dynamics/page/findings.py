@@ -1,9 +1,9 @@
-"""Findings on learned dynamics, from the outputs of the stages; sentences and claims of the page name them.
+"""Findings on learned dynamics for the page's sentences and claims.
 
-n counts seeds in simulation and robots elsewhere; ratios and differences are paired. Claims of the
-dissertation are decided by the published form; our form has separate claims. Models that did not meet the
-criterion decide nothing (`UNMET`): the dissertation trained until it was met. The seeds and robots of the
-study `dynamics/robots` are added to those of this run.
+n counts seeds in simulation, and robots elsewhere; ratios and differences are paired. The published form
+decides the dissertation's claims; our form has separate claims. Models that did not meet the training
+criterion decide nothing (`UNMET`), since the dissertation trained until it was met. Seeds and robots of the
+study `dynamics/robots` are pooled with those of this run.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,53 +31,53 @@ from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN
 from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, TEXT, Form
 
-STOPPED_NMSE = 1.0  # least error of a run that had to be stopped: that of an arm that does not move
-SETTLED_SHARE = 0.1  # of a payload's mass; within it the learned mass counts as right, batch by batch
+STOPPED_NMSE = 1.0  # least error counted for a stopped run: that of an arm that does not move
+SETTLED_SHARE = 0.1  # relative error of a payload's mass within which it counts as correct
 TERMS: tuple[FrictionTerm, ...] = ("viscous", "coulomb")  # friction of the simulated robots
-RESIDUAL_RATE_HZ = 10.0  # of residual torques that are kept to be drawn
-NETWORKS = ("mlp", "delan")  # the published models without inertias
+RESIDUAL_RATE_HZ = 10.0  # sampling rate of the residual torques kept for drawing
+NETWORKS = ("mlp", "delan")  # published models without inertial parameters
 
 RIVALS = {TEXT: (*NETWORKS, "nostr", "symm"), OURS: ("mlp", "mlp_scaled", "delan", "nostr", "symm")}
-"""All that are less constrained than SPD, Tri and Cov, by form."""
+"""Models less constrained than SPD, Tri and Cov, by form."""
 
 UNMET = "no network of this kind met the criterion"
 
 SUFFIXES = {OURS: "", TEXT: "_plain"}
-"""Of cases, by form: the published one has plain Adam and the plain loss."""
+"""Case suffix of each form: the published one uses plain Adam and the plain loss."""
 
 HEADLINES = (*(f"{model}_plain" for model in STRICT), "mlp", "delan", "cov")  # epochs in `metrics.json`
-ROBOTS_STUDY = "dynamics/robots"  # further seeds and robots, which the verdicts include
-STUDIED = ("outcomes", "scores", "payload", "known")  # tables that include those of the study
+ROBOTS_STUDY = "dynamics/robots"  # further seeds and robots, pooled in the verdicts
+STUDIED = ("outcomes", "scores", "payload", "known")  # tables that include the study's rows
 
 Scores = Callable[[str], pd.Series]
-"""Scores of a model, by seed or robot; empty where it was not run."""
+"""Maps a model to its scores by seed or robot; empty if it was not run."""
 
 
 @dataclass(frozen=True)
 class DynamicsResults:
-    """Outputs of the testbed's stages, `STUDIED` with those of a study, and quantities that follow from them.
+    """Outputs of the testbed's stages, with derived quantities; tables in `STUDIED` include the study's rows.
 
-    A seed is that of the robot, or in simulation that of a model's start and of its goals.
+    A seed is the robot's, or in simulation that of a model's initial weights and of its goals.
     """
 
     errors: pd.DataFrame  # of trainings, see `protocol.trainings.train`
     outcomes: pd.DataFrame
-    links: pd.DataFrame  # learned beside the truth, see `rigid_body.base_parameters`, with `model`, `form`
+    links: pd.DataFrame  # learned and true values, see `rigid_body.base_parameters`, with `model`, `form`
     base: pd.DataFrame
     scores: pd.DataFrame  # see `protocol.tracking.track`
     paths: pd.DataFrame
     online: pd.DataFrame  # see `rigid_body.payload`
     payload: pd.DataFrame  # likewise, with `seed`
-    agreement: pd.DataFrame  # a row per URDF, see `rigid_body.newton_euler`, with `robot`
-    known: pd.DataFrame  # of robots' logs, see `known_errors` and below, with `seed`
+    agreement: pd.DataFrame  # one row per URDF, see `rigid_body.newton_euler`, with `robot`
+    known: pd.DataFrame  # errors on robots' logs, see `known_errors` and below, with `seed`
     friction: pd.DataFrame
-    residuals: pd.DataFrame  # likewise, of the first robot
-    chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
-    study: Study | None = None  # of further robots; None where it was not run with these parameters
+    residuals: pd.DataFrame  # likewise, first robot only
+    chosen: Mapping[str, Any]  # parameters, keyed as in `params.yaml`
+    study: Study | None = None  # of further robots; None if it was not run with these parameters
 
     @cached_property
     def kinds(self) -> list[str]:
-        """Kinds of models that were trained, in the order of tables."""
+        """Kinds of models that were trained, in table order."""
         return in_order(self.outcomes["model"].str.removesuffix(COULOMB).unique())
 
     @cached_property
@@ -87,68 +87,68 @@ class DynamicsResults:
 
     @cached_property
     def robot_models(self) -> list[str]:
-        """Models that learned from robots' logs, in the order of tables."""
+        """Models trained on robots' logs, in table order."""
         return in_order(self.outcomes.loc[self.outcomes["arm"] == ROBOT, "model"].unique())
 
     def tracked(self, arm: str) -> list[str]:
-        """Models that were tracked with on an arm in any form, in the order of tables."""
+        """Models with tracking runs on an arm, in any form and in table order."""
         return in_order(self.scores.loc[self.scores["robot"] == arm, "model"].unique())
 
     def outcome(self, arm: str, model: str, form: Form = TEXT) -> pd.DataFrame:
-        """Outcomes of a model (`cov`, `cov_coulomb`) by seed; empty where it was not trained.
+        """Training outcomes of a model (`cov`, `cov_coulomb`) by seed; empty if it was not trained.
 
-        Where the threshold was not `reached`, epochs are the limit: a lower bound.
+        Where the threshold was not `reached`, `epochs` is the limit, a lower bound.
         """
         return self._outcomes(arm, model, form)
 
     def runs(self, arm: str, model: str, task: str, form: Form = TEXT) -> pd.DataFrame:
-        """Scores of a model that met the criterion, by seed; of stopped runs at least `STOPPED_NMSE`."""
+        """Scores of a model that met the criterion, by seed; stopped runs score at least `STOPPED_NMSE`."""
         known = self._runs(arm, model, task, KNOWN)
         return known if len(known) else self._runs(arm, model, task, form)
 
     def velocity(self, arm: str, model: str, form: Form = TEXT) -> pd.Series:
-        """NMSE of the tool's velocity in reaches, by seed; see `runs`."""
+        """NMSE of the tool velocity in reaches, by seed; see `runs`."""
         return self.runs(arm, model, REACH, form)["velocity_nmse"]
 
     def stopped(self, arm: str, model: str, form: Form = TEXT) -> tuple[int, int]:
-        """Number of runs of a model, sines and reaches, that had to be stopped, and number of all."""
+        """Numbers of stopped runs and of all runs of a model, over sines and reaches."""
         halted = pd.concat([self.runs(arm, model, task, form)["stopped"] for task in (SINE, REACH)]) != ""
         return int(halted.sum()), len(halted)
 
     def robot_error(self, model: str, form: Form = TEXT) -> pd.Series:
-        """NMSE on robots' logs, mean over joints, of a known or a learned model, by robot."""
+        """NMSE on robots' logs (mean over joints) of a known or learned model, by robot."""
         if model in (GROUND_TRUTH, DEFAULT):
             return self.known[self.known["model"] == model].groupby("seed")["nmse"].mean()
         return self.outcome(ROBOT, model, form)["nmse_mean"]
 
     @cached_property
     def online_curves(self) -> pd.DataFrame:
-        """NMSE, mean over the joints: `loss`, `model`, `seed`, `batch`, `nmse`."""
+        """NMSE during online learning, mean over joints: `loss`, `model`, `seed`, `batch`, `nmse`."""
         keys = ["loss", "model", "seed", "batch"]
         return self.online.groupby(keys, sort=False)["nmse"].mean().reset_index()
 
     @cached_property
     def learned_online(self) -> pd.DataFrame:
-        """By `loss`, `model` and `seed`: `final` NMSE, and `speed`, mean log10 NMSE of batches."""
+        """By `loss`, `model` and `seed`: `final` NMSE, and `speed`, the mean log10 NMSE over batches."""
         curves = self.online_curves[self.online_curves["batch"] > 0].sort_values("batch")
         by = curves.assign(logarithm=np.log10(curves["nmse"])).groupby(["loss", "model", "seed"])
         own = pd.DataFrame({"final": by["nmse"].last(), "speed": by["logarithm"].mean()})
         return extended(own.reset_index(), self.study, "online_scores")
 
     def online_scores(self, form: Form = TEXT) -> pd.DataFrame:
-        """`learned_online` with the loss of a form, by model and seed."""
+        """`learned_online` for the loss of a form, indexed by model and seed."""
         scores = self.learned_online[self.learned_online["loss"] == LOSSES[form]]
         return scores.set_index(["model", "seed"])[["final", "speed"]].sort_index()
 
     @cached_property
     def pick_up_s(self) -> float:
-        """When payloads are picked up."""
+        """Time in s at which payloads are picked up."""
         motion = self.chosen["arm_motion"].used.cut(self.chosen["stand_in"].log_s)
         return self.chosen["record_motion"].payload.at_share * motion.duration_s
 
     @cached_property
     def settling_s(self) -> pd.Series:
-        """By robot, time from the pick-up until the learned mass stays right; NaN if it does not."""
+        """Time in s from pick-up until the learned mass stays correct, by robot; NaN if it never does."""
         mass_kg, found = self.chosen["record_motion"].payload.mass_kg, {}
         for seed, its in self.payload[self.payload["time_s"] > self.pick_up_s].groupby("seed"):
             wrong = (its["mass_kg"] - mass_kg).abs() > SETTLED_SHARE * mass_kg
@@ -158,7 +158,7 @@ class DynamicsResults:
 
     @cached_property
     def mass_errors(self) -> pd.Series:
-        """By robot, share by which the payload's mass is wrong, averaged over the second half of its time."""
+        """Relative error of the payload's learned mass over the second half of its time, by robot."""
         late = 0.5 * (self.pick_up_s + self.payload["time_s"].max())
         mass = self.payload[self.payload["time_s"] > late].groupby("seed")["mass_kg"].mean()
         return (mass / self.chosen["record_motion"].payload.mass_kg - 1.0).abs()
@@ -184,13 +184,13 @@ class DynamicsResults:
 
 
 def _rows_by(table: pd.DataFrame, keys: list[str]) -> Callable[..., pd.DataFrame]:
-    """Rows by their keys, none for unknown ones, grouped once: pages ask hundreds of times."""
+    """Lookup of a table's rows by key, empty if unknown; groups once because pages look up hundreds."""
     groups, none = dict(iter(table.groupby(keys))), table.iloc[:0]
     return lambda *key: groups.get(key, none)
 
 
 def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataFrame:
-    """Errors of known models, the truth and the URDF (default): `model`, `joint` (from 1), `nmse`."""
+    """Errors of the models not learned, truth and URDF (default): `model`, `joint` (from 1), `nmse`."""
     rubbing = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
     friction = np.einsum("tjk,jk->tj", friction_columns(motion.q, motion.qd, TERMS), rubbing)
     torques = {
@@ -203,7 +203,7 @@ def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataF
 
 
 def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics) -> pd.DataFrame:
-    """Friction that the first of each models learned of one robot, and the truth.
+    """Learned and true friction coefficients of one robot, for the first model of each set.
 
     Returns `model`, `joint` (from 1), `term`, `value` in N m s/rad or N m, and `truth`.
     """
@@ -218,7 +218,7 @@ def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics) -
 
 
 def residual_torques(robot: Robot, models: DynamicsModels, motion: Motion, rate_hz: float) -> pd.DataFrame:
-    """Measured torques less those of the first model's links: friction and noise, at `RESIDUAL_RATE_HZ`.
+    """Measured torques minus the first model's rigid-body torques: friction and noise, at `RESIDUAL_RATE_HZ`.
 
     Returns `joint` (from 1), `velocity_rad_s`, `residual_n_m`, `friction_n_m`.
     """
@@ -232,19 +232,18 @@ def residual_torques(robot: Robot, models: DynamicsModels, motion: Motion, rate_
 
 @lru_cache
 def published() -> Mapping[str, Any]:
-    """Values of the dissertation, `published.yaml`."""
+    """Values printed in the dissertation, from `published.yaml`."""
     return read_values(Path(__file__).with_name("published.yaml"))
 
 
 def findings(results: DynamicsResults) -> Findings:
-    """All of the page.
+    """All findings of the page.
 
-    `epochs`: to the threshold on every joint in simulation, `epochs_limit` where it was not reached;
-    geometric means, as claims compare models by ratio.
-    `ee_velocity_nmse`: of the tool's velocity in reaches; a run that had to be stopped counts at least 1, and
-    as one of the `unstable` runs, sines and reaches. `robot_...`: the same of robots; `robot_nmse` on their
-    logs, mean over joints. `online_nmse`: on the whole motion after one pass. `payload_settling_s_...`: over
-    the `payload_settled` robots where the learned mass stays right.
+    `epochs`: until the threshold holds for every joint in simulation, or `epochs_limit`; geometric means, as
+    claims compare models by ratio. `ee_velocity_nmse`: of the tool velocity in reaches; a stopped run scores
+    at least 1 and counts among the `unstable` runs (sines and reaches). `robot_...`: the same for robots;
+    `robot_nmse` is the error on their logs, mean over joints. `online_nmse`: on the whole motion after one
+    pass. `payload_settling_s_...`: over the `payload_settled` robots, whose learned mass stays correct.
     """
     find = Findings("seeds")
     robots = find.among("simulated robots")
@@ -264,19 +263,19 @@ def findings(results: DynamicsResults) -> Findings:
     robots.mean("payload_mass_error_share", results.mass_errors)
     settled = results.settling_s.dropna()
     robots.counted("payload_settled", len(settled), len(results.settling_s))
-    for name in ("median", "min", "max"):  # NaN where no robot's settled
+    for name in ("median", "min", "max"):  # NaN if no robot settled
         robots.exact(f"payload_settling_s_{name}", settled.agg(name), len(settled), unit="s")
     return find
 
 
 def unmet(results: DynamicsResults, arm: str, form: Form) -> list[str]:
-    """Models that did not meet the criterion with some seed or on some robot."""
+    """Models that missed the criterion with some seed or on some robot."""
     every = {model: results.outcome(arm, model, form)["met"] for model in RIVALS[form]}
     return [model for model, met in every.items() if len(met) and not met.all()]
 
 
 def _models(find: Findings, robots: Findings, results: DynamicsResults) -> None:
-    """Scores of every model that was run, in both forms."""
+    """Add the scores of every model that was run, in both forms."""
     epochs: dict[str, pd.Series] = {}
     errors = {name: results.robot_error(name) for name in results.known["model"].unique()}
     for form, suffix in SUFFIXES.items():
@@ -321,7 +320,7 @@ def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
     stopped = results.runs(ROBOT, "delan", REACH, form)["stopped"] != ""
     _cases(find.geometric_mean, f"robot_gain_{form}", gains)
     _cases(find.mean, f"robot_networks_{form}", {model: error(model) for model in NETWORKS})
-    if len(stopped):  # one run of each robot: trials are independent, so a plain share
+    if len(stopped):  # one run per robot: independent trials
         find.share(f"robot_delan_stopped_{form}", int(stopped.sum()), len(stopped))
     else:
         find.unknown(f"robot_delan_stopped_{form}", UNMET)
@@ -331,7 +330,7 @@ def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
 
 
 def _online(find: Findings, results: DynamicsResults) -> None:
-    """NMSE on the whole motion of the others over that of SPD, Tri and Cov."""
+    """Add the online-learning NMSE, and ratios of other models to SPD, Tri and Cov."""
     scores, strict, nothing = results.online_scores(), results.strict, pd.Series(dtype=float)
 
     def course(model: str) -> pd.Series:
@@ -350,17 +349,17 @@ def _online(find: Findings, results: DynamicsResults) -> None:
 
 
 def _run(samples: Mapping[str, pd.Series]) -> Mapping[str, pd.Series]:
-    """Samples of models that were run."""
+    """Leave out models that were not run."""
     return {model: its for model, its in samples.items() if len(its)}
 
 
 def _cases(found: Callable[..., Found], name: str, samples: Mapping[str, pd.Series]) -> None:
-    """A case per model; `UNMET` where it has no samples."""
+    """Add one case per model; `UNMET` if it has no samples."""
     found(name, {model_name(model): its.dropna() for model, its in samples.items()}, missing=UNMET)
 
 
 def _over(score: Scores, model: str, references: Sequence[str]) -> pd.Series:
-    """Scores of a model over the geometric mean of others, by seed; NaN where one lacks it."""
+    """Scores of a model over the geometric mean of the references, by seed; NaN where one is missing."""
     reference = 1.0
     for one in references:
         reference = reference * score(one) ** (1.0 / len(references))
@@ -370,7 +369,7 @@ def _over(score: Scores, model: str, references: Sequence[str]) -> pd.Series:
 def _ratios(
     find: Findings, name: str, score: Scores, models: Iterable[str], references: Sequence[str]
 ) -> None:
-    """Scores of models over the geometric mean of others, over the seeds that both have."""
+    """Add the score ratios of models to the geometric mean of the references, over common seeds."""
     _cases(find.geometric_mean, name, {model: _over(score, model, references) for model in models})
 
 

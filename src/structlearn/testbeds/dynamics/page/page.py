@@ -1,6 +1,6 @@
-"""The page of the dynamics testbed: tables, numbers in sentences, and their sources.
+"""The page of the dynamics testbed: its tables, numbers for its sentences, and their sources.
 
-Tables show published beside reproduced values, and learned values beside the truth.
+Tables show published values beside reproduced ones, and learned values beside true ones.
 """
 
 from collections.abc import Mapping
@@ -47,13 +47,13 @@ SCORES = {
 """Columns of tables III.1 and III.2: task, column of the scores, heading."""
 
 CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
-"""Of physical consistency, columns of `base_parameters.link_table`."""
+"""Conditions of physical consistency: columns of `base_parameters.link_table`."""
 
-DETAILED = "cov"  # structure whose learned bodies are listed
+DETAILED = "cov"  # structure whose learned parameters are listed
 
 
 def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
-    """The page; its figures are those of `figures.drawings`, and `still`."""
+    """Page with its tables and verdicts; figures come from `figures.drawings` and `arm_still`."""
     shown, chosen = tables(results), results.chosen
     after = results.payload[results.payload["time_s"] > results.pick_up_s]
     by_model = {
@@ -107,7 +107,7 @@ def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
 
 
 def _stopped(results: DynamicsResults, arm: str) -> list[str]:
-    """`DeLaN (our training) 4 of 10`, for models with runs that had to be stopped."""
+    """Models with stopped runs, e.g. `DeLaN (our training) 4 of 10`."""
     return [
         f"{model_name(model)} ({title.lower()}) {stopped} of {count}"
         for model, (form, title) in product(results.tracked(arm), FORM_TITLES.items())
@@ -117,7 +117,7 @@ def _stopped(results: DynamicsResults, arm: str) -> list[str]:
 
 
 def _median_friction(results: DynamicsResults) -> dict[str, float]:
-    """Median relative errors of learned coefficients; `factor` where only viscous friction was learned."""
+    """Median relative errors of friction coefficients; `factor`: ratio learned with viscous friction only."""
     known = results.friction
     ratio = known["value"] / known["truth"]
     median, off = (
@@ -127,8 +127,8 @@ def _median_friction(results: DynamicsResults) -> dict[str, float]:
 
 
 def tables(results: DynamicsResults) -> dict[str, Table]:
-    """Tables of the page by name, and those that a study collects from each cell."""
-    differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three ways to the same torques
+    """Tables of the page, and those that a study collects from each cell, keyed by name."""
+    differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three implementations
     found = {
         "simulation": _scores(results, IDEAL),
         "epochs": _epochs(results),
@@ -148,7 +148,7 @@ def tables(results: DynamicsResults) -> dict[str, Table]:
 
 
 def _scores(results: DynamicsResults, robot: str) -> Table:
-    """Table III.1 or III.2: `model`, `source`, `epochs`, the columns of `SCORES` as texts, `stopped` runs."""
+    """Table III.1 or III.2: `model`, `source`, `epochs`, columns of `SCORES` as text, `stopped` runs."""
     printed = published()["simulation" if robot == IDEAL else "robot"]
     rows = []
     for model in in_order({*results.tracked(robot), *printed}):
@@ -174,14 +174,14 @@ def _scores(results: DynamicsResults, robot: str) -> Table:
 
 
 def _score(runs: pd.DataFrame, score: str) -> str:
-    """Mean and spread; a model that did not meet the criterion has no runs."""
+    """Mean and standard deviation as text; a model that missed the criterion has no runs."""
     if runs.empty:
         return "not tested"
     return "unstable" if (runs["stopped"] != "").all() else _spread(runs[score], ".3f")
 
 
 def _epochs(results: DynamicsResults) -> Table:
-    """Epochs to the threshold in simulation, in both forms, as texts by `model`."""
+    """Epochs to the threshold in simulation as text, by `model` and form."""
     rows = []
     for model in results.kinds:
         text, ours = (results.outcome(IDEAL, model, form) for form in (TEXT, OURS))
@@ -192,7 +192,7 @@ def _epochs(results: DynamicsResults) -> Table:
 
 
 def _epochs_text(outcome: pd.DataFrame) -> str:
-    """`2.0 ± 0.7`; `3.0 (1 of 5)` where others did not reach it, `> 40` where none did, or nothing."""
+    """Epochs as text, e.g. `2.0 ± 0.7`, `3.0 (1 of 5)` if not all reached it, `> 40` if none did."""
     reached = outcome[outcome["reached"]]["epochs"]
     if len(outcome) and not len(reached):
         return f"> {outcome['epochs'].max():.0f}"
@@ -200,20 +200,20 @@ def _epochs_text(outcome: pd.DataFrame) -> str:
 
 
 def _counted(known: pd.Series, every: int) -> str:
-    """Mean and spread, with their number unless it is all of them."""
+    """Mean and standard deviation as text, with their number unless all are known."""
     text = with_spread(known.mean(), known.std()) if len(known) else "not reached"
     return text if len(known) in (0, every) else f"{text} ({len(known)} of {every})"
 
 
 def _by_model(columns: Mapping[str, pd.Series], number_format: str = "") -> Table:
-    """A table with a row per model."""
+    """Table with one row per model, in table order."""
     frame = pd.DataFrame(columns)
     frame = frame.loc[in_order(frame.index)].rename(index=model_name).rename_axis("model").reset_index()
     return Table(frame, dict.fromkeys(columns, number_format) if number_format else {})
 
 
 def _online(results: DynamicsResults) -> Table:
-    """Online learning, mean over seeds: NMSE after one pass, and over the course, by `model`."""
+    """Online learning by `model`, mean over seeds: NMSE after one pass, and over the course."""
     columns: dict[str, pd.Series] = {}
     for form, loss in LOSSES.items():
         means = results.online_scores(form).groupby("model").mean()
@@ -222,14 +222,14 @@ def _online(results: DynamicsResults) -> Table:
 
 
 def _bodies(results: DynamicsResults) -> Table:
-    """Per `model`: number of learned `links`, and of those that meet each of `CONDITIONS`, and all."""
+    """Number of learned `links` by `model`, and of those that meet each of `CONDITIONS`, and all."""
     its = results.links.query("form == @TEXT")
     met = its[CONDITIONS].assign(possible=its[CONDITIONS].all(axis=1)).groupby(its["model"])
     return _by_model({"links": met.size()} | dict(met.sum()))
 
 
 def _base_errors(results: DynamicsResults) -> Table:
-    """Per `model` the median over parameters and seeds of the relative error: `base` parameters, `mass`."""
+    """Median relative error by `model`, over parameters and seeds: `base` parameters, `mass`."""
     columns = {}
     for name, table, learned, true in (
         ("base", results.base, "value", "truth"),
@@ -241,7 +241,7 @@ def _base_errors(results: DynamicsResults) -> Table:
 
 
 def _links(results: DynamicsResults) -> Table:
-    """Learned masses, centres and largest moments of `DETAILED` beside the truth, mean ± std over seeds."""
+    """Masses, centres and largest moments learned by `DETAILED` beside the truth, mean ± std over seeds."""
     its = results.links.query("form == @TEXT and model == @DETAILED")
     axes = [f"centre_{axis}_m" for axis in "xyz"]
     away = its[axes].to_numpy() - its[[f"true_{axis}" for axis in axes]].to_numpy()
@@ -266,7 +266,7 @@ def _base_parameters(results: DynamicsResults) -> Table:
 
 
 def _robot_errors(results: DynamicsResults) -> Table:
-    """NMSE on robots' logs, mean over robots: `model`, `form`, `joint_1` ..., `mean`; strong: known."""
+    """NMSE on robots' logs, mean over robots: `model`, `form`, `joint_1` ..., `mean`; bold: known models."""
     errors = results.errors[results.errors["arm"] == ROBOT]
     kept = errors[errors["epoch"] == errors.groupby(["model", "form"])["epoch"].transform("max")]
     known_errors = results.known[results.known["seed"].isin(kept["seed"])]
@@ -281,7 +281,7 @@ def _robot_errors(results: DynamicsResults) -> Table:
 
 
 def _friction(results: DynamicsResults) -> Table:
-    """Friction that `DETAILED` learned beside the truth: `joint`; `true_` and learned terms, as text."""
+    """Friction learned by `DETAILED` beside the truth, by `joint`: `true_<term>` and `<term>`, as text."""
     its = results.friction[results.friction["model"] == f"{DETAILED}{COULOMB}"]
     columns: dict[str, pd.Series] = {}
     for term, rows in its.groupby("term", sort=False):
@@ -292,7 +292,7 @@ def _friction(results: DynamicsResults) -> Table:
 
 
 def _spread(values: pd.Series, number_format: str) -> str:
-    """Mean ± std; as in the dissertation, without a std that rounds to zero."""
+    """Mean ± std as text; like the dissertation, without a std that rounds to zero."""
     std = values.std()
     return with_spread(
         values.mean(), np.nan if float(format(std, number_format)) == 0.0 else std, number_format

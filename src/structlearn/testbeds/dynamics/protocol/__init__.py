@@ -1,1 +1,1 @@
-"""Tracking with learned models."""
+"""Training and tracking protocols of the dynamics testbed."""

@@ -1,4 +1,4 @@
-"""Tracking with a model in the controller: sines like those it learned from, and reaches (III.4)."""
+"""Tracking with a dynamics model in the controller: sines like the training motion, and reaches (III.4)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -32,12 +32,12 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
 from structlearn.testbeds.dynamics.world.controlled_arm import Feedback, ReferencePath, Run, SimulatedArm, run
 from structlearn.testbeds.dynamics.world.operational_space import tool_motion
 
-SHOWN_RATE_HZ = 25.0  # of the paths that are kept to be looked at
-KNOWN = ""  # form of a model that is known instead of learned
+SHOWN_RATE_HZ = 25.0  # sampling rate of the paths kept for viewing
+KNOWN = ""  # form of a model that is not learned
 
 
 class TrackingParameters(Parameters):
-    """Models and tasks."""
+    """Models that track, and their tasks."""
 
     models: tuple[str, ...]
     robot_models: tuple[str, ...]
@@ -47,36 +47,36 @@ class TrackingParameters(Parameters):
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model for the controller."""
+    """A model to track with."""
 
     name: str
-    form: str  # of its training; `KNOWN` for one that was not learned
-    seeds: tuple[int, ...]  # of its goals: that of its training, or all for a model that was not learned
+    form: str  # of its training; `KNOWN` if it was not learned
+    seeds: tuple[int, ...]  # of its goals: the training seed, or all if it was not learned
     model: InverseDynamics
 
 
 @dataclass(frozen=True)
 class Testbed:
-    """An arm and its tasks."""
+    """An arm and its tracking tasks."""
 
-    __test__ = False  # not a test, whatever pytest thinks of its name
+    __test__ = False  # tells pytest that this is no test class
 
     name: str  # of the arm
-    seeds: tuple[int, ...]  # of the goals; a robot has its own alone
-    shown: int  # seed of the paths that are kept
-    arm: SimulatedArm  # the gains of its joints come from its URDF
+    seeds: tuple[int, ...]  # of the goals; a robot only has its own
+    shown: int  # seed whose paths are kept
+    arm: SimulatedArm  # its URDF determines the joints' feedback gains
     motion: SineParameters
     reaching: ReachingParameters
 
     @property
     def feedback(self) -> Feedback:
-        """Of the joints."""
+        """Joint feedback gains."""
         robot = self.arm.robot
         return joint_feedback(robot.tree, robot.inertias, self.motion.feedback)
 
 
 def known(testbed: Testbed) -> list[Candidate]:
-    """Known models of an arm: the truth, and the URDF where that differs."""
+    """Models of an arm that are not learned: the truth, and the URDF if it differs."""
     robot, true = testbed.arm.robot, testbed.arm.mechanics
     friction = friction_rows(np.stack([true.viscous, true.coulomb], axis=-1), ("viscous", "coulomb"))
     models = {GROUND_TRUTH: inverse_dynamics(robot.tree, true.inertias, friction)}
@@ -88,9 +88,9 @@ def known(testbed: Testbed) -> list[Candidate]:
 def learned(
     testbed: Testbed, outcomes: pd.DataFrame, read: Callable[[str, str], DynamicsModels]
 ) -> list[Candidate]:
-    """Learned models that met the criterion, one candidate each.
+    """Learned models that met the criterion, one candidate per seed.
 
-    `read` gives the models of a form and name, in the order of this arm's outcomes of `trainings.train`.
+    `read` returns the models of a form and name, in the order of this arm's outcomes of `trainings.train`.
     """
     return [
         Candidate(name, form, (row.seed,), compiled_model(read(form, name), place, testbed.arm.robot.tree))
@@ -103,24 +103,23 @@ def learned(
 def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Track sines and reaches with every model.
 
-    Errors are normalised by the variance of the reference: of sines per joint, then averaged; of reaches
-    over all axes. A run that was stopped (see `controlled_arm.run`) has the reason instead of a score.
+    Errors are normalised by the variance of the reference: for sines per joint, then averaged; for reaches
+    over all axes together. A stopped run (see `controlled_arm.run`) has a reason instead of scores.
 
     Returns:
-        scores: a row per model, seed and task: `robot`, `model`, `form`, `seed`, `task` (`sine`, `reach`),
-            `position_nmse`, `velocity_nmse` (NaN where it was stopped), `stopped` (empty where it ran
-            through), `duration_s`.
-        paths: of the shown seed, 25 Hz: `robot`, `model`, `form`, `task`, `time_s`, a column per joint in
+        scores: one row per model, seed and task: `robot`, `model`, `form`, `seed`, `task` (`sine`, `reach`),
+            `position_nmse`, `velocity_nmse` (NaN if stopped), `stopped` (reason, or empty), `duration_s`.
+        paths: of the shown seed at 25 Hz: `robot`, `model`, `form`, `task`, `time_s`, one column per joint in
             rad, `tool_x` ... and `wanted_x` ... in m.
     """
     tables = parallel_map(partial(_track_one, testbed), candidates, f"tracking, {testbed.name}")
     scores, paths = zip(*tables, strict=True)
-    none = pd.DataFrame()  # robots but one have no paths that are kept
+    none = pd.DataFrame()  # most robots keep no paths
     return pd.concat(scores, ignore_index=True), pd.concat([none, *chain(*paths)], ignore_index=True)
 
 
 def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
-    """Scores of one model, and paths of the shown seed; the sines are the same for all goals and run once."""
+    """Scores of one model, and paths of the shown seed; sines do not depend on the goals and run once."""
     sines = _follow_sines(testbed, candidate.model)
     runs = [("sine", seed, *sines) for seed in candidate.seeds]
     runs += [("reach", seed, *_reach(testbed, candidate.model, seed)) for seed in candidate.seeds]
@@ -136,7 +135,7 @@ def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, li
 
 
 def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, ReferencePath, tuple[float, float]]:
-    """The run, the joints' path, and the errors of q and qd."""
+    """Run of the sines, reference path of the joints, and NMSE of q and qd."""
     reference = sine_path(testbed.arm.robot.tree, testbed.motion)
     q, qd = reference.position, reference.velocity
     moved = run(testbed.arm, sine_controller(model, reference, testbed.feedback), q[0], qd[0])
@@ -150,7 +149,7 @@ def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, Refere
 def _reach(
     testbed: Testbed, model: InverseDynamics, seed: int
 ) -> tuple[Run, ReferencePath, tuple[float, float]]:
-    """The run, the tool's path, and the errors of x and xd."""
+    """Run of the reaches, reference path of the tool, and NMSE of x and xd."""
     tree, parameters = testbed.arm.robot.tree, testbed.reaching
     reference = reaches(tree, parameters, testbed.motion.rate_hz, seed)
     posture = first_posture(tree, parameters)
@@ -165,14 +164,14 @@ def _reach(
 
 
 def _squared_error(moved: Run, found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Mean squared error per column; NaN where the run was stopped."""
+    """Mean squared error per column; NaN if the run was stopped."""
     if moved.stopped:
         return np.full(wanted.shape[1], np.nan)
     return np.mean((found - wanted) ** 2, axis=0)
 
 
 def _path(testbed: Testbed, keys: dict[str, str], moved: Run, reference: ReferencePath) -> pd.DataFrame:
-    """Thinned path of a run beside its reference, which is the joints' where the sines are followed."""
+    """Thinned tool and joint path of a run, with the tool's reference (from the joints' for sines)."""
     tree, rate_hz, tool_m = testbed.arm.robot.tree, testbed.motion.rate_hz, testbed.reaching.tool_m
     every = max(1, round(rate_hz / SHOWN_RATE_HZ))
     q, qd = moved.q[::every], moved.qd[::every]
@@ -189,29 +188,29 @@ def _path(testbed: Testbed, keys: dict[str, str], moved: Run, reference: Referen
 
 @dataclass(frozen=True)
 class TrackedReach:
-    """The reaches of a model's shown seed."""
+    """Reaches of a model with the shown seed."""
 
-    model: str  # its key
+    model: str  # key in `model_names`
     time: np.ndarray  # (T,) s
     joints: np.ndarray  # (T, n) rad
     tool: np.ndarray  # (T, 3) m, base frame
-    wanted: np.ndarray  # (T, 3) m, where the tool should be
-    velocity_nmse: float  # of the tool; NaN where it was stopped
-    stopped: str  # why it was stopped; empty where it ran through
+    wanted: np.ndarray  # (T, 3) m, reference of the tool
+    velocity_nmse: float  # of the tool; NaN if stopped
+    stopped: str  # reason; empty if the run was not stopped
 
     @property
     def label(self) -> str:
-        """Name of the model."""
+        """Display name of the model."""
         return model_name(self.model)
 
     @property
     def off_mm(self) -> np.ndarray:
-        """(T,) distance of the tool from where it should be."""
+        """Distance (T,) of the tool from its reference in mm."""
         return 1e3 * np.linalg.norm(self.tool - self.wanted, axis=1)
 
     @property
     def speeds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(T,) m/s of the tool, and as it should be; 0 at the start."""
+        """Speeds (T,) in m/s of the tool and of its reference; 0 at the start."""
         tool, wanted = (
             np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(self.time)
             for points in (self.tool, self.wanted)
@@ -227,9 +226,9 @@ def tracked_reaches(
     models: Sequence[str],
     joints: Sequence[str] = (),
 ) -> list[TrackedReach]:
-    """The reaches of each model's shown seed; models that did not track with this robot are left out.
+    """Reaches of each model with the shown seed; models without runs on this robot are left out.
 
-    Paths and scores are those of `track`; `joints` are columns of the paths.
+    `paths` and `scores` are those of `track`; `joints` are columns of `paths`.
     """
     found = []
     for model in models:

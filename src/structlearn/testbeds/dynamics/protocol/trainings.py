@@ -1,9 +1,9 @@
-"""Trainings of chapter III on motions of arms: every kind of model in two forms, by seed or robot.
+"""Trainings of chapter III on arm motions: every kind of model in two forms, by seed or robot.
 
-The published form is what the dissertation describes: the raw loss of eq. III.2, and Adam as public code has
-it, since no optimiser is named. Our form normalises the loss by each joint's torque, and has one optimiser
-for all kinds, with which networks did best on a motion that is not scored. Models also learn online, once
-through the motion without shuffling (III.4.1.2).
+The published form follows the dissertation: the raw loss of eq. III.2, and Adam with its usual defaults,
+since no optimiser is named. Our form normalises the loss by each joint's torque and uses one optimiser for
+all kinds, chosen for the networks on a motion that is not scored. Models also learn online, in one pass over
+the motion without shuffling (III.4.1.2).
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,26 +42,26 @@ from structlearn.rigid_body.payload import PayloadLearningParameters
 from structlearn.rigid_body.tree import KinematicTree
 
 ROBOT_FRICTIONS = {"mlp": ("none",), "mlp_scaled": ("none",), "delan": ("viscous",)}
-"""By kind, on robots' logs; perceptrons see the velocities and need no friction beside them."""
+"""Friction by kind, on robots' logs; MLPs take velocities as input and need no friction terms."""
 
-STRUCTURE_FRICTIONS = ("viscous", "coulomb")  # of all structures, on robots' logs
+STRUCTURE_FRICTIONS = ("viscous", "coulomb")  # all structures, on robots' logs
 
 Form = Literal["text", "ours"]
 TEXT, OURS = get_args(Form)
 LOSSES: Mapping[Form, Loss] = {TEXT: "raw", OURS: "normalised"}
 
 STACKED: tuple[NetworkKind, ...] = ("mlp", "delan")
-"""Kinds that learn robots' logs as one stack: alone, small networks spend their time between the steps."""
+"""Kinds that learn all robots' logs as one stack: for single small networks, overhead would dominate."""
 
 BEYOND_THE_TEXT = ("mlp_scaled",)  # kinds without a published form
 
-DIVERGED = 1e6  # NMSE above which one model is as bad as another
+DIVERGED = 1e6  # NMSE at which errors are clipped: beyond it, models are equally bad
 
 Seeds = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
 
 
 class EpochLimits(Parameters):
-    """Largest number of epochs, of all kinds and forms."""
+    """Largest number of epochs, for all kinds and forms."""
 
     simulation: int = Field(ge=1)
     robot: int = Field(ge=1)
@@ -81,14 +81,14 @@ class DynamicsTrainingParameters(Parameters):
     smoothing_hz: float = Field(gt=0)
 
     def of(self, form: Form) -> LearningParameters:
-        """How models learn in a form."""
+        """Learning parameters of a form."""
         if form == TEXT:
             return self.learning
         return self.learning.model_copy(update={"networks": self.ours, "structures": self.ours})
 
 
 class OnlineParameters(Parameters):
-    """Parameters of online learning: each kind of model learns with each of the losses."""
+    """Online learning, for every combination of model kind and loss."""
 
     models: tuple[Kind, ...]
     seeds: tuple[NonNegativeInt, ...]
@@ -99,13 +99,13 @@ class OnlineParameters(Parameters):
 
 @dataclass(frozen=True)
 class Training:
-    """One training of the models of a kind."""
+    """One training run of the models of a kind."""
 
-    motion: str  # name of the motion: that of the arm, or of the robot below it (`stand_in/11`)
+    motion: str  # motion name: that of the arm, or with the robot's seed (`stand_in/11`)
     kind: Kind
     friction: str  # a key of `FRICTIONS`
     form: Form
-    seeds: tuple[int, ...]  # one per model; the model of a robot has the robot's
+    seeds: tuple[int, ...]  # one per model; for a robot, its seed
 
     @property
     def arm(self) -> str:
@@ -114,17 +114,17 @@ class Training:
 
     @property
     def model(self) -> str:
-        """Name of the model: its kind, with a suffix where it learns Coulomb friction."""
+        """Model name: its kind, with a suffix if it learns Coulomb friction."""
         return self.kind + (COULOMB if self.friction == "coulomb" else "")
 
     @property
     def file(self) -> str:
-        """Path of the models in the folder of all models, without suffix."""
+        """Path of the models without suffix, relative to the folder of all models."""
         return f"{self.motion}/{self.form}/{self.model}"
 
 
 def trainings(robots: Sequence[int], parameters: DynamicsTrainingParameters) -> list[Training]:
-    """All trainings: on the arm's motion, and on the log of each robot."""
+    """All trainings on the arm's motion and on the log of each robot."""
     found = []
     for kind, form in product(parameters.models, parameters.forms):
         if form == TEXT and kind in BEYOND_THE_TEXT:
@@ -143,17 +143,18 @@ def train(
     tree: KinematicTree,
     parameters: DynamicsTrainingParameters,
 ) -> tuple[dict[str, DynamicsModels], pd.DataFrame, pd.DataFrame]:
-    """Train all models, over processes; DeLaN first, since it takes longest.
+    """Train all models in parallel; DeLaN first, since it takes longest.
 
     Returns:
-        Models by `Training.file`. Errors: `arm`, `model` (`cov`, `cov_coulomb`), `form`, `seed`, `epoch`,
-        `joint` (from 1), `nmse`. Outcomes: the same keys up to `seed` with `epochs` to the threshold on every
-        joint and `epochs_but_last` on every joint but the last (NaN: not reached), `nmse_mean` and `nmse_max`
-        over the joints of the model that was kept, and `met`, whether it may be tracked with: it met the
-        published criterion, in simulation the threshold on every joint, on a robot's log on average
-        (III.4.2.1), which is required of networks alone.
+        Models, keyed by `Training.file`.
+        Errors: `arm`, `model` (`cov`, `cov_coulomb`), `form`, `seed`, `epoch`, `joint` (from 1), `nmse`.
+        Outcomes: `arm`, `model`, `form`, `seed`; `epochs` to the threshold on every joint and
+        `epochs_but_last` on every joint but the last (NaN: not reached); `nmse_mean` and `nmse_max` over
+        joints of the model that was kept; `met`, whether the published criterion is met, so that the model
+        may track: in simulation the threshold on every joint, on robots' logs on average (III.4.2.1), where
+        only networks have to meet it.
     """
-    # trainings that share a process: structures share a regressor, networks of robots are one stack
+    # trainings in one process: structures share a regressor, networks of robots are stacked
     groups: dict[tuple, list[Training]] = {}
     for training in work:
         own = training.kind == "nostr" if training.kind in STRUCTURES else (training.kind, training.form)
@@ -183,10 +184,10 @@ def train(
 
 
 def scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
-    """Scores by which our optimiser is chosen, in simulation: flat, by kind.
+    """Scores in simulation by which our optimiser is chosen, by kind of model.
 
-    `epochs_...` is the mean over seeds to the criterion, `limit` where it was not met; `worst_...` the
-    geometric mean of the worst joint's NMSE of the models that were kept.
+    `epochs_...`: mean over seeds of the epochs to the criterion, or `limit` if it was not met; `worst_...`:
+    geometric mean of the worst joint's NMSE of the models kept.
     """
     its = outcomes[(outcomes["arm"] == IDEAL) & (outcomes["form"] == OURS)]
     epochs = its["epochs"].fillna(limit).groupby(its["model"]).mean()
@@ -201,7 +202,7 @@ def scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
 def learn_once_through(
     tree: KinematicTree, motion: Motion, parameters: OnlineParameters, learning: LearningParameters
 ) -> pd.DataFrame:
-    """Errors on the whole motion while models go through it once, without shuffling (figure III.2).
+    """Errors on the whole motion during one pass of online learning, without shuffling (figure III.2).
 
     Returns:
         `model`, `loss`, `seed`, `batch` (0: before the first), `joint`, `nmse`.
@@ -258,7 +259,7 @@ def _train_one(training: Training, lesson: Lesson, parameters: DynamicsTrainingP
 
 
 def _outcomes(learned: Learned, training: Training, threshold: float) -> pd.DataFrame:
-    """One row per model; its errors are those of the epoch at which it was kept."""
+    """Outcome of each model, one row each, with the errors at the epoch at which it was kept."""
     good = learned.nmse[1:] <= threshold
     first, first_but_last = (
         np.where(reached.any(axis=0), reached.argmax(axis=0) + 1.0, np.nan)

@@ -1,1 +1,1 @@
-"""The simulated arms and their motions."""
+"""Simulated arms and their motions."""

@@ -1,11 +1,11 @@
-"""Motion of an arm along sines in every joint: a model's torques and linear feedback (dissertation III.4.1).
+"""Sine motion of all joints with inverse-dynamics feedforward and linear feedback (dissertation III.4.1).
 
     tau = f_ID(q_r, qd_r, qdd_r) + K (q_r - q) + D (qd_r - qd)
 
-The better the model, the smaller the feedback. Its gains belong to the robot and are the same for all models:
-scaled by the model's inertia, light wrist joints would have next to none, and friction would hold them. The
-model is evaluated at the reference: viscous friction that was fitted to Coulomb friction is too large for a
-fast joint, and at the measured velocity it destabilises a light wrist within seconds.
+The better the model, the smaller the feedback. The gains belong to the robot and are the same for all models:
+scaled by a model's inertia, light wrist joints would have almost none and stick by friction. The model is
+evaluated at the reference: viscous friction fitted to Coulomb friction is too large for fast joints, and at
+the measured velocity it destabilises a light wrist within seconds.
 """
 
 from typing import Literal
@@ -27,7 +27,7 @@ from structlearn.testbeds.dynamics.world.operational_space import (
 
 
 class FeedbackParameters(Parameters):
-    """Linear feedback of the joints."""
+    """Linear joint feedback."""
 
     stiffness_n_m_rad: tuple[float, ...]
     damping_ratio: float = Field(gt=0)
@@ -42,18 +42,18 @@ class SineMotion(Parameters):
 
 
 class SineParameters(SineMotion):
-    """A motion, and how it is tracked."""
+    """A sine motion, its sampling rate and feedback."""
 
     rate_hz: float = Field(ge=100, le=2000)
     feedback: FeedbackParameters
 
     def cut(self, duration_s: float) -> "SineParameters":
-        """The first part of the motion."""
+        """The motion, no longer than `duration_s`."""
         return self.model_copy(update={"duration_s": min(self.duration_s, duration_s)})
 
 
 class ArmMotionParameters(Parameters):
-    """The motion on which optimisers are chosen, and the one that is scored."""
+    """The motion for choosing optimisers, and the motion that is scored."""
 
     use: Literal["tuning", "test"]
     tuning: SineMotion
@@ -72,19 +72,19 @@ class ArmMotionParameters(Parameters):
 
     @property
     def used(self) -> SineParameters:
-        """The motion that `use` names."""
+        """The motion that `use` selects."""
         motion = getattr(self, self.use)
         return SineParameters(**motion.model_dump(), rate_hz=self.rate_hz, feedback=self.feedback)
 
 
 def joint_range(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray]:
-    """Middle and half of each joint's range (n,)."""
+    """Middle and half-width of each joint's range, (n,) each, rad or m."""
     lower, upper = tree.ranges
     return 0.5 * (lower + upper), 0.5 * (upper - lower)
 
 
 def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: FeedbackParameters) -> Feedback:
-    """Gains of an arm with the inertias of its URDF; InputError for too few stiffnesses."""
+    """Feedback gains for the inertias of an arm's URDF. Raises InputError for too few stiffnesses."""
     stiffness = of_joints("stiffness_n_m_rad", parameters.stiffness_n_m_rad, tree)
     middle, zero = joint_range(tree)[0], np.zeros(len(stiffness))
     torques = inverse_dynamics(tree, inertias)
@@ -94,7 +94,7 @@ def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: Feed
 
 
 def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.ndarray:
-    """Values (n,) of an arm's joints from a parameter; InputError for too few."""
+    """Parameter values (n,) for an arm's joints. Raises InputError if there are too few."""
     count = len(tree.names)
     if len(values) < count:
         raise InputError(f"{key}: has {len(values)} values, the arm has {count} joints")
@@ -102,7 +102,10 @@ def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.nd
 
 
 def sine_path(tree: KinematicTree, parameters: SineParameters) -> ReferencePath:
-    """Sines in all joints at once; InputError for too few periods or amplitudes, or above a speed limit."""
+    """Sines in all joints at once.
+
+    Raises InputError: too few periods or amplitudes, or a sine exceeds its joint's velocity limit.
+    """
     middle, half = joint_range(tree)
     amplitude = of_joints("amplitudes", parameters.amplitudes, tree) * half
     frequency = 2.0 * np.pi / of_joints("periods_s", parameters.periods_s, tree)
@@ -120,13 +123,13 @@ def sine_path(tree: KinematicTree, parameters: SineParameters) -> ReferencePath:
 
 
 def sine_controller(model: InverseDynamics, reference: ReferencePath, feedback: Feedback) -> Controller:
-    """The law in the module's header."""
+    """Controller of the law in the module's docstring."""
     nothing = VelocityControl(np.zeros(3), np.zeros(len(feedback.damping)), 0.0, 0.0)
     return Controller(model, reference, feedback, of_tool=False, tool=nothing)
 
 
 class ReachingParameters(Parameters):
-    """The reaching tasks."""
+    """Reaching tasks."""
 
     goals: int = Field(ge=1)
     move_s: float = Field(gt=0)
@@ -138,7 +141,7 @@ class ReachingParameters(Parameters):
 
 
 def first_posture(tree: KinematicTree, parameters: ReachingParameters) -> np.ndarray:
-    """Joint positions (n,) in rad at which the reaches begin."""
+    """Joint positions (n,) in rad from which the reaches start."""
     middle, half = joint_range(tree)
     shares = np.zeros(len(middle))
     given = parameters.posture[: len(middle)]
@@ -147,7 +150,7 @@ def first_posture(tree: KinematicTree, parameters: ReachingParameters) -> np.nda
 
 
 def reaches(tree: KinematicTree, parameters: ReachingParameters, rate_hz: float, seed: int) -> ReferencePath:
-    """Reaches to random goals, one after the other; the same seed gives the same goals."""
+    """Minimum-jerk reaches of the tool to random goals in sequence; the seed determines the goals."""
     rng = np.random.default_rng(seed)
     posture = first_posture(tree, parameters)[None]
     start = tool_motion(tree, parameters.tool_m, posture, np.zeros_like(posture))[0][0]
@@ -172,9 +175,9 @@ def reaching_controller(
     feedback: Feedback,
     parameters: ReachingParameters,
 ) -> Controller:
-    """Velocity-based operational-space control along the reference with a model of the arm.
+    """Velocity-based operational-space controller along a tool reference, with a model of the arm.
 
-    Of the joints' feedback only the damping is used.
+    Of the joint feedback only the damping is used.
     """
     gains, tool = parameters.control, np.array(parameters.tool_m)
     control = VelocityControl(tool, first_posture(tree, parameters), gains.tool_1_s, gains.posture_1_s)

@@ -1,6 +1,6 @@
-"""Simulation of an arm with a model in its controller, in one compiled loop.
+"""Simulation of an arm with a dynamics model in its controller, in one compiled loop.
 
-For comparison, PyBullet can move the arm between the same compiled ticks of the controller.
+For comparison, PyBullet can move the arm between the same compiled controller ticks.
 """
 
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from structlearn.simulation.arm import Mechanics, Payload, carrying
 from structlearn.simulation.compiled_arm import step
 from structlearn.testbeds.dynamics.world.operational_space import VelocityControl, joint_reference
 
-OVERSPEED = 1.5  # multiple of its speed limit at which a joint counts as run away; overshoot stays below
+OVERSPEED = 1.5  # multiple of its velocity limit at which a joint counts as run away; overshoot stays below
 
 _FAULTS = ("", "speed limit", "joint limit", "not finite")
 
 
 class ReferencePath(NamedTuple):
-    """T samples at a uniform rate, of n joints in rad or of the tool's x, y, z in the base frame in m."""
+    """T samples at a uniform rate of n joints in rad, or of the tool position in the base frame in m."""
 
     position: np.ndarray  # (T, n) or (T, 3)
     velocity: np.ndarray  # likewise, per s
@@ -30,51 +30,51 @@ class ReferencePath(NamedTuple):
 
 
 class Feedback(NamedTuple):
-    """Gains of a robot's joints."""
+    """Joint feedback gains."""
 
-    stiffness: np.ndarray  # (n,) N m/rad, of the joints along their own path
+    stiffness: np.ndarray  # (n,) N m/rad, for joint paths only
     damping: np.ndarray  # (n,) N m s/rad
 
 
 class Controller(NamedTuple):
-    """Arguments of a control tick; made by `arm_motion.sine_controller` or `reaching_controller`."""
+    """Arguments of a control tick, see `arm_motion.sine_controller` and `reaching_controller`."""
 
     model: InverseDynamics
     path: ReferencePath
     feedback: Feedback
-    of_tool: bool  # whether the path is the tool's
-    tool: VelocityControl  # of the tool along its path
+    of_tool: bool  # whether the path is of the tool
+    tool: VelocityControl  # for tool paths
 
 
 @dataclass(frozen=True)
 class SimulatedArm:
-    """An arm and its simulation."""
+    """A simulated arm."""
 
-    robot: Robot  # its URDF, which has the limits
-    mechanics: Mechanics  # the true bodies and drives
-    dt: float  # s per control tick and physics step
-    payload: Payload | None = None  # that it picks up
-    take_at: int | None = None  # tick at which it does; None: never
+    robot: Robot  # from the URDF, with its limits
+    mechanics: Mechanics  # true inertias and drives
+    dt: float  # s, control and simulation step
+    payload: Payload | None = None  # body that it picks up
+    take_at: int | None = None  # tick of the pick-up; None: never
 
 
 @dataclass(frozen=True)
 class Run:
-    """Motion of a controlled arm; shorter than its reference where it was stopped."""
+    """Motion of a controlled arm; shorter than its reference if it was stopped."""
 
     q: np.ndarray  # (T, n) rad
     qd: np.ndarray  # (T, n) rad/s
-    torques: np.ndarray  # (T, n) N m, of the drives during the step that follows, friction not taken off
-    stopped: str | None  # why it was stopped; None where it ran through
+    torques: np.ndarray  # (T, n) N m, of the drives during the following step, before friction
+    stopped: str | None  # reason; None if it was not stopped
 
 
 def run(
     arm: SimulatedArm, controller: Controller, q: np.ndarray, qd: np.ndarray, pybullet: bool = False
 ) -> Run:
-    """Run a controller from a state (n,) along its path, until it ends or must be stopped.
+    """Run a controller along its path from a state (n,), until it ends or the arm is stopped.
 
-    A run is stopped as by a robot's safety controller: a joint is faster than `OVERSPEED` times its limit or
-    beyond its range, or the model's torques are not finite. Torques are limited to those of the drives, and
-    delayed by a latency, during which the first command already holds.
+    Stops as a robot's safety controller would: if a joint exceeds `OVERSPEED` times its velocity limit or
+    leaves its range, or if the model's torques are not finite. Torques saturate at the drives' limits and are
+    delayed by a latency; until it has passed, the first command applies.
     """
     ticks, count = len(controller.path.position), len(q)
     log = _Log(*(np.zeros((ticks + extra, count)) for extra in (1, 1, 0, 0)))
@@ -90,7 +90,7 @@ def run(
 
 
 class _Drives(NamedTuple):
-    """Limits and drives, (n,) each; the latency is in ticks."""
+    """Limits and drives, (n,) each; latency in ticks."""
 
     lower: np.ndarray
     upper: np.ndarray
@@ -103,7 +103,7 @@ class _Drives(NamedTuple):
 
 
 class _Log(NamedTuple):
-    """States (T + 1, n) before every tick and after the last, commands and torques of the drives (T, n)."""
+    """States (T + 1, n) before each tick and after the last; commands and drive torques (T, n)."""
 
     q: np.ndarray
     qd: np.ndarray
@@ -112,7 +112,7 @@ class _Log(NamedTuple):
 
 
 def _in_loop(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
-    """Ticks that were run, and the place in `_FAULTS` of what stopped it."""
+    """Number of ticks run, and index in `_FAULTS` of what stopped it."""
     tree, inertias = arm.robot.tree, arm.mechanics.inertias
     free = body(tree, inertias)
     loaded = free if arm.payload is None else body(tree, carrying(inertias, arm.payload))
@@ -147,8 +147,8 @@ def _loop(
 
 
 def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
-    """As `_in_loop`."""
-    from structlearn.simulation.bullet_arm import BulletArm  # only here: reports and views need no PyBullet
+    """As `_in_loop`, with PyBullet's dynamics."""
+    from structlearn.simulation.bullet_arm import BulletArm  # reports and views work without PyBullet
 
     tree, own = arm.robot.tree, arm.mechanics
     kinematics, work = body(tree, own.inertias), workspace(len(tree.names))
@@ -169,9 +169,9 @@ def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log
 def _tick(
     controller: Controller, drives: _Drives, own: Body, work: Workspace, k: int, log: _Log
 ) -> tuple[int, np.ndarray]:
-    """Check the state, compute the command and log it; return the fault, and the torques on the joints.
+    """Check the state, compute and log the command; return the fault and the joint torques (n,).
 
-    They are without Coulomb friction; of the arm's body only the kinematics matter.
+    The torques exclude Coulomb friction. Of `own`, only the kinematics are used.
     """
     q, qd, torques = log.q[k], log.qd[k], np.empty(len(drives.limit))
     for i in range(len(q)):
@@ -196,7 +196,7 @@ def _tick(
 def _command(
     controller: Controller, own: Body, work: Workspace, k: int, q: np.ndarray, qd: np.ndarray
 ) -> np.ndarray:
-    """The laws in the headers of `arm_motion` and `operational_space`."""
+    """Command (n,) N m by the laws in the docstrings of `arm_motion` and `operational_space`."""
     path, feedback = controller.path, controller.feedback
     wanted, rate, change = path.position[k], path.velocity[k], path.acceleration[k]
     if controller.of_tool:

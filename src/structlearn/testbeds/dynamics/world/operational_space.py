@@ -1,14 +1,14 @@
 """Velocity-based operational-space control of an arm's tool point (dissertation III.4.1.1, ref. 60).
 
-Nakanishi et al. (2008), the variant without integration of joint velocities: a reference velocity of the tool
-becomes one of the joints, its derivative an acceleration, and inverse dynamics a torque.
+The variant of Nakanishi et al. (2008) without integration of joint velocities: a reference velocity of the
+tool gives a joint velocity and, differentiated, a joint acceleration, and inverse dynamics the torques.
 
     xd_r = xd_d + K_x (x_d - x)                qd_r = J+ xd_r + (1 - J+ J) K_n (q_0 - q)
     qdd_r = J+ (xdd_d + K_x (xd_d - xd) - Jd qd) - (1 - J+ J) K_n qd
     tau = f_ID(q, qd, qdd_r) + D (qd_r - qd)
 
-D is the robot's joint damping, the same for all models. The scraping robot's controller, which works on
-forces, is `simulation.operational_space`.
+D is the robot's joint damping, the same for all models. The scraping robot has a force-based controller,
+`testbeds.scraping.world.operational_space`.
 """
 
 from collections.abc import Sequence
@@ -30,11 +30,11 @@ from structlearn.rigid_body.compiled_chain import (
 )
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
-DAMPING = 1e-6  # m^2; keeps the pseudo-inverse of the Jacobian finite where the arm is stretched out
+DAMPING = 1e-6  # m^2; keeps the Jacobian's pseudo-inverse finite when the arm is stretched out
 
 
 class VelocityControlParameters(Parameters):
-    """Gains of the controller. Fields: `params.yaml`, `track.reaching.control`."""
+    """Gains of the velocity-based controller."""
 
     tool_1_s: float = Field(gt=0)
     posture_1_s: float = Field(ge=0)
@@ -60,15 +60,15 @@ def joint_reference(
     xd_wanted: np.ndarray,
     xdd_wanted: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint velocity qd_r (n,) in rad/s and acceleration qdd_r (n,) in rad/s^2 of the law in the header.
+    """Joint velocity qd_r (n,) in rad/s and acceleration qdd_r (n,) in rad/s^2 of the module's control law.
 
-    Of the body only the kinematics matter; the workspace is of `compiled_chain.dynamics` at q and qd (n,).
-    The tool's references are (3,) in m, m/s and m/s^2 in the base frame.
+    Only the kinematics of `body` are used; `work` holds the results of `compiled_chain.dynamics` at q and
+    qd (n,). The tool references are (3,) in m, m/s and m/s^2 in the base frame.
     """
     count, position = len(q), _point(work, control.tool_m)
     jacobian = _jacobian(body, work, position)
     velocity, gram = np.zeros(3), np.zeros((3, 3))  # J qd;  J J^T + damping
-    # of the tool, beside what the null space gives; then (J J^T)^-1 of it
+    # right-hand sides minus the null-space part; then multiplied by (J J^T)^-1
     speed, push = np.empty(3), np.empty(3)
     for row in range(3):
         gram[row, row] = DAMPING
@@ -131,7 +131,7 @@ def _tool_motion(
 
 @compiled_inside
 def _point(work: Workspace, tool_m: np.ndarray) -> np.ndarray:
-    """A point (3,) of the last link, base frame."""
+    """Position (3,) of a point of the last link in the base frame."""
     point = work.place[-1].copy()
     for row in range(3):
         for k in range(3):
@@ -141,7 +141,7 @@ def _point(work: Workspace, tool_m: np.ndarray) -> np.ndarray:
 
 @compiled_inside
 def _jacobian(body: Body, work: Workspace, point: np.ndarray) -> np.ndarray:
-    """Velocity (3, n) of a point of the last link for unit speed of each joint."""
+    """Jacobian (3, n) of the velocity of a point of the last link."""
     jacobian = np.zeros((3, len(work.screw)))
     joint = len(work.screw) - 1
     while joint >= 0:
@@ -155,8 +155,8 @@ def _jacobian(body: Body, work: Workspace, point: np.ndarray) -> np.ndarray:
 
 @compiled_inside
 def _bias(body: Body, work: Workspace, point: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Jd qd (3,): acceleration of a point of the last link at qdd = 0."""
-    push = work.push[-1]  # of the twist, with gravity as an upward acceleration
+    """Bias Jd qd (3,): acceleration of a point of the last link at qdd = 0."""
+    push = work.push[-1]  # spatial acceleration, with gravity as an upward acceleration
     pull, inward = cross(push, point), cross(work.twist[-1], velocity)
     bias = np.empty(3)
     for k in range(3):

@@ -3,7 +3,7 @@
 Claims and sentences generalise over people. The study `servoing/people` repeats the whole branch for each
 person with new demonstrations, sensor, models and trials, so people are independent samples; seeds of one
 person's models are not. A person's row `servo_success_rate` is one sample of `people_servo_success_rate`,
-whose n counts people. The study gathers this run's own rows from each person; no verdict rests on them alone.
+whose n counts people. Rows on the person of this run exist for the study to gather; no verdict uses them.
 """
 
 from collections.abc import Callable, Mapping
