@@ -1,8 +1,8 @@
 """Training and errors of all avoidance models of the testbed (tables IV.1 and IV.2, figure IV.10).
 
-The models of a person learn from that person's demonstrations of one scenario, of one shape, or of all, and
-are tested on the same held-out ones. Models per setting for everybody would take longer than all the rest, so
-settings are dealt out to people (`own_scenarios`).
+A person's models learn from that person's demonstrations of one scenario, of one shape, or of all, and are
+tested on the same held-out demonstrations. Models per setting for every person would take longer than all the
+rest, so settings are divided among people (`own_scenarios`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -43,11 +43,11 @@ from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 KEYS = ["person", "model", "learned_from", "obstacle", "scenario"]
-"""Columns of the table of errors: of which model, on which samples."""
+"""Columns of the error table that identify a model and the samples it is tested on."""
 
 
 class AvoidanceTrainingParameters(Parameters):
-    """How the models are trained."""
+    """Training of the avoidance models."""
 
     split: SplitParameters
     per_setting: NetworkParameters
@@ -61,12 +61,12 @@ Stack = TypeVar("Stack", AvoidanceNetworks, HumanInspiredModels)
 
 
 class _Lesson(NamedTuple):
-    """Samples that one model is trained and tested on."""
+    """Training and test samples of one model."""
 
     person: int
     learned_from: str  # `SETTING`, a shape or `ALL`
-    obstacle: str  # shape of the obstacles, empty for several
-    setting: int  # number; 0 for all settings
+    obstacle: str  # shape of the obstacles; empty if there are several
+    setting: int  # from 1; 0 for all settings
     dataset: AvoidanceDataset
     test: np.ndarray  # (S,) mask of held-out samples
 
@@ -77,11 +77,14 @@ def learn(
     parameters: AvoidanceTrainingParameters,
     modulated: int,
 ) -> tuple[dict[int, AvoidanceModels], pd.DataFrame]:
-    """Train every model of everybody, from datasets by person.
+    """Train all models of all people, from datasets by person.
 
-    Phase-modulated networks, on which no claim rests, are trained for the person `modulated` only. Returns
-    models by person, and `network_training.fit_errors` by `KEYS`; models of all shapes have a row
-    for each shape. Raises InputError: datasets of other scenarios, too few samples, a constant target.
+    Phase-modulated networks, on which no claim rests, are trained for the person `modulated` only.
+
+    Returns models by person, and `network_training.fit_errors` by `KEYS`; models of all shapes have a row for
+    each shape.
+
+    Raises InputError: datasets of other scenarios, too few samples, a constant target.
     """
     own = own_scenarios(scenarios, list(datasets))
     lessons: list[_Lesson] = []
@@ -91,7 +94,7 @@ def learn(
     of_setting = [one for one in lessons if one.learned_from == SETTING]
     of_shape = [one for one in lessons if one.learned_from not in (SETTING, ALL)]
     across = [one for one in lessons if one.learned_from != SETTING]
-    across.sort(key=lambda one: -len(one.dataset))  # the longest first, so that no process waits at the end
+    across.sort(key=lambda one: -len(one.dataset))  # longest first, to balance the load
     steered = [*of_shape, *of_setting]
     modulating = [one for one in across if one.person == modulated]
 
@@ -118,7 +121,7 @@ def learn(
 def _lessons(
     person: int, dataset: AvoidanceDataset, test: np.ndarray, scenarios: Sequence[Scenario], own: np.ndarray
 ) -> Iterator[_Lesson]:
-    """A person's own scenarios one by one, all scenarios of each shape, all scenarios."""
+    """Lessons on each of a person's own scenarios, on all scenarios of each shape, and on all scenarios."""
     if set(dataset.scenario) != set(range(len(scenarios))):
         raise InputError(f"the samples are not those of {len(scenarios)} scenarios; run all stages")
 
@@ -139,14 +142,14 @@ def _training(lessons: Sequence[_Lesson]) -> list[AvoidanceDataset]:
 
 
 def _models(lessons: Sequence[_Lesson], stack: Stack, person: int) -> dict[str, Stack]:
-    """The models of one person in a stack with one per lesson, by what they learned from."""
+    """One person's models by source, from a stack with one model per lesson."""
     sources = [one.learned_from if one.person == person else "" for one in lessons]
     names = filter(None, dict.fromkeys(sources))
     return {name: stack.take([place for place, one in enumerate(sources) if one == name]) for name in names}
 
 
 def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -> pd.DataFrame:
-    """Errors on every lesson of the models that learned it, alone or among others."""
+    """Errors on each lesson of all models whose training includes it."""
     rows = []
     for (person, source), same in groupby(lessons, key=lambda one: (one.person, one.learned_from)):
         for place, one in enumerate(same):

@@ -1,10 +1,10 @@
-"""Situations that avoidance models are tested in (IV.8.4-8.7), and their unrolls and scores.
+"""Situations in which avoidance models are tested (IV.8.4-8.7), with their unrolls and scores.
 
-trained       the scenarios of the demonstrations
-unseen        63 small spheres close round the reach
-moving        the same spheres, crossing the reach just as the hand would be there (beyond the text)
-pair          two of them at once (beyond the text)
-goal_change   the same spheres while the goal moves (beyond the text)
+trained       the demonstrated scenarios
+unseen        63 small spheres close to the reach
+moving        the same spheres, crossing the reach just when the hand would be there (not in the dissertation)
+pair          two of them at once (not in the dissertation)
+goal_change   the same spheres while the goal moves (not in the dissertation)
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,18 +36,16 @@ from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M, Scen
 
 TRAINED, UNSEEN, MOVING, PAIR, GOAL_CHANGE = "trained", "unseen", "moving", "pair", "goal_change"
 
-NO_MODEL = "none"  # the baseline without coupling term
+NO_MODEL = "none"  # baseline without coupling term
 
 LIMITED, PUBLISHED = "limited", "published"
-"""Post-processing: the text's rules with limits at the goal, or alone."""
+"""Post-processing: the published rules with limits at the goal, or alone."""
 
-PAIR_SPACING_M = (
-    0.2  # least distance of the centres of a pair along the reach, so that there is a way between
-)
+PAIR_SPACING_M = 0.2  # least distance along the reach between the centres of a pair, to leave a gap
 
 
 class AvoidanceEvaluationParameters(Parameters):
-    """How the models are evaluated."""
+    """Evaluation of the avoidance models."""
 
     rate_hz: float = Field(ge=25, le=1000)
     kept_every: PositiveInt
@@ -72,19 +70,19 @@ class Situations:
     protocol: str
     obstacle: Shape
     numbers: np.ndarray  # (B,) of the setting, sphere or pair, from 1
-    obstacles: tuple[CloudBatch, ...]  # one or two of each reach
-    speed: np.ndarray  # (B,) of moving obstacles in m/s
-    scenarios: np.ndarray | None = None  # (B,) numbers in the dataset, from 0; None if not demonstrated
+    obstacles: tuple[CloudBatch, ...]  # one or two per reach
+    speed: np.ndarray  # (B,) m/s of the obstacles
+    scenarios: np.ndarray | None = None  # (B,) scenario index in the dataset; None if not demonstrated
     goal_change: GoalChange | None = None
 
     @property
     def keys(self) -> pd.DataFrame:
-        """Columns `protocol`, `obstacle`, `scenario` and `speed_m_s` of every reach."""
+        """Columns `protocol`, `obstacle`, `scenario` and `speed_m_s` of each reach."""
         keys = {"protocol": self.protocol, "obstacle": self.obstacle}
         return pd.DataFrame(keys | {"scenario": self.numbers, "speed_m_s": self.speed})
 
     def where(self, rows: np.ndarray) -> Self:
-        """Some reaches past obstacles at rest, by a mask (B,)."""
+        """Select reaches by a mask (B,); obstacles must be at rest."""
         return replace(
             self,
             numbers=self.numbers[rows],
@@ -101,16 +99,16 @@ class Learner:
     person: int  # seed
     baseline: PositionPrimitive
     models: AvoidanceModels
-    own: np.ndarray  # (K,) ascending numbers of the scenarios that have models per setting
+    own: np.ndarray  # (K,) ascending indices of the scenarios with models per setting
 
 
 class Contender(NamedTuple):
-    """A coupling model in the reaches that it is meant for."""
+    """A coupling model, and the reaches it applies to."""
 
     model: str  # kind
     learned_from: str  # see `learned_models.AvoidanceModels`
     coupling: CouplingModel
-    rows: np.ndarray  # (B,) mask of the reaches of a batch
+    rows: np.ndarray  # (B,) mask of the reaches in a batch
 
 
 def situations(
@@ -119,7 +117,7 @@ def situations(
     parameters: AvoidanceEvaluationParameters,
     cloud_count: int = CLOUD_COUNT,
 ) -> list[Situations]:
-    """All protocols; the trained one comes shape by shape."""
+    """Situations of all protocols; the trained ones are split by shape."""
     shapes = [shape for shape in SHAPES if any(scenario.shape == shape for scenario in scenarios)]
     return [
         *(trained(scenarios, shape, baseline, cloud_count) for shape in shapes),
@@ -133,7 +131,7 @@ def situations(
 def trained(
     scenarios: Sequence[Scenario], shape: Shape, baseline: PositionPrimitive, cloud_count: int = CLOUD_COUNT
 ) -> Situations:
-    """The scenarios of one shape, as they were demonstrated."""
+    """The demonstrated scenarios of one shape."""
     places = np.array([place for place, scenario in enumerate(scenarios) if scenario.shape == shape])
     clouds = np.stack([scenarios[place].obstacle.cloud(cloud_count) for place in places])
     obstacles = cloud_batch(to_local(clouds, baseline))
@@ -142,7 +140,7 @@ def trained(
 
 
 def unseen(baseline: PositionPrimitive) -> Situations:
-    """The grid of spheres round the baseline (IV.8.7)."""
+    """The grid of unseen spheres around the baseline (IV.8.7)."""
     centres = unseen_centres(baseline.start, baseline.goal)
     clouds = to_local(ringed_sphere(centres, UNSEEN_RADIUS_M), baseline)
     obstacles = cloud_batch(clouds, to_local(centres, baseline), UNSEEN_RADIUS_M)
@@ -151,7 +149,7 @@ def unseen(baseline: PositionPrimitive) -> Situations:
 
 
 def moving(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
-    """The spheres crossing the reach, in place when the baseline is closest; even ones go to the left."""
+    """Spheres that cross the reach when the baseline is closest; even numbers move to the left."""
     grid = unseen(baseline)
     spheres = grid.obstacles[0]
     path = baseline.unroll(1.0 / parameters.rate_hz)
@@ -169,7 +167,7 @@ def moving(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameter
 
 
 def pairs(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
-    """Two spheres of the grid at once, at least `PAIR_SPACING_M` apart along the reach."""
+    """Random pairs of spheres of the grid, at least `PAIR_SPACING_M` apart along the reach."""
     spheres = unseen(baseline).obstacles[0]
     along = spheres.centre[:, 0]
     first, second = np.nonzero(along[None] - along[:, None] >= PAIR_SPACING_M)
@@ -180,16 +178,17 @@ def pairs(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters
 
 
 def goal_change(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
-    """The grid of spheres, and a goal that moves while the hand is under way."""
+    """The grid of spheres, with a goal that moves during the reach."""
     shift = baseline_axes(baseline) @ np.array(parameters.goal_shift_m)
     change = GoalChange(parameters.goal_change_s, baseline.goal + shift)
     return replace(unseen(baseline), protocol=GOAL_CHANGE, goal_change=change)
 
 
 def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
-    """No model, and all that are meant for a situation.
+    """No model, and all models that apply to a situation.
 
-    In demonstrated scenarios these are models of the setting, of the shape, and of all; else of every shape.
+    For demonstrated scenarios: models of the setting, of its shape and of all shapes; otherwise models of
+    every shape and of all.
     """
     every = np.ones(len(situation.numbers), dtype=bool)
     yield Contender(NO_MODEL, "", no_coupling, every)
@@ -206,12 +205,12 @@ def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
 def evaluate(
     work: tuple[Learner, Situations], parameters: AvoidanceEvaluationParameters, with_paths_of: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Unroll all contenders; trained and unseen obstacles with both kinds of rules.
+    """Unroll all contenders; for trained and unseen obstacles with both kinds of rules.
 
-    Returns the columns of `avoidance_scores.scores` per `person`, `protocol`, `rules`, `model`,
-    `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`. Of unrolls with the rules `limited` of
-    one person it also returns paths: the same keys without the person, `time_s`, positions `x_m`, ... in the
-    base frame, and coupling terms `coupling_x`, ... that acted, local frame, m.
+    Returns the columns of `avoidance_scores.scores` by `person`, `protocol`, `rules`, `model`,
+    `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; and the paths with rules `limited` of the
+    person `with_paths_of`: the same keys without person and rules, `time_s`, positions `x_m`, ... in the base
+    frame, and applied coupling terms `coupling_x`, ... in the local frame, m.
     """
     learner, situation = work
     rules = {LIMITED: parameters.postprocessing}
@@ -224,7 +223,7 @@ def evaluate(
         its = situation if contender.rows.all() else situation.where(contender.rows)
         keys = its.keys.assign(model=contender.model, learned_from=contender.learned_from)
         for name, postprocessing in rules.items():
-            found = bare  # whatever the rules
+            found = bare  # the same for all rules
             if contender.model != NO_MODEL:
                 found = unrolled(its, contender.coupling, learner.baseline, parameters, postprocessing)
             scored = scores(found, its.obstacles, bare.path.position[contender.rows])
@@ -241,7 +240,7 @@ def unrolled(
     parameters: AvoidanceEvaluationParameters,
     postprocessing: PostprocessingParameters,
 ) -> AvoidancePaths:
-    """All reaches of a situation with one model, until `LATE_FACTOR` durations."""
+    """All reaches of a situation with one coupling model, over `LATE_FACTOR` durations."""
     obstacles, dt, change = situation.obstacles, 1.0 / parameters.rate_hz, situation.goal_change
     return unroll(
         baseline, coupling, obstacles, dt, postprocessing, until_factor=LATE_FACTOR, goal_change=change

@@ -1,9 +1,9 @@
-"""How well movements avoid obstacles and reach their goals: the columns of tables IV.1 to IV.3.
+"""Scores of obstacle avoidance and goal reaching: the columns of tables IV.1 to IV.3.
 
 The tables' distance to an obstacle is unitless, (|x - centre| - r) / r with the virtual radius r; a movement
-hits when it is 0 or less. This is exact for spheres only; beside it there is the distance to the closest
-point of the cloud in m. Demonstrations are scored likewise: one person's are stored, to be shown, those of
-others simulated.
+hits if it is 0 or less. This is exact for spheres only, so the distance in m to the closest point of the
+cloud is given as well. Demonstrations are scored alike: one person's recorded runs, and simulated runs of the
+others.
 """
 
 from collections.abc import Sequence
@@ -30,11 +30,11 @@ from structlearn.testbeds.obstacles.files import BASELINE
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, demonstrations
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, scenarios
 
-LATE_FACTOR = 1.5  # durations after which the goal distance is scored again: the forcing term is gone
+LATE_FACTOR = 1.5  # durations at which the goal distance is scored again, when the forcing term has vanished
 
 
 def unitless_distance(position: np.ndarray, centre: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
-    """Distance (...) of positions (..., 3) from a virtual surface in virtual radii; a hit if not positive."""
+    """Distance (...) of positions (..., 3) from a virtual surface in virtual radii; 0 or less is a hit."""
     return (np.linalg.norm(np.subtract(position, centre), axis=-1) - radius) / radius
 
 
@@ -47,7 +47,7 @@ def closest_approaches(
     """
     unitless, clearance = [], []
     for obstacle in obstacles:
-        seen = position - obstacle.path(time)  # as if the obstacle had stayed where it was
+        seen = position - obstacle.path(time)  # relative to the obstacle's initial place
         distances = unitless_distance(seen, obstacle.centre[:, None], obstacle.radius[:, None])
         unitless.append(distances.min(axis=1))
         clearance.append(closest_distance(seen, obstacle.points[:, None]).min(axis=1))
@@ -55,12 +55,14 @@ def closest_approaches(
 
 
 def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndarray) -> pd.DataFrame:
-    """One row per scenario of a batch of unrolls over at least `LATE_FACTOR` durations; else InputError.
+    """Scores of a batch of unrolls, one row per scenario.
 
     Over the prescribed duration: `obstacle_distance` (closest, unitless), `hit`, `clearance_m` (closest to
     the cloud), `detour_m` (largest distance from the path without avoidance, `bare` (B, T, 3) m), and
-    `restrained`, the share of samples whose coupling term was changed for the goal. `goal_distance_m` at its
-    end, `late_goal_distance_m` at `LATE_FACTOR` durations, `excursion_m`, the largest from its end on.
+    `restrained`, the share of samples whose coupling term was limited for the goal. `goal_distance_m` at its
+    end, `late_goal_distance_m` at `LATE_FACTOR` durations, `excursion_m`: the largest from its end on.
+
+    Raises InputError: unrolls are shorter than `LATE_FACTOR` durations.
     """
     dt = paths.path.dt
     end, late = (sample_count(factor * paths.duration, dt) for factor in (1.0, LATE_FACTOR))
@@ -95,7 +97,8 @@ def person_data(
 ) -> tuple[PositionPrimitive, pd.DataFrame, pd.DataFrame]:
     """Baseline, samples (`avoidance_dataset.to_table`) and `demonstration_scores` of one person.
 
-    `recorded`: folder with the runs of `person`; other seeds are simulated. Tables have a column `person`.
+    `recorded` is the folder with the runs of `person`; other seeds are simulated. Tables have a column
+    `person`.
     """
     places = scenarios(scene)
     if seed == person.seed:
@@ -117,9 +120,9 @@ def demonstration_scores(
     baseline: PositionPrimitive,
     cloud_count: int = CLOUD_COUNT,
 ) -> pd.DataFrame:
-    """Columns of `scores` for the demonstrations, with the goal distance at the last sample.
+    """Scores of demonstrations, with columns as in `scores` and the goal distance at the last sample.
 
-    By `obstacle`, `scenario` (number of the setting) and `demonstration` (from 1).
+    Rows are identified by `obstacle`, `scenario` (number of the setting) and `demonstration` (from 1).
     """
     goal, rows = to_local(baseline.goal, baseline), []
     for scenario, its in zip(scenarios, sets, strict=True):

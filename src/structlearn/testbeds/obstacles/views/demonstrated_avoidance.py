@@ -1,6 +1,6 @@
-"""Recordings of trained scenarios: demonstrations (IV.8.3), and what models do beside them (IV.8.5, 8.6).
+"""Recordings of trained scenarios: demonstrations (IV.8.3), and the models beside them (IV.8.5, 8.6).
 
-Everything is in the base frame. No robot is shown: the hand is a point, as motion capture sees it.
+Everything is in the base frame. No robot is shown; the hand is a point, as in motion capture.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,8 +34,8 @@ from structlearn.viewer import rrd
 from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
 
 BARE = SOURCES[""]  # look of the reach without avoidance
-PALE = 0.5  # opacity of demonstrations, of which there are many, and of future paths
-SOLID_OPACITY = 0.35  # of obstacles: the cloud on the far side stays visible
+PALE = 0.5  # opacity of the many demonstrations and of future paths
+SOLID_OPACITY = 0.35  # of obstacles: the far side of the cloud stays visible
 ARROW_SCALE, LONGEST_ARROW_M = 1.5e-3, 0.15  # m per m of coupling term; Rai et al. reach 100 times as much
 ARROW_EVERY = 2  # samples of a path per arrow
 
@@ -43,27 +43,27 @@ SIDES = {1: "left of", 2: "above"}
 """Sides of the straight line from start to goal, by local axis."""
 
 DIRECTIONS = {1: "to the left", 2: "upwards"}
-"""Directions of coupling terms, by local axis; the term along the reach is always 0."""
+"""Directions of coupling terms, by local axis; along the reach the term is always 0."""
 
-DIM = "#555c64"  # colour of demonstrated coupling terms, darker than that of demonstrations
-ROOM = 1.5  # range of plots of coupling terms over that of the demonstrated ones
+DIM = "#555c64"  # demonstrated coupling terms, darker than demonstrations
+ROOM = 1.5  # axis range for coupling terms relative to the demonstrated range
 
 
 class ObstacleViewParameters(Parameters):
-    """What the recordings of demonstrations and of models show."""
+    """Contents of the recordings of demonstrations and models."""
 
     scenarios: tuple[str, ...] = Field(min_length=1)
 
 
 @dataclass(frozen=True)
 class ShownScenario:
-    """A scenario, how people avoided its obstacle, and how the models do."""
+    """A scenario with its demonstrations and the models' reaches."""
 
     scenario: Scenario
-    cloud: np.ndarray  # (P, 3) m, base frame, the points of the obstacle that models see
+    cloud: np.ndarray  # (P, 3) m, base frame, the obstacle's points as the models see them
     demonstrations: Sequence[Demonstration]
     targets: pd.DataFrame  # samples of the demonstrations: `demonstration`, `time_s`, `target_x`, ...
-    reaches: Group  # of the models; that without avoidance is among them
+    reaches: Group  # of the models, including the one without avoidance
 
 
 def shown_scenarios(
@@ -74,7 +74,7 @@ def shown_scenarios(
     reaches: Mapping[SituationKey, Group],
     cloud_count: int,
 ) -> list[ShownScenario]:
-    """Demonstrations, samples and unrolls of some scenarios, in the order of their names.
+    """Demonstrations, samples and unrolls of the scenarios in `names`, in that order.
 
     Raises InputError: there is no scenario of a name.
     """
@@ -100,7 +100,7 @@ def write_avoidance_demonstrations(
     places: Sequence[tuple[Scenario, bool]],
     title: str,
 ) -> None:
-    """Record demonstrations past obstacles: all chosen scenarios, all settings, and one scenario a tab.
+    """Record demonstrations past obstacles: a tab of the chosen scenarios, one of all settings, one of each.
 
     `places`: a scenario of each setting, and whether the reach without avoidance hits an obstacle there.
     """
@@ -137,7 +137,7 @@ def _send_settings(
     baseline: PositionPrimitive,
     places: Sequence[tuple[Scenario, bool]],
 ) -> np.ndarray:
-    """Log obstacles with the numbers of their settings, and reaches; returns their points (N, 3) m."""
+    """Log obstacles labelled by setting, and reaches without obstacle; return all points (N, 3) m."""
     centres = [place.obstacle.centre for place, _ in places]
     colours = rgba([(HIT if hit else FREE).colour for _, hit in places])
     labels = [f"{place.setting:02d}" for place, _ in places]
@@ -153,7 +153,7 @@ def _send_settings(
 def _send_signals(
     stream: rr.RecordingStream, one: ShownScenario, baseline: PositionPrimitive
 ) -> list[rrb.TimeSeriesView]:
-    """Log the hands of people, and plot signals of these and of the reach without avoidance."""
+    """Log the demonstrated hands, and plot signals of the demonstrations and of no avoidance."""
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     grey = DEMONSTRATIONS.colour
     people = [(person.name, person.time, person.position, grey) for person in one.demonstrations]
@@ -192,9 +192,9 @@ def _notes(
 
 
 def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], title: str) -> None:
-    """Record unrolls in trained scenarios: a tab per scenario, in it a column per kind of model.
+    """Record unrolls in trained scenarios: one tab per scenario, one column per kind of model.
 
-    A column has paths with coupling terms beside the demonstrations, the distance to the obstacle, and
+    A column shows paths with coupling terms beside the demonstrations, the distance to the obstacle, and
     coupling terms over time beside the demonstrated ones.
     """
     origin = rrd.origin_label([one for group in shown for one in group.demonstrations])
@@ -219,7 +219,7 @@ def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], ti
 def _send_model(
     stream: rr.RecordingStream, one: ShownScenario, kind: str, points: np.ndarray, floor: float
 ) -> rrb.Vertical:
-    """Log paths and signals of a kind of model by what it learned from; returns its scene and plots."""
+    """Log paths and signals of a kind of model by training source; return its scene and plots."""
     name = one.scenario.name
     for reach in of_model(one.reaches, kind):
         label, colour = SOURCES[reach.learned_from]
@@ -275,7 +275,7 @@ def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:
 
 
 def _body(solid: Obstacle, colour: str) -> rr.AsComponents:
-    """The solid of an obstacle at rest."""
+    """Solid of an obstacle at rest."""
     from scipy.spatial.transform import Rotation
 
     pose: dict[str, Any] = {
@@ -299,7 +299,7 @@ def send_paths(
     opacity: float = 1.0,
     width: float = 1.0,
 ) -> None:
-    """Log whole paths, each (T, 3) m, as lines with a half width in points."""
+    """Log whole paths, (T, 3) m each, as lines; `width` is half the line width in points."""
     strips = rr.LineStrips3D(list(positions), colors=rgba([colour], opacity), radii=-width)
     stream.log(path, strips, static=True)
 
@@ -307,19 +307,19 @@ def send_paths(
 def send_hand(
     stream: rr.RecordingStream, path: str, time: np.ndarray, position: np.ndarray, colour: str
 ) -> None:
-    """Log a hand over time (T,) in s, as a point (T, 3) in m."""
+    """Log a hand moving over time (T,) s as a point (T, 3) m."""
     rrd.send_moving_frame(stream, path, [time_column(time)], position, None, colour, 0.0)
 
 
 def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
-    """Arrows (N, 3) in m of coupling terms (N, 3) in m, shortened to `LONGEST_ARROW_M`."""
+    """Arrows (N, 3) in m for coupling terms (N, 3) in m, at most `LONGEST_ARROW_M` long."""
     vectors = ARROW_SCALE * coupling
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors * np.minimum(1.0, LONGEST_ARROW_M / np.maximum(length, LONGEST_ARROW_M))
 
 
 def send_scenario(stream: rr.RecordingStream, one: ShownScenario) -> np.ndarray:
-    """Log the obstacle, demonstrations and the reach without avoidance; returns their points (N, 3) m."""
+    """Log an obstacle, demonstrations and the reach without avoidance; return all points (N, 3) m."""
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     demonstrated = [person.position for person in one.demonstrations]
     colour, path = (HIT if bare.hit else FREE).colour, entity(name, "obstacle")

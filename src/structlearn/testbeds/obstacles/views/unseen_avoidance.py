@@ -1,4 +1,4 @@
-"""Recordings of unseen spheres (IV.8.7), and of what the text leaves out: moving spheres, pairs, goals."""
+"""Recordings of unseen spheres (IV.8.7), and of situations beyond it: moving spheres, pairs, moving goals."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -33,7 +33,7 @@ from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
 from structlearn.viewer import rrd
 from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
 
-SPHERE, STEPS_PER_S = "sphere", 2.0  # time line on which each step is another sphere
+SPHERE, STEPS_PER_S = "sphere", 2.0  # time line with one step per sphere
 SHOWN = 3  # reaches per situation, evenly spread over those that hit without avoidance
 
 EXPLAINED = {
@@ -48,8 +48,8 @@ def write_unseen_avoidance(
 ) -> None:
     """Record reaches past unseen spheres, which are in the local frame of the baseline.
 
-    The first tab shows all paths of each ensemble; the second one sphere at a time with the paths of all
-    ensembles, and how close they get to every sphere.
+    The first tab shows all paths of each ensemble; the second one sphere at a time, with the paths of all
+    ensembles and their closest distance to every sphere.
     """
     centres = in_base_frame(situation.obstacles[0].centre, baseline)
     ensembles = ensembles_of(groups)
@@ -84,14 +84,14 @@ def write_unseen_avoidance(
 
 
 def ensembles_of(groups: Sequence[Group]) -> dict[str, list[Reach]]:
-    """Reaches of ensembles in all situations, by what they learned from."""
+    """Reaches of ensembles in all situations, by training source."""
     every = [reach for group in groups for reach in of_model(group, ENSEMBLE)]
     found = {source: [reach for reach in every if reach.learned_from == source] for source in SOURCES}
     return {source: its for source, its in found.items() if its}
 
 
 def hits_table(groups: Sequence[Group]) -> str:
-    """Numbers of hits of each ensemble and without avoidance, in Markdown."""
+    """Number of hits of each ensemble and without avoidance, as a Markdown table."""
     counts = {BARE.name: sum(without_avoidance(group).hit for group in groups)}
     for source, its in ensembles_of(groups).items():
         counts[model_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
@@ -100,7 +100,7 @@ def hits_table(groups: Sequence[Group]) -> str:
 
 
 def ensemble_legend(groups: Sequence[Group]) -> str:
-    """Colours of ensembles and spheres, in Markdown."""
+    """Colours of ensembles and spheres, as a Markdown legend."""
     ensembles = {model_name(ENSEMBLE, source): SOURCES[source].colour for source in ensembles_of(groups)}
     return rrd.legend(ensembles | {look.name: look.colour for look in (BARE, HIT, FREE)})
 
@@ -113,7 +113,7 @@ def _send_spheres(
     baseline: PositionPrimitive,
     steps: Sequence[rr.TimeColumn],
 ) -> None:
-    """All centres as small balls, and the sphere of each step in its size."""
+    """Log all centres as small balls, and each step's sphere in full size."""
     colours = [(HIT if without_avoidance(group).hit else FREE).colour for group in groups]
     labels = [str(number) for number in situation.numbers]
     balls = rr.Points3D(centres, colors=rgba(colours), radii=0.006, labels=labels, show_labels=False)
@@ -166,9 +166,9 @@ def write_changing_avoidance(
     baseline: PositionPrimitive,
     title: str,
 ) -> None:
-    """Record reaches past obstacles of kinds that models never met in training, a tab per situation.
+    """Record reaches past obstacles of kinds that are not in the training data, one tab per situation.
 
-    A tab has some reaches as scenes over time, with the distance to the nearest sphere below each.
+    A tab shows some reaches as scenes over time, with the distance to the nearest sphere below each.
     """
     with rrd.recording(path, title) as stream:
         tabs = []
@@ -185,7 +185,7 @@ def write_changing_avoidance(
 
 
 def shown_reaches(groups: Sequence[Group], count: int = SHOWN) -> list[int]:
-    """Indices of at most `count` of the reaches, evenly spread over those that hit without avoidance."""
+    """Indices of at most `count` reaches, evenly spread over those that hit without avoidance."""
     hit = [index for index, group in enumerate(groups) if without_avoidance(group).hit]
     shown = min(count, len(hit))
     return [hit[(2 * place + 1) * len(hit) // (2 * shown)] for place in range(shown)]
@@ -202,7 +202,7 @@ def surface_distances(
 def _send_scene(
     stream: rr.RecordingStream, situation: Situations, index: int, group: Group, baseline: PositionPrimitive
 ) -> rrb.Vertical:
-    """Log one reach past its spheres by every ensemble; a scene and the distances below it."""
+    """Log each ensemble's reach in one situation; return a scene with the distances below it."""
     heading = f"{SITUATIONS[situation.protocol]} {situation.numbers[index]}"
     if situation.speed[index]:
         heading += f", {situation.speed[index]:g} m/s"
@@ -256,7 +256,7 @@ def _changing_notes(title: str, protocol: str, groups: Sequence[Group]) -> str:
 
 
 def in_base_frame(points: np.ndarray, baseline: PositionPrimitive) -> np.ndarray:
-    """Points (..., 3) m of the baseline's local frame in the base frame."""
+    """Transform points (..., 3) m from the baseline's local frame to the base frame."""
     return baseline.start + points @ baseline_axes(baseline).T
 
 
@@ -269,7 +269,7 @@ def send_sphere(
     centres: np.ndarray,
     colours: Sequence[str],
 ) -> None:
-    """Log a sphere whose centre (T, 3) m and colour change; its cloud (P, 3) m is relative to the centre."""
+    """Log a sphere with changing centre (T, 3) m and colour; `cloud` (P, 3) m is relative to the centre."""
     solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid)
     stream.log(f"{path}/solid", solid, static=True)
     stream.log(f"{path}/cloud", rr.Points3D(cloud, radii=-1.5), static=True)
@@ -280,7 +280,7 @@ def send_sphere(
 
 
 def send_trail(stream: rr.RecordingStream, path: str, reach: Reach, colour: str) -> None:
-    """Log a reach over time: its hand with the coupling term, and the path behind it."""
+    """Log a reach over time: the hand with its coupling term, and the path travelled."""
     times = [time_column(reach.time)]
     send_hand(stream, f"{path}/hand", reach.time, reach.position, colour)
     stream.log(f"{path}/trail", rr.LineStrips3D.from_fields(colors=rgba([colour]), radii=-1.5), static=True)

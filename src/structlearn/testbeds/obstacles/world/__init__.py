@@ -1,1 +1,1 @@
-"""Where obstacles stand, and the simulated people who reach past them."""
+"""Obstacle scenarios, and simulated people who reach past them."""

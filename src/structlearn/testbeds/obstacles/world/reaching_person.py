@@ -1,8 +1,8 @@
-"""A simulated person who reaches past obstacles, independent of coupling terms and networks.
+"""Simulated people who reach past obstacles, independent of coupling terms and networks.
 
 A reach has minimum jerk (Flash & Hogan 1985) and is slightly lifted, as over a table. Where it would come too
-near to an obstacle, the person picks a side, takes a via point there with the least additional jerk, and the
-path gives way until the hand's clearance is kept everywhere: descent on a hinge of the obstacle's signed
+close to an obstacle, the person picks a side and a via point there with the least additional jerk; the path
+is then deformed until the hand keeps its clearance everywhere: descent on a hinge of the obstacle's signed
 distance in the metric of squared jerk (covariant descent, Ratliff et al. 2009). Trials differ in duration,
 lift, end points, clearance, perceived place of the obstacle, side and motor noise.
 """
@@ -21,12 +21,12 @@ from structlearn.core.params import Parameters
 from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, check_clear, reach_frame
 
-PLAN_POINTS = 51  # of a planned path over its normalised duration; samples are interpolated
-FIXED_POINTS = 3  # at either end of a plan: position, velocity and acceleration there stay those of rest
-SIDES = 16  # directions across the reach among which a person picks the side
-DETOURS_M = np.linspace(0.0, 0.5, 101)  # detours that are tried on each side
-DESCENT_STEPS, DESCENT_RATE, TOLERANCE_M = 200, 0.3, 5e-4  # ends when no clearance is missed by more
-TIGHT = 0.9  # share of the free space at start or goal that is kept where it is less than the clearance
+PLAN_POINTS = 51  # points of a planned path over its normalised duration; samples are interpolated
+FIXED_POINTS = 3  # at either end of a plan: the hand starts and ends at rest
+SIDES = 16  # candidate directions across the reach
+DETOURS_M = np.linspace(0.0, 0.5, 101)  # candidate detours on each side
+DESCENT_STEPS, DESCENT_RATE, TOLERANCE_M = 200, 0.3, 5e-4  # stops when no clearance is missed by more
+TIGHT = 0.9  # clearance as a share of the free space at start or goal, where that is less
 NOISE_CORRELATION_S = 0.12  # std of the Gaussian that smooths motor noise; corrections take 0.1 to 0.3 s
 
 Seconds = Annotated[float, Field(ge=0, le=10)]
@@ -34,7 +34,7 @@ Spread = Annotated[float, Field(ge=0, le=0.1)]
 
 
 class AvoiderParameters(Parameters):
-    """The person, and the motion capture that records the hand; spreads are std between trials."""
+    """The person, and the motion capture that records the hand; spreads are std over trials."""
 
     baseline_count: int = Field(ge=1, le=1000)
     count: int = Field(ge=1, le=1000)
@@ -65,9 +65,9 @@ class AvoiderParameters(Parameters):
 def demonstrations(
     scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
 ) -> list[Demonstration]:
-    """Reaches "01", "02", ... in one scenario, or without obstacle where it is None.
+    """Reaches "01", "02", ... in one scenario, or without obstacle if it is None.
 
-    Each depends on the seed, its scenario and its number only. Raises InputError: an obstacle contains start
+    Each depends only on the seed, the scenario and its number. Raises InputError: an obstacle contains start
     or goal, or the reach has no direction.
     """
     provenance = {
@@ -87,7 +87,7 @@ def demonstrations(
 def captured(
     scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
 ) -> list[Demonstration]:
-    """`demonstrations` of the recorded person, stamped in whole ns as by motion capture."""
+    """`demonstrations` of the recorded person, with time stamps in whole ns as from motion capture."""
     made = demonstrations(scenario, scene, person)
     return [replace(one, time=np.round(one.time * 1e9) * 1e-9) for one in made]
 
@@ -95,7 +95,7 @@ def captured(
 def reaches(
     scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Times (T,) s and measured positions (T, 3) m, base frame, of each of the `demonstrations`."""
+    """Times (T,) s and measured positions (T, 3) m in the base frame of each of the `demonstrations`."""
     count = person.baseline_count if scenario is None else person.count
     place = (0, 0) if scenario is None else (1 + SHAPES.index(scenario.shape), scenario.setting)
     seeds = [np.random.SeedSequence([person.seed, *place, number]) for number in range(count)]
@@ -110,7 +110,7 @@ def reaches(
     if scenario is not None:
         check_clear(scenario.obstacle, scene.start, scene.goal)
         clearance = person.clearance_m * np.exp(person.clearance_spread * trials[:, 7])
-        moved = person.perception_m * trials[:, 8:11]  # misperceived by so much, like a hand that is off
+        moved = person.perception_m * trials[:, 8:11]  # perception error, applied as a shift of the hand
         chance = np.stack([rng.gumbel(size=SIDES) for rng in draws])
         seen = plans - moved[:, None]
         plans = _avoiding(seen, scenario.obstacle, clearance, axes, person, chance) + moved[:, None]
@@ -121,7 +121,7 @@ def reaches(
 
 
 def _undisturbed(starts: np.ndarray, goals: np.ndarray, bow: np.ndarray) -> np.ndarray:
-    """Minimum-jerk reaches (D, N, 3) from starts (D, 3) to goals (D, 3), bowed by (D, 3) halfway."""
+    """Minimum-jerk reaches (D, N, 3) from starts (D, 3) to goals (D, 3), offset by `bow` (D, 3) halfway."""
     s = np.linspace(0.0, 1.0, PLAN_POINTS)[:, None]
     arch = 64.0 * (s * (1.0 - s)) ** 3  # at rest at both ends, 1 halfway
     return starts[:, None] + (goals - starts)[:, None] * minimum_jerk.progress(s) + bow[:, None] * arch
@@ -135,7 +135,7 @@ def _avoiding(
     person: AvoiderParameters,
     chance: np.ndarray,
 ) -> np.ndarray:
-    """Paths (D, N, 3) changed with little jerk so that they keep their clearance (D,) from the obstacle."""
+    """Deform paths (D, N, 3) with little jerk until they keep a clearance (D,) from the obstacle."""
     ends = solid.signed_distance(paths[:, [0, -1]]).min(axis=1)
     clearance = np.minimum(clearance, TIGHT * ends)[:, None]
     metric = jerk_metric(PLAN_POINTS)
@@ -150,7 +150,7 @@ def _avoiding(
         distance, normal = solid.distance_and_normal(paths)
         missing = np.maximum(clearance - distance, 0.0)  # (D, N)
         worst = missing.max(axis=1)
-        wanting = worst >= TOLERANCE_M  # the others stay: each as if it were alone
+        wanting = worst >= TOLERANCE_M  # finished paths stay, so that results do not depend on the batch
         if not wanting.any():
             break
         step = metric @ (missing[..., None] * normal)
@@ -168,7 +168,7 @@ def _detour(
     person: AvoiderParameters,
     chance: np.ndarray,
 ) -> np.ndarray:
-    """Displacement (D, 3) of the closest points (D, 3) to the side of least cost; chance (D, S) is random."""
+    """Displacement (D, 3) of closest points (D, 3) to the side of least cost; `chance` (D, S) is random."""
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
     sides = np.outer(np.cos(angle), axes[:, 1]) + np.outer(np.sin(angle), axes[:, 2])  # (S, 3)
     tried = points[:, None, None] + sides[:, None] * DETOURS_M[:, None]  # (D, S, M, 3)
@@ -181,10 +181,10 @@ def _detour(
 
 @lru_cache
 def jerk_metric(count: int) -> np.ndarray:
-    """Response (count, count) of a path at rest at both ends to a push with the least squared jerk.
+    """Response (count, count) of a path at rest at both ends to a push, with the least squared jerk.
 
-    It is the inverse of the quadratic form of squared third differences, scaled to a largest entry of 1; rows
-    and columns of the `FIXED_POINTS` at either end are 0.
+    This is the inverse of the quadratic form of squared third differences, scaled to a largest entry of 1;
+    rows and columns of the `FIXED_POINTS` at either end are 0.
     """
     third = np.diff(np.eye(count), n=3, axis=0)[:, FIXED_POINTS:-FIXED_POINTS]
     metric = np.zeros((count, count))
@@ -197,7 +197,7 @@ def jerk_metric(count: int) -> np.ndarray:
 def _moved(
     plan: np.ndarray, duration: float, rng: np.random.Generator, person: AvoiderParameters
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times (T,) s and measured positions (T, 3) m of one planned path (N, 3)."""
+    """Times (T,) s and measured positions (T, 3) m along one planned path (N, 3)."""
     from scipy.interpolate import CubicSpline
     from scipy.ndimage import gaussian_filter1d
 
@@ -208,6 +208,6 @@ def _moved(
     speed = np.linalg.norm(path(moving, 1), axis=1, keepdims=True) * ((moving > 0) & (moving < 1))[:, None]
     width = NOISE_CORRELATION_S * person.rate_hz
     motor = gaussian_filter1d(rng.standard_normal((len(time) + 200, 3)), width, axis=0)[100:-100]
-    motor *= np.sqrt(2.0 * np.sqrt(np.pi) * width)  # unit std again
+    motor *= np.sqrt(2.0 * np.sqrt(np.pi) * width)  # restores unit std
     noise = person.motor_noise_m * speed / speed.max() * motor
     return time, path(moving) + noise + person.marker_noise_m * rng.standard_normal((len(time), 3))
