@@ -1,4 +1,4 @@
-"""Paths of the files of the scraping testbed, and typed readers."""
+"""Files of the scraping testbed, with typed readers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration, read_runs
 
 CHECKS = "checks_"
-"""Prefix of the tables of checks beside the data sets, one per primitive."""
+"""File name prefix of the check tables beside the data sets, one per primitive."""
 
 TABLES = {
     "noise": "segments/scraping_sweep/noise",
@@ -35,35 +35,35 @@ TABLES = {
     "refined_traces": "feedback/scraping/refined/traces",
     "search": "feedback/scraping/search/trials",
 }
-"""Tables of the stages by name, below the folder of all data, without their ending."""
+"""Paths of the stages' tables relative to the data folder, without suffix."""
 
 CLOSED_LOOP, REFINED, CORRECTIONS = "closed_loop", "refined", "corrections"
-"""Folders of runs at several tilts; the first two hold a folder per model, those of corrections do not."""
+"""Folders of runs at several tilts; the first two have a subfolder per model."""
 
 
 @dataclass(frozen=True)
 class ScrapingFiles:
-    """Outputs of the stages below a folder of all data."""
+    """Outputs of the stages in a data folder."""
 
     data: Path = Path("data")
 
     def table(self, name: str) -> pd.DataFrame:
-        """One of `TABLES`; empty where a stage had nothing to write."""
+        """Read one of `TABLES`; empty if the stage had nothing to write."""
         path = self.data / f"{TABLES[name]}.parquet"
         return read_table(path) if path.exists() else pd.DataFrame()
 
     def runs(self, name: str) -> list[Demonstration]:
-        """A set: `nominal` (demonstrations), `unrolls` and `level` (executions on the level board)."""
+        """Read a set of runs: `nominal` (demonstrations), `unrolls` or `level` (on the level board)."""
         return read_runs(self.data / f"runs/scraping/{name}.parquet")
 
     def runs_at(self, setting_deg: float, kind: str, model: str = "") -> list[Demonstration]:
-        """Runs of a kind at one tilt, by a model or without; none where the tilt was not run."""
+        """Read runs of a kind at one tilt, of a model if any; empty if the tilt was not run."""
         path = self.data / "runs/scraping" / kind / model / f"{setting_deg:g}.parquet"
         return read_runs(path) if path.exists() else []
 
 
 def read_settings(folder: str | Path) -> dict[float, list[Demonstration]]:
-    """Runs by setting in degrees, in rising order, from `<setting>.parquet`.
+    """Runs by setting in degrees, ascending, from `<setting>.parquet`.
 
     Raises InputError: there is no such folder, or a file cannot be read.
     """
@@ -72,7 +72,7 @@ def read_settings(folder: str | Path) -> dict[float, list[Demonstration]]:
 
 
 def read_expected(folder: str | Path) -> dict[str, VectorPrimitive]:
-    """Expected traces by primitive, from `<primitive>.safetensors`; none without sensors.
+    """Expected traces by primitive, from `<primitive>.safetensors`; empty without sensors.
 
     Raises InputError: there is no such folder, or a file is not readable.
     """
@@ -81,7 +81,7 @@ def read_expected(folder: str | Path) -> dict[str, VectorPrimitive]:
 
 
 def read_datasets(folder: str | Path, settings: Sequence[float] | None = None) -> dict[str, CouplingDataset]:
-    """Supervised data by primitive, of some settings in degrees or of all.
+    """Supervised data by primitive, for some settings in degrees or for all.
 
     Raises InputError: there is no such folder, a file is not readable, or a setting was not recorded.
     """
@@ -103,7 +103,7 @@ def read_datasets(folder: str | Path, settings: Sequence[float] | None = None) -
 
 
 def _written(folder: str | Path) -> Path:
-    """A folder written by an earlier stage; an empty one means that there was nothing to write."""
+    """Check that an earlier stage wrote a folder; it may be empty."""
     if not Path(folder).is_dir():
         raise InputError(f"{folder}: no such folder; run the stage that writes it")
     return Path(folder)

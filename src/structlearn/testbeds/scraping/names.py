@@ -1,4 +1,4 @@
-"""Names, order and colours of what is compared on the board, for pages and recordings alike."""
+"""Names, order and colours of executions, models and methods, for the pages and the recordings."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
 CORRECTED = "corrected"
-"""Key of the executions that a person corrects."""
+"""Key of executions corrected by a person."""
 
 RUNS = {
     NOMINAL: Look("no feedback", GREEN),
@@ -31,7 +31,7 @@ RUNS = {
     BEFORE: Look("before refinement", LIGHT_BLUE),
     AFTER: Look("after refinement", PINK),
 }
-"""Kinds of executions in their order."""
+"""Kinds of executions, in order."""
 
 PRIMITIVES = ("down", "turn", "scrape")
 """The dissertation's primitives 1, 2 and 3."""
@@ -45,22 +45,22 @@ REPRESENTATIONS = {
     "pca": Look("PCA, then phase kernels", PINK),
     "autoencoder": Look("autoencoder, then phase kernels", PINK),
 }
-"""Forms of the feedback model, by the names of `feedback_models`."""
+"""Representations of the feedback model, keyed as in `feedback_models`."""
 
 CUT_METHODS = {method: Look(name, METHOD_COLOURS[method]) for method, name in METHOD_NAMES.items()}
-"""Ways of finding cut points."""
+"""Methods of finding cut points."""
 
 ROLLOUTS = {
     SAMPLE: Look("drawn policies", GREY),
     IMPROVED: Look("improved policy", OCHRE),
     FEEDBACK: Look("with the network", PINK),
 }
-"""Executions of a refinement by trial."""
+"""Kinds of rollouts in refinement by trial."""
 
 SEARCHES = {PI2: Look("PI2-CMA", BLUE), CMA_ES: Look("CMA-ES", OCHRE)}
-"""Ways of searching a policy."""
+"""Policy search methods."""
 
 
 def primitive_title(primitives: Sequence[str], name: str) -> str:
-    """`turn (primitive 2)`, counted as in the dissertation."""
+    """Title such as `turn (primitive 2)`, counted as in the dissertation."""
     return f"{name} (primitive {list(primitives).index(name) + 1})"

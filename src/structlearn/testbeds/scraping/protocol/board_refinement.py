@@ -1,4 +1,4 @@
-"""Refinement of the feedback models on a tilt of the simulated board, primitive after primitive (IV.9.4)."""
+"""Refinement of the feedback models at one tilt of the simulated board, one primitive at a time (IV.9.4)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,13 +33,13 @@ from structlearn.testbeds.scraping.protocol.execution_scores import orientation_
 from structlearn.testbeds.scraping.protocol.executions import Bench, Run, execute_run, read_bench
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
-REFINED = 4  # First number of a rollout's seed: what the run is for
+REFINED = 4  # first number of a rollout's seed, its purpose
 FAILURES = (ValueError, ArithmeticError, np.linalg.LinAlgError)  # InputError is a ValueError
-"""What a diverging run may raise; errors of the program itself are not hidden."""
+"""Exceptions that a diverging run may raise; programming errors are not hidden."""
 
 DIVERGED_RAD = np.pi / 2
-"""Cost from which a run has diverged. The simulator bounds a diverging robot, so its signals stay finite, and
-its cost would make all others look alike."""
+"""Cost at which a run counts as diverged. The simulator bounds a diverging robot, so its signals stay finite,
+but its cost would dwarf all differences among the others."""
 
 
 class BoardRefinementParameters(RefinementParameters, NetworkParameters):
@@ -59,33 +59,33 @@ Networks = Mapping[str, CouplingModel]
 
 @dataclass(frozen=True)
 class Board(Bench):
-    """One primitive of the scraping task on a board of one tilt (`refinement.Environment`).
+    """One primitive of the scraping task on a board at one tilt (`refinement.Environment`).
 
-    The robot executes the primitives up to this one and stops; those before it run with their own networks.
+    The robot executes the primitives up to this one; the preceding ones run with their own networks.
     """
 
     preceding: Networks  # networks of the primitives before this one
-    name: str  # of the primitive that is refined
+    name: str  # primitive that is refined
     setting_deg: float  # roll of the board
-    with_samples: bool = True  # whether rollouts have samples; a search needs costs alone
+    with_samples: bool = True  # whether rollouts include samples; a policy search only needs costs
 
     @property
     def rate_hz(self) -> float:
-        """Ticks per second of the costs."""
+        """Sampling rate of the costs."""
         return self.clock.rate_hz
 
     def of(self, name: str, networks: Networks) -> "Board":
-        """The board for another primitive, before which the others run with these networks."""
+        """The board for another primitive, with these networks for the preceding ones."""
         before = [primitive.name for primitive in self.skill.primitives[: self.skill.index(name)]]
         return replace(self, name=name, preceding={one: networks[one] for one in before if one in networks})
 
     def rollouts(self, networks: Sequence[CouplingModel], seeds: Sequence[tuple[int, ...]]) -> list[Rollout]:
-        """Execute once per network, in processes; a run that fails is reported in its rollout."""
+        """Execute once per network, in parallel; a failed run is reported in its rollout."""
         work = [(self, network, seed) for network, seed in zip(networks, seeds, strict=True)]
         return parallel_map(_rollout, work, f"rollouts of {self.name}", lost=_lost)
 
     def execution(self, network: CouplingModel, seed: tuple[int, ...]) -> Recording:
-        """Execute the primitives up to this one, with a network for it."""
+        """Execute the primitives up to this one, with `network` for this one."""
         place, whole = self.skill.index(self.name), self.skill
         executed = whole.primitives[: place + 1]
         expected = {one.name: whole.expected[one.name] for one in executed if one.name in whole.expected}
@@ -96,7 +96,7 @@ class Board(Bench):
     def judged(self, recording: Recording) -> Rollout:
         """Cost per tick of an execution, and its supervised data.
 
-        Raises InputError: it has diverged: a signal is not finite, or the tool is off by `DIVERGED_RAD`.
+        Raises InputError: it has diverged, i.e. a signal is not finite or the tool is off by `DIVERGED_RAD`.
         """
         run, own = synchronise(recording, self.clock.rate_hz, self.clock.max_gap_s), self.supervision
         cost = orientation_cost(run, self.nominal)
@@ -135,9 +135,9 @@ def read_board(
     testbed: TestbedParameters,
     clock: ClockParameters,
 ) -> tuple[Board, dict[str, CouplingDataset]]:
-    """The board that is refined on, for the first primitive with feedback; see `read_bench`.
+    """Board to refine on, for the first primitive with feedback; see `read_bench`.
 
-    Demonstrations are of the training settings.
+    Demonstrations are those of the training settings.
     """
     bench, datasets = read_bench(data, refined.settings_deg, supervision, testbed, clock)
     own, first = vars(bench), supervision.primitives[0]
@@ -150,16 +150,17 @@ def refine_on_board(
     parameters: BoardRefinementParameters,
     report: Callable[[str, Progress], None] = lambda name, progress: None,
 ) -> tuple[Networks, Networks, dict[str, pd.DataFrame]]:
-    """Learn the models from demonstrations, then refine them in order of time.
+    """Learn the models from demonstrations, then refine them in temporal order.
 
-    While a primitive is refined, those before it run with their refined models. `board`: tilted as it is
-    refined on; its name and preceding networks are replaced. `datasets`: demonstrations of the training
+    While a primitive is refined, the preceding ones run with their refined models. `board`: at the tilt to
+    refine on; its name and preceding networks are replaced. `datasets`: demonstrations of the training
     settings by primitive. `report`: called with the primitive's name after every iteration.
 
     Returns networks by primitive before and after, and tables with a column `primitive`: `history` (of
     `refinement.history_rows`), `rollouts` (of `refinement.sample_rows`) and `policies` (weights of the
-    open-loop rollouts). Raises InputError: a primitive to be refined has no demonstrations, or too many
-    rollouts fail.
+    open-loop rollouts).
+
+    Raises InputError: a primitive to be refined has no demonstrations, or too many rollouts fail.
     """
     if unknown := sorted(set(parameters.exploration) - set(datasets)):
         raise InputError(f"refine.exploration names {', '.join(unknown)}: no primitive with corrections")
@@ -196,7 +197,7 @@ def _learned(work: tuple[CouplingDataset, BoardRefinementParameters]) -> Couplin
 def _with_executions(
     board: Board, demonstrations: CouplingDataset, parameters: BoardRefinementParameters
 ) -> CouplingDataset:
-    """Demonstrations, executions of their mean in every setting, and executions on the level board."""
+    """Demonstrations, executions of their mean in each setting, and executions on the level board."""
     known = [
         (float(setting), open_loop_weights(demonstrations.where(demonstrations.setting == setting)))
         for setting in np.unique(demonstrations.setting)

@@ -1,10 +1,10 @@
-"""What executions on the board achieve, primitive by primitive (IV.9.3.5, fig. IV.17, IV.18, IV.20).
+"""Scores of executions on the board, by primitive (IV.9.3.5, fig. IV.17, IV.18, IV.20).
 
-The cost of an execution is how far the tool is off its nominal orientation on the board (eq. IV.34):
+The cost of an execution is the angle between the tool and its nominal orientation on the board (eq. IV.34):
 
     J_t = | 2 log(Q_nr,t o Q_cr,t*) |        n: nominal run at 0 degrees, c: current run
 
-The dissertation prints the norm with a trailing 2: read as the Euclidean norm.
+The dissertation prints the norm with a trailing 2, which is read as the Euclidean norm.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,21 +25,21 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.world.layout import tool_roll_deg
 
-NOMINAL = "nominal"  # Name of the executions without feedback
+NOMINAL = "nominal"  # executions without feedback
 BEFORE, AFTER = "before", "after"
-"""Names of the executions with feedback before and after refinement by trial."""
+"""Executions with feedback before and after refinement by trial."""
 
-END_S = 0.2  # s at the end of a primitive over which its final roll is taken
+END_S = 0.2  # s at the end of a primitive over which its final roll is averaged
 SETTLED_S = 1.0
-"""s after the start of a primitive from which force is judged, since contact and correction are over; of a
-primitive shorter than twice this, force is judged in the second half."""
+"""s from the start of a primitive after which force is scored, when contact and correction have settled; for
+primitives shorter than twice this, force is scored in the second half."""
 
 Runs = Mapping[float, Sequence[Demonstration]]
-"""Executions with one model by setting in degrees."""
+"""Executions with one model, by setting in degrees."""
 
 
 class ExecutionParameters(Parameters):
-    """Settings in which the robot executes, and runs in each: corrected ones, or with a model."""
+    """Settings of executions, and number of runs in each, corrected or with a model."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
     runs: int = Field(ge=1, le=1000)
@@ -54,12 +54,12 @@ def nominal_orientation(runs: Sequence[Demonstration]) -> np.ndarray:
     length = min(len(run.time) for run in runs)
     paths = np.stack([_tool_to_board(run)[:length] for run in runs], axis=1)  # (T, R, 4)
     aligned = np.where(np.sum(paths * paths[:, :1], axis=2, keepdims=True) < 0, -paths, paths)
-    # over a degree or two the normalised mean is the mean orientation
+    # within a degree or two, the normalised mean is the mean orientation
     return quaternion.sign_continuous(quaternion.normalised(aligned.mean(axis=1)))
 
 
 def orientation_cost(run: Demonstration, nominal: np.ndarray) -> np.ndarray:
-    """Cost at every tick (eq. IV.34) of a run on the clock and with the durations of the nominal runs.
+    """Cost at every tick (eq. IV.34) of a run with the rate and durations of the nominal runs.
 
     `nominal`: (T, 4) of `nominal_orientation`. Returns (T',) rad, T' the shorter of both. Raises InputError:
     the run has no tool-to-board orientation.
@@ -80,10 +80,10 @@ def execution_scores(
 ) -> pd.DataFrame:
     """Scores of executions in one setting, for the primitives in `cuts`; `axis`: (3,) roll axis.
 
-    One row per `run` and `primitive`: `cost_rad`, summed over its ticks (fig. IV.20); `mean_deg`, its mean;
-    `end_roll_deg`, roll of the tool relative to the board at the end, 0 when flat; `force_n`, downward force
+    One row per `run` and `primitive`: `cost_rad`, summed over ticks (fig. IV.20); `mean_deg`, mean cost;
+    `end_roll_deg`, roll of the tool relative to the board at the end, 0 if flat; `force_n`, downward force
     once settled, and its std `force_std_n`; `roll_torque_mn_m`, of the board on the tool. Force and torque
-    are missing where no wrench was recorded.
+    are missing if no wrench was recorded.
     """
     rows = []
     for run in runs:
@@ -114,8 +114,8 @@ def execution_scores(
 def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> pd.DataFrame:
     """Accumulated cost with a model relative to a baseline; runs of equal name are pairs.
 
-    `scores`: rows of `scores` of both. Returns one row per `setting_deg`: `ratio` of the mean costs over all
-    scored primitives, and the mean paired difference `lower_rad` (baseline minus model) with the half width
+    `scores`: rows of `scores` for both. Returns one row per `setting_deg`: `ratio` of the mean costs over all
+    scored primitives, and the mean paired difference `lower_rad` (baseline minus model) with the half-width
     of its 95 % interval.
     """
     totals = scores.groupby(["model", "setting_deg", "run"])["cost_rad"].sum()
@@ -130,9 +130,10 @@ def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> 
 def scores(
     model: str, runs: Runs, primitives: Sequence[str], nominal: np.ndarray, parameters: SupervisionParameters
 ) -> pd.DataFrame:
-    """Rows of `execution_scores` with `model` and `setting_deg`, of the primitives with feedback.
+    """`execution_scores` of one model in all settings, with `model` and `setting_deg`.
 
-    `primitives`: names of all that were commanded. `nominal`: (T, 4) of `nominal_orientation`.
+    `primitives`: names of all commanded primitives; those with feedback are scored. `nominal`: (T, 4) of
+    `nominal_orientation`.
     """
     tables = []
     for setting, group in runs.items():
@@ -151,7 +152,7 @@ def traces(
     expected: Mapping[str, VectorPrimitive],
     parameters: SupervisionParameters,
 ) -> pd.DataFrame:
-    """Sensor deviations in executions, and the coupling term that a model's networks make of them.
+    """Sensor deviations in executions, and the coupling terms that a model's networks predict from them.
 
     One row per sample of every primitive with feedback: `setting_deg`, `run`, `time_s` since its start,
     `coupling` (0 without a network), `channel_00`, ..., `model` and `primitive`.

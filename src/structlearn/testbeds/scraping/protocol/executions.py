@@ -1,7 +1,7 @@
-"""Executions by the robot as recordings: nominal, corrected by a person, or with feedback.
+"""Executions by the simulated robot: nominal, corrected by a person, or with feedback.
 
-Every run draws what differs between runs of a real set-up from its own seed, so any run can be repeated
-alone, bit for bit, and the number of processes does not matter.
+What varies between runs of a real set-up is drawn from each run's own seed, so any run can be repeated alone,
+bit for bit, whatever the number of processes.
 """
 
 import time
@@ -37,41 +37,41 @@ from structlearn.testbeds.scraping.world.corrector import corrector
 from structlearn.testbeds.scraping.world.execution import Engine, execute
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters, recorded, run_conditions
 
-HOLD_S = 0.3  # s that the robot waits at the end of an execution, so that all streams cover its last sample
+HOLD_S = 0.3  # s that the robot waits at the end, so that all streams cover the last sample
 
 
 @dataclass(frozen=True)
 class Run:
-    """One execution to be made."""
+    """One planned execution."""
 
     name: str
     setting_deg: float  # roll of the board
-    # entropy of the run beside the testbed's seed; runs with equal seeds meet equal conditions
+    # random seed besides the testbed's; runs with equal seeds meet equal conditions
     seed: tuple[int, ...]
-    corrected: bool = False  # whether a person corrects roll while the robot gives way
-    feedback: bool = False  # whether the skill's networks act
+    corrected: bool = False  # whether a person corrects the roll while the robot is compliant
+    feedback: bool = False  # whether the skill's networks are active
 
 
-NOMINAL, CORRECTED, EVALUATED = 1, 2, 3  # First number of a run's seed: what the run is for
+NOMINAL, CORRECTED, EVALUATED = 1, 2, 3  # first number of a run's seed, its purpose
 
 
 def nominal_runs(count: int) -> list[Run]:
-    """Executions in the default setting, from which the expected traces are learned."""
+    """Executions in the default setting, for learning the expected traces."""
     return [Run(f"{number + 1:02d}", 0.0, (NOMINAL, 0, number)) for number in range(count)]
 
 
 def corrected_runs(settings_deg: Sequence[float], count: int) -> list[Run]:
-    """Executions that a person corrects, `count` per setting, setting by setting."""
+    """Executions that a person corrects, `count` per setting, ordered by setting."""
     return _runs(CORRECTED, settings_deg, count, corrected=True)
 
 
 def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -> list[Run]:
-    """Executions without or with feedback, setting by setting; the n-th of both meet equal conditions."""
+    """Executions with or without feedback, ordered by setting; the n-th of both meet equal conditions."""
     return _runs(EVALUATED, settings_deg, count, feedback=feedback)
 
 
 def _runs(purpose: int, settings_deg: Sequence[float], count: int, **how: bool) -> list[Run]:
-    """Negative tilts have seeds of their own, as whole numbers of tenths of a degree."""
+    """Runs with seeds from the tilt in tenths of a degree, offset so that negative tilts differ."""
     return [
         Run(f"{number + 1:02d}", setting, (purpose, 10_000 + round(10 * setting), number), **how)
         for setting in settings_deg
@@ -88,7 +88,7 @@ def executions(skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParame
 def execute_run(
     run: Run, index: int, skill: ReactiveSkill, testbed: TestbedParameters, engine: Engine | None = None
 ) -> Recording:
-    """One execution, as in `executions`; `index` sets the recorder's clock, for `engine` see `execute`."""
+    """One execution, see `executions`; `index` sets the recorder's clock; for `engine` see `execute`."""
     sequence = np.random.SeedSequence([testbed.seed, *run.seed])
     conditions_rng, fingers_rng, wrist_rng, clocks_rng, person_rng = map(
         np.random.default_rng, sequence.spawn(5)
@@ -129,13 +129,13 @@ def _execute(work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParame
 
 @dataclass(frozen=True)
 class Bench:
-    """The task on the board, as the stages that execute and score it know it."""
+    """The task on the board, as shared by the stages that execute and score it."""
 
     skill: ReactiveSkill  # primitives, expected traces and limits of the whole task, without networks
     nominal: np.ndarray  # (T, 4) of `nominal_orientation`
     supervision: SupervisionParameters  # how executions become supervised data
     testbed: TestbedParameters
-    clock: ClockParameters  # on which executions are judged
+    clock: ClockParameters  # of scored executions
 
 
 def read_bench(
@@ -145,10 +145,11 @@ def read_bench(
     testbed: TestbedParameters,
     clock: ClockParameters,
 ) -> tuple[Bench, dict[str, CouplingDataset]]:
-    """The task as it was learned, and its corrected demonstrations by primitive, in some settings or in all.
+    """Read the learned task, and its corrected demonstrations by primitive, in some settings or in all.
 
-    Their coupling terms bound those of the feedback. Raises InputError: a file is missing or not readable, or
-    a setting was not recorded.
+    The largest demonstrated coupling term limits the feedback.
+
+    Raises InputError: a file is missing or not readable, or a setting was not recorded.
     """
     files = ScrapingFiles(Path(data))
     datasets = read_datasets(files.data / "feedback/scraping/dataset", settings_deg)
@@ -168,9 +169,9 @@ def evaluate(
     parameters: ExecutionParameters,
     folder: Path,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Execute a skill with the networks of every model in every setting; equal numbers meet equal conditions.
+    """Execute a skill with every model's networks in every setting; equal numbers meet equal conditions.
 
-    `models`: networks by model and primitive; none without feedback. Writes the runs to
+    `models`: networks by model and primitive, empty without feedback. Writes runs to
     `folder/<model>/<setting>.parquet`; returns scores and traces of all models, see `execution_scores`.
     """
     skill, own, count = bench.skill, bench.supervision, parameters.runs
@@ -190,12 +191,12 @@ def evaluate(
     return pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)
 
 
-WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled
+WARM_UP_RUNS = 1  # runs that are not counted: the first compiles or loads compiled code
 STANDARD_RUN_S = 10.0  # s of movement to which the cost of a run is scaled
 
 
 class TimingParameters(Parameters):
-    """What is timed. Fields: `params.yaml`, `time_controller`."""
+    """Timing of the controller and of simulated runs."""
 
     controller_hz: float = Field(gt=0)
     ticks: int = Field(ge=100)
@@ -203,7 +204,7 @@ class TimingParameters(Parameters):
 
 
 def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:
-    """Time ticks of the controller with feedback: `controller_tick_us_median`, `..._p99`, `..._max`."""
+    """Time controller ticks with feedback: `controller_tick_us_median`, `..._p99`, `..._max`."""
     controller, start = Controller(skill, parameters.controller_hz), default_start(skill.primitives)
     samples = np.random.default_rng(0).normal(0.0, 10.0, (1000, skill.channels))
     microseconds = np.zeros(parameters.ticks)
@@ -222,7 +223,7 @@ def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Me
 
 
 def run_cost(skill: ReactiveSkill, testbed: TestbedParameters, parameters: TimingParameters) -> Metrics:
-    """`simulated_run_cpu_s`: median CPU seconds of runs with feedback, per `STANDARD_RUN_S` of movement."""
+    """`simulated_run_cpu_s`: median CPU time in s of runs with feedback, per `STANDARD_RUN_S` of movement."""
     costs = []
     for index, run in enumerate(evaluation_runs([10.0], WARM_UP_RUNS + parameters.runs, feedback=True)):
         begin = time.process_time()

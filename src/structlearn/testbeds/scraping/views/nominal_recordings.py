@@ -1,4 +1,4 @@
-"""Recordings of the movements over the level board: as demonstrated, as aligned, and as learned."""
+"""Recordings of movements over the level board: demonstrations, their alignment, learned primitives."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,13 +33,13 @@ LEARNED = """Thick: the primitives in turn, from and to the mean start and goals
 are axes: x red, y green, z blue."""
 
 SUNK_M = 0.002
-"""How far the board is drawn below where it is: the edge frame sinks into it while the tool is pressed on."""
+"""Distance by which the board is drawn too low, since the edge frame sinks into it under pressure."""
 
 
 def write_demonstrations(
     path: str | Path, demonstrations: Sequence[Demonstration], segmentation: Segmentation, title: str
 ) -> None:
-    """Write demonstrations over the board as a recording, see `recorded_demonstrations`."""
+    """Record demonstrations over the board, see `recorded_demonstrations`."""
     note = DEMONSTRATED.format(reference=segmentation.reference)
     scenery = partial(_send_scenery, hand=rrd.entity("hands", segmentation.reference))
     recorded_demonstrations.write_demonstrations(path, demonstrations, segmentation, title, note, scenery)
@@ -52,17 +52,17 @@ def write_primitives(
     paths: Mapping[str, pd.DataFrame],
     title: str,
 ) -> None:
-    """Write learned primitives over the board as a recording, see `learned_primitives`."""
+    """Record learned primitives over the board, see `learned_primitives`."""
     scenery = partial(_send_scenery, hand=rrd.entity("hands", next(iter(paths))))
     learned_primitives.write_primitives(path, demonstrations, primitives, paths, title, LEARNED, scenery)
 
 
 def _send_scenery(stream: rr.RecordingStream, hand: str) -> list[str]:
-    """Log the level board, and below the entity of a moving frame a hand with the tool; see `Scenery`."""
+    """Log the level board, and a hand with the tool below the entity of its moving frame; see `Scenery`."""
     stream.log("scenery", rr.Transform3D(translation=[0.0, 0.0, -SUNK_M]), static=True)
     send_board(stream, "scenery/board")
     send_hand(stream, hand)
-    grasp = rr.Transform3D(translation=[0.0, 0.0, -EDGE_M])  # where it is while nothing pulls at the tool
+    grasp = rr.Transform3D(translation=[0.0, 0.0, -EDGE_M])  # unloaded
     stream.log(f"{hand}/tool", grasp, static=True)
     send_tool(stream, f"{hand}/tool", SKIN)
     return ["/scenery/**"]
@@ -78,20 +78,20 @@ Bars are the cuts: above a curve by its own velocity alone, below it as they are
 line `demonstration` is another demonstration.
 """
 
-DEMONSTRATION = "demonstration"  # Time line on which each step is another demonstration
+DEMONSTRATION = "demonstration"  # time line with one step per demonstration
 HIGHLIGHTED = 8
-"""Pairs of largest weight that are drawn bold, as many as in the text's figures IV.14 and IV.15."""
+"""Number of pairs with the largest weights drawn bold, as in the dissertation's figures IV.14 and IV.15."""
 
-SHOWN_PAIRS = 90  # Of all pairs, evenly spread: more of them merge into an area
+SHOWN_PAIRS = 90  # evenly spread over all pairs; more would merge into an area
 WIDTH, HEIGHT, GAP = 32.0, 2.6, 2.4
-"""Size of the drawing: of the longest segment in time, of a curve, and between the two curves."""
+"""Drawing sizes: width of the longest segment, height of a curve, gap between the two curves."""
 
 LEFT, MARGIN = 5.0, 2.4
 """Room for the names left of the curves, and for cut points and time scales above and below them."""
 
-BAR = 0.6  # Height of a bar that marks a cut, and of the name at its end
+BAR = 0.6  # height of a bar that marks a cut, and of the name at its end
 DROPPED = "#30353b"
-"""Colour of a pair without weight: just visible on the viewer's dark ground."""
+"""Colour of a pair without weight: just visible on the viewer's dark background."""
 
 
 @dataclass(frozen=True)
@@ -100,12 +100,12 @@ class _Curve:
 
     name: str  # of the demonstration
     time: np.ndarray  # (T,) s since the start of the demonstration
-    height: np.ndarray  # (T,) in the drawing, downwards
-    top: float  # of the drawing
+    height: np.ndarray  # (T,) drawing units, downwards
+    top: float  # drawing units
     scale: float  # drawing units per s
 
     def points(self, times: np.ndarray) -> np.ndarray:
-        """Points (K, 2) of the drawing at times (K,) in s."""
+        """Drawing coordinates (K, 2) at times (K,) in s."""
         x = self.scale * (times - self.time[0])
         return np.column_stack([x, np.interp(times, self.time, self.height)])
 
@@ -117,7 +117,7 @@ def write_alignment(
     parameters: SegmentParameters,
     title: str = "Alignment",
 ) -> None:
-    """Write correspondences of the reference with all other demonstrations as a recording, see `NOTE`."""
+    """Record the correspondences of the reference with all other demonstrations, see `NOTE`."""
     by_name = {demonstration.name: demonstration for demonstration in demonstrations}
     pairs = segmentation.pairs
     aligned = set(pairs["demonstration"]) & set(segmentation.cuts["demonstration"])
@@ -156,7 +156,7 @@ def _curve(
     top: float,
     scale: float,
 ) -> _Curve:
-    """The extended segment, filtered as for the alignment, along the axis with the largest movement."""
+    """Extended segment along the coordinate that moves most, filtered as for the alignment."""
     smooth = signals.low_pass(demonstration.position, demonstration.dt, parameters.align_cutoff_hz)
     first, last = cut["start_s"] - parameters.extension_s, cut["end_s"] + parameters.extension_s
     inside = (demonstration.time >= first) & (demonstration.time <= last)
@@ -173,16 +173,16 @@ def _send_curve(
     segmentation: Segmentation,
     is_reference: bool = False,
 ) -> None:
-    """A curve with its name, its demonstration's time scale, and bars at its start and end.
+    """Log a curve with its name, its time scale, and bars at its start and end.
 
-    Bars above are cut by crossings alone, bars below as used; the reference is used as cut by crossings.
+    Bars above mark cuts by crossings alone, bars below the cuts used; for the reference these are the same.
     """
     path = rrd.entity(primitive, "reference" if is_reference else "guess")
     thinned = curve.time[:: rrd.thinning(float(curve.time[1] - curve.time[0]))]
     line = rr.LineStrips2D([curve.points(thinned)], colors=rrd.rgba([WHITE]), radii=-1.5)
     stream.log(f"{path}/curve", line, static=is_reference)
 
-    outside = -3 * BAR if is_reference else HEIGHT + 2 * BAR  # of the space between the curves
+    outside = -3 * BAR if is_reference else HEIGHT + 2 * BAR  # beyond the space between the curves
     seconds = np.arange(np.ceil(2 * curve.time[0]), 2 * curve.time[-1]) / 2
     ticks = np.column_stack([curve.points(seconds)[:, 0], np.full(len(seconds), curve.top + outside)])
     places = [*ticks, [-0.5 * LEFT, curve.top + 0.4 * HEIGHT]]
@@ -197,7 +197,7 @@ def _send_curve(
         bars = ends[:, None, :] + np.array([[0.0, 0.0], [0.0, tip]])
         strips = rr.LineStrips2D(bars, colors=rrd.rgba([look.colour]), radii=-2.0)
         stream.log(f"{path}/{method}", strips, static=is_reference)
-        label_at = ends + np.array([0.0, tip if tip > 0 else 2 * tip])  # a label hangs below its point
+        label_at = ends + np.array([0.0, tip if tip > 0 else 2 * tip])  # labels hang below their points
         labels = texts(label_at, [look.name] * 2, [look.colour])
         stream.log(f"{path}/{method}/name", labels, static=is_reference)
 
@@ -205,12 +205,12 @@ def _send_curve(
 def _send_pairs(
     stream: rr.RecordingStream, primitive: str, reference: _Curve, guess: _Curve, pairs: pd.DataFrame
 ) -> None:
-    """Corresponding samples as lines from curve to curve."""
+    """Log corresponding samples as lines between the curves."""
     times, weights = pairs[["reference_s", "guess_s"]].to_numpy(), pairs["weight"].to_numpy()
     lines = np.stack([reference.points(times[:, 0]), guess.points(times[:, 1])], axis=1)  # (K, 2, 2)
     shown = np.unique(np.linspace(0, len(lines) - 1, SHOWN_PAIRS).astype(int))
     bold = np.argsort(weights)[::-1][:HIGHLIGHTED]
-    share = weights[shown] ** 3  # most weights lie close to 1, where differences are to be seen
+    share = weights[shown] ** 3  # most weights are close to 1, where differences should be visible
     thin = rr.LineStrips2D(
         lines[shown], colors=rrd.blended(share, (DROPPED, LIGHT_BLUE)), radii=-0.7, draw_order=-2.0
     )

@@ -1,1 +1,1 @@
-"""The simulated robot, board and people of the scraping testbed."""
+"""Simulated robot, board and people of the scraping testbed."""

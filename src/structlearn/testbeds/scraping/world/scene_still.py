@@ -1,4 +1,4 @@
-"""Pictures of the robot that scrapes the tilted board: a still of one run, and a loop of two side by side."""
+"""Images of the robot scraping the tilted board: a still of one run, and a loop of two runs side by side."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -14,11 +14,11 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.simulation.still import Solid, View, still
 from structlearn.testbeds.scraping.world import layout
 
-ARM = "kuka_iiwa/model.urdf"  # Of the arm with its meshes, among the data that PyBullet brings
+ARM = "kuka_iiwa/model.urdf"  # with meshes, in PyBullet's data folder
 BOARD_M = np.array([0.10, 0.18, 0.006])
 BENCH_M = np.array([0.16, 0.24, 0.02])
 PALM_M, FINGER_M, BLADE_M = np.array([0.07, 0.09, 0.04]), np.array([0.018, 0.02, 0.055]), 0.003
-"""Sizes of what is drawn as boxes; the simulation knows their masses and contacts, not their shapes."""
+"""Sizes of parts drawn as boxes; the simulation only has their masses and contacts."""
 
 WOOD, STEEL, SKIN, TOOL = (
     *((0.84, 0.76, 0.62, 1.0), (0.45, 0.48, 0.52, 1.0)),
@@ -27,26 +27,25 @@ WOOD, STEEL, SKIN, TOOL = (
 VIEW = View(target=(0.36, -0.02, 0.29), distance=1.55, yaw_deg=34.0, pitch_deg=-16.0)
 
 CLOSE = View(target=(0.63, -0.02, 0.135), distance=0.5, yaw_deg=12.0, pitch_deg=-9.0)
-"""Along the scraping direction, in which the roll of the tool on the board is seen."""
+"""View along the scraping direction, in which the tool's roll on the board is visible."""
 
-PANEL, WORDS = (420, 380), 72  # pixels of one run in the loop, and of the words above it
-TILT_S, HOLD_S = 1.0, 1.2  # before the run the board tilts for so long; after it the loop stands still
-FRAMES_PER_S, SPEED = 12, 2.0  # of the loop; how much faster than in reality the robot moves
-QUALITY = 70  # of WebP: the largest whose loop stays below 1 MB with room to spare
+PANEL, WORDS = (420, 380), 72  # pixels of one run in the loop, and of the text above it
+TILT_S, HOLD_S = 1.0, 1.2  # duration of the board's tilt before the run, and of the pause after it
+FRAMES_PER_S, SPEED = 12, 2.0  # of the loop; speed-up over real time
+QUALITY = 70  # of WebP: the largest with a loop safely below 1 MB
 
 
 def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
-    """The robot in the middle of its last primitive.
+    """Image (H, W, 3) uint8 of the robot in the middle of its last primitive.
 
-    `run`: an execution with joint positions, orientation, tool-to-board orientation and segments. Returns
-    (H, W, 3) bytes.
+    `run`: an execution with joint positions, orientation, tool-to-board orientation and segments.
     """
     moment = round(float(run.signal("true_segments")[-1].mean()) / run.dt)
     return still(VIEW, _solids(run, moment, board_deg), ARM, run.signal("joint_positions")[moment])
 
 
 def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg: float) -> None:
-    """Write an animated WebP: the board tilts, then the runs are executed side by side, from close by."""
+    """Write an animated WebP: the board tilts, then the runs are executed side by side, in close-up."""
     frames = round(TILT_S * FRAMES_PER_S)
     last = round(float(runs[0][1].signal("true_segments")[-1, 1]) / runs[0][1].dt)
     step = round(SPEED / FRAMES_PER_S / runs[0][1].dt)
@@ -62,7 +61,7 @@ def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg
 def _frame(
     moment: tuple[int, float], runs: Sequence[tuple[Look, Demonstration]], board_deg: float
 ) -> Image.Image:
-    """One picture of all runs: a sample, and the tilt in degrees that the board is drawn with."""
+    """Frame of all runs at a moment: sample index, and tilt in degrees at which the board is drawn."""
     sample, drawn_deg = moment
     frame = Image.new("RGB", (len(runs) * PANEL[0], WORDS + PANEL[1]), "white")
     pen, font = ImageDraw.Draw(frame), ImageFont.load_default(21)
@@ -80,13 +79,13 @@ def _frame(
 
 
 def _solids(run: Demonstration, moment: int, board_deg: float, drawn_deg: float | None = None) -> list[Solid]:
-    """Board, hand and tool at one sample of a run on a board of this tilt; it may be drawn with another."""
+    """Board, hand and tool at one sample of a run at tilt `board_deg`; the board may be drawn at another."""
     drawn = layout.board_orientation(board_deg if drawn_deg is None else drawn_deg)
     hand, tool = run.signal("orientation")[moment], layout.tool_orientation(run, board_deg)[moment]
     grasp = layout.grasp_place(run)[moment]
 
     def held(size: np.ndarray, offset: tuple[float, float, float], turn: np.ndarray, colour: tuple) -> Solid:
-        """A box that is fixed to the hand or the tool, `offset` from the grasp."""
+        """A box fixed to the hand or the tool, at `offset` from the grasp."""
         return Solid("box", size / 2, grasp + quaternion.rotate(turn, np.array(offset)), turn, colour)
 
     below = layout.CONTACT_M - quaternion.rotate(drawn, np.array([0.0, 0.0, 0.5 * BOARD_M[2]]))

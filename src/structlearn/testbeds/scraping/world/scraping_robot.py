@@ -1,7 +1,7 @@
-"""The robot of the scraping testbed: a KUKA iiwa, a hand, a springy grasp and a scraping tool.
+"""Model of the scraping robot: a KUKA iiwa, a hand, a compliant grasp and a scraping tool.
 
 The dissertation's robot (Barrett arm and hand) has no public model; an iiwa does. The hand holds the tool
-between two soft finger tips, which are six passive joints with springs and dampers. Frames are those of
+between two soft finger tips, modelled as six passive joints with springs and dampers. Frames are those of
 `layout`.
 """
 
@@ -19,12 +19,12 @@ from structlearn.testbeds.scraping.world.layout import EDGE_M, GRASP_M
 GRAVITY = 9.81  # m/s^2
 ARM_JOINTS = 7
 TOOL_KG = 0.06
-TOOL_CENTRE_M = 0.02  # of mass, from the grasp
+TOOL_CENTRE_M = 0.02  # centre of mass, from the grasp
 HAND_KG = 0.9
 HAND_TO_FLANGE_M = 0.105
 
 HOME = np.array([0.0, 0.75, 0.0, -1.35, 0.0, 1.04, 0.0])
-"""rad; a posture away from limits and singularities with the hand above the board, fingers down."""
+"""Posture in rad away from limits and singularities, with the hand above the board and fingers down."""
 
 _GRASP_AXES = {
     "grasp_x": ("prismatic", "1 0 0"),
@@ -35,15 +35,15 @@ _GRASP_AXES = {
     "grasp_roll": ("revolute", "0 1 0"),
 }
 GRASP_JOINTS = tuple(_GRASP_AXES)
-"""Displacements of the tool between the finger tips along x, y, z, then turns about z, x, y."""
+"""Displacements of the tool between the finger tips along x, y, z, then rotations about z, x, y."""
 
-# Bodies between two grasp joints are the skin: next to nothing.
+# Bodies between two grasp joints are skin, with negligible mass
 _SKIN_KG, _SKIN_INERTIA = 1e-4, (1e-8, 1e-8, 1e-8)
 
 
 @lru_cache
 def urdf() -> str:
-    """URDF of the whole robot, without meshes: `scraping_world` computes contact, nothing else can touch."""
+    """URDF of the whole robot, without meshes, since `scraping_world` computes the only contact."""
     arm = (Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf").read_text()
     arm = re.sub(r"<(visual|collision)>.*?</\1>", "", arm, flags=re.DOTALL)
     parts = [
@@ -69,13 +69,13 @@ def urdf() -> str:
 
 @lru_cache
 def whole() -> Robot:
-    """Arm, grasp and tool: thirteen joints in a row."""
+    """Robot with arm, grasp and tool, a chain of thirteen joints."""
     return robot_of(pinocchio.buildModelFromXML(urdf()))
 
 
 @lru_cache
 def arm() -> Robot:
-    """The controller's model: the arm with the hand and an unloaded tool, in a rigid grasp; frame `edge`."""
+    """The controller's robot: arm with hand and unloaded tool in a rigid grasp; with a frame `edge`."""
     model = whole().model
     grasp = [model.getJointId(name) for name in GRASP_JOINTS]
     return robot_of(pinocchio.buildReducedModel(model, grasp, pinocchio.neutral(model)))

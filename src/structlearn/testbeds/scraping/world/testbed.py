@@ -1,13 +1,13 @@
-"""The simulated testbed in numbers, and what a single run on it meets.
+"""Parameters of the simulated testbed, conditions of its runs, and guided demonstrations.
 
-The same robot, fingers and board serve all stages; what differs between runs of a real set-up is drawn from a
-seed of each run, so any run can be repeated alone, bit for bit.
+Robot, fingers and board are the same for all stages; what varies between runs of a real set-up is drawn from
+each run's seed, so any run can be repeated alone, bit for bit.
 
-A person who guides the arm (kinesthetic teaching, IV.9.1.3, i) makes the nominal demonstrations. The arm is
-in gravity compensation; what the person's own arm does to it is again a pose reference with a natural
-frequency, softer than the robot's. People who have practised compensate the inertia of what they hold
-(Shadmehr & Mussa-Ivaldi 1994), so the intended velocity and acceleration are fed forward and only the noise
-is filtered by the arm's inertia. Pressure on the board is regulated by feel, slowly.
+A person guiding the arm (kinesthetic teaching, IV.9.1.3, i) makes the nominal demonstrations. The arm is in
+gravity compensation; the person's own arm acts on it like a pose reference with a natural frequency, softer
+than the robot's. Practised people compensate the inertia of what they hold (Shadmehr & Mussa-Ivaldi 1994), so
+the intended velocity and acceleration are fed forward and only the noise is filtered by the arm's inertia.
+Pressure on the board is regulated by feel, slowly.
 """
 
 from functools import partial
@@ -39,19 +39,19 @@ from structlearn.testbeds.scraping.world.execution import (
 )
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 
-RECORDED_EVERY = 3  # Control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz
+RECORDED_EVERY = 3  # control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz
 FINGERS = ("left", "right")
 
 
 class RecorderParameters(Parameters):
-    """Recording devices. Fields: `params.yaml`, `testbed.recorder`."""
+    """Recording devices."""
 
     motion_capture_deg: float = Field(ge=0)
     stamp_jitter_s: float = Field(ge=0)
 
 
 class GuidanceParameters(Parameters):
-    """The guiding person. Fields: `params.yaml`, `testbed.guidance`."""
+    """The guiding person."""
 
     frequency_hz: float = Field(gt=0)
     force_n: float = Field(gt=0)
@@ -62,7 +62,7 @@ class GuidanceParameters(Parameters):
 
 
 class VariationParameters(Parameters):
-    """What differs between runs. Fields: `params.yaml`, `testbed.variation`."""
+    """Variation between runs."""
 
     board_roll_deg: float = Field(ge=0)
     friction: float = Field(ge=0)
@@ -70,9 +70,9 @@ class VariationParameters(Parameters):
 
 
 class TestbedParameters(Parameters):
-    """The simulated testbed: the same robot, fingers and board for all stages."""
+    """The simulated testbed: robot, fingers, board and people."""
 
-    __test__ = False  # not a test, whatever pytest thinks of its name
+    __test__ = False  # tells pytest that this is no test class
 
     seed: int = Field(ge=0)
     sensor_seed: int = Field(ge=0)
@@ -86,7 +86,7 @@ class TestbedParameters(Parameters):
 
     @property
     def finger_rate_hz(self) -> float:
-        """Samples per second that the fingers give."""
+        """Sampling rate of the fingers in Hz."""
         return self.world.control_rate_hz / FINGER_TICKS
 
 
@@ -98,7 +98,7 @@ def run_conditions(
     force: np.ndarray,
     gains: tuple[float, float],
 ) -> Conditions:
-    """What one run meets: the board's roll (set in rad), friction and stiffness vary, drawn from `rng`."""
+    """Conditions of one run: board roll (about `board_roll` rad), friction and stiffness are drawn."""
     own = testbed.variation
     roll, friction, board = rng.standard_normal(3)
     return Conditions(
@@ -120,10 +120,10 @@ def recorded(
     rng: np.random.Generator,
     provenance: dict[str, str],
 ) -> Recording:
-    """A run as it is recorded: pose and wrench at the controller's rate, all other streams slower.
+    """Recording of a run: pose and wrench at the controller's rate, all other streams slower.
 
-    `index`: sets the recorder's clock. `segments`: (P, 2) s, start and end of the primitives. `provenance`:
-    what it was, the setting and the seed.
+    `index` sets the recorder's clock. `segments`: (P, 2) s, start and end of the primitives. `provenance`:
+    kind of run, setting and seed.
     """
     dt, devices = testbed.world.dt, testbed.recorder
     ticks = np.arange(len(log.position))
@@ -131,7 +131,7 @@ def recorded(
     robot = first_stamp(index) + np.round(ticks * dt * 1e9).astype(np.int64)
 
     def device(sampled: np.ndarray) -> np.ndarray:
-        """Stamps of a device with its own clock that samples at these ticks."""
+        """Time stamps at these ticks, of a device with its own clock."""
         jitter = np.clip(devices.stamp_jitter_s * rng.standard_normal(len(sampled)), -dt, dt)
         jitter[[0, -1]] = 0.0
         return robot[sampled] + np.round(jitter * 1e9).astype(np.int64)
@@ -157,10 +157,10 @@ def recorded(
 
 
 def guided_motion(movement: Intention) -> Reference:
-    """The intended movement as a pose reference."""
+    """Convert an intended movement to a pose reference."""
     step = movement.time[1]
     velocity = np.gradient(movement.edge, step, axis=0)
-    turning = np.gradient(movement.tilt, step, axis=0)  # small angles: the vector's rate
+    turning = np.gradient(movement.tilt, step, axis=0)  # rad/s, for small angles
     return Reference(
         position=movement.edge + movement.edge_noise,
         velocity=velocity,
@@ -173,7 +173,7 @@ def guided_motion(movement: Intention) -> Reference:
 
 
 def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:
-    """Force (ticks,) in N that the person intends to press with in one trial."""
+    """Force (ticks,) in N with which the person intends to press in one trial."""
     from scipy.signal import lfilter
 
     level = parameters.force_n * np.exp(parameters.force_spread * rng.standard_normal())
@@ -185,11 +185,11 @@ def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.rand
 def guided_demonstrations(
     demonstrator: DemonstratorParameters, testbed: TestbedParameters
 ) -> list[Recording]:
-    """Nominal demonstrations "01", "02", ... by a person who guides the arm, with the intended segments."""
+    """Nominal demonstrations "01", "02", ... by a person guiding the arm, with the intended segments."""
     movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
     guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)
     first, *others = movements
-    # the first in this process, which compiles the robot once; each worker would do so again
+    # the first runs in this process, so that the loop is compiled once and not by each worker
     return [guide(first), *parallel_map(guide, others, "guided demonstrations")]
 
 
