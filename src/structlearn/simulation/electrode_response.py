@@ -1,16 +1,16 @@
-"""Counts of electrodes under a skin that is pressed at a place, for every testbed with touch.
+"""Electrode counts of a finger whose skin is pressed at a point, for all testbeds with touch.
 
 The model has the known effects of a fluid-filled finger (Wettels et al. 2008, Biomimetic tactile sensor
 array, Advanced Robotics 22; Lin et al. 2013, ICRA) with a silicone skin (Case et al. 2015, Soft Robotics 2;
 Romano et al. 2024, Soft Science 4:31):
 
     hysteresis: the skin sticks and slips, rate-independent                (play operators)
-    -> creep: the skin gives way slowly                                    (Prony series)
+    -> creep: the skin yields slowly                                       (Prony series)
     -> thinner fluid over the pressed electrodes, bulge elsewhere          (static map)
-    -> lag of the fluid, offsets; noise and rounding are up to the caller
+    -> lag of the fluid, offsets; callers add noise and rounding
 
-Parameters of single electrodes belong to the sensor. Drift with temperature is left out: in the recorded runs
-of 10 s quiet electrodes do not move beyond their noise.
+Single electrodes differ, with parameters that belong to the sensor. Drift with temperature is left out: in
+recorded runs of 10 s, idle electrodes stay within their noise.
 """
 
 from typing import NamedTuple
@@ -23,46 +23,46 @@ from structlearn.core.params import Parameters
 
 
 class ResponseParameters(Parameters):
-    """Electrodes of a finger: reasons and sources of the values in `params.yaml`.
+    """Electrodes of a finger; the comments give reasons and sources of the values in `params.yaml`.
 
     The calibration report compares values from the recorded scraping execution (`clmc`) with the data.
     """
 
-    # spatial resolution is below 2 mm (Wettels et al. 2008); contact then moves as few electrodes as recorded
+    # spatial resolution is below 2 mm (Wettels et al. 2008); contact affects as few electrodes as recorded
     width_mm: float = Field(gt=0)
-    hertz_mm_n: float = Field(ge=0)  # grows with the cube root of the load (Hertz)
+    hertz_mm_n: float = Field(ge=0)  # contact radius grows with the cube root of the load (Hertz)
     saturation_1_n: float = Field(ge=0)  # 5 to 1000 kOhm over 0.1 to 30 N (Wettels et al. 2008)
-    counts_per_n: float = Field(lt=0)  # moves the strongest electrode as recorded (130 and 430 counts)
-    bulge: float = Field(ge=0)  # the fluid's volume stays: distant electrodes move the other way
+    counts_per_n: float = Field(lt=0)  # changes the strongest electrode as recorded (130 and 430 counts)
+    bulge: float = Field(ge=0)  # the fluid's volume is constant: distant electrodes change the other way
     bulge_n: float = Field(gt=0)
     cross_talk: float = Field(ge=0)  # the fluid conducts
     cross_talk_mm: float = Field(gt=0)  # about the distance between electrodes
-    gain_spread: float = Field(ge=0)  # electrodes are hand-made individuals; chosen
+    gain_spread: float = Field(ge=0)  # electrodes are hand-made and differ; value chosen
     width_spread: float = Field(ge=0)
     bulge_spread: float = Field(ge=0)
     offset_counts: float = Field(ge=0)  # as recorded after taring, tens of counts
-    # through play operators; with the creep it makes loops 4 to 7 % as wide as the reading's range, at 0.01
-    # to 1 Hz. Silicone sensors in compression show 3 to 4 % at 0.1 Hz and 9 to 15 % at 1 Hz (Romano et al.
-    # 2024); here the lag does the latter
+    # play operators and creep together give loops 4 to 7 % as wide as the reading's range, at 0.01 to 1 Hz.
+    # Silicone sensors in compression show 3 to 4 % at 0.1 Hz and 9 to 15 % at 1 Hz (Romano et al. 2024); here
+    # the latter comes from the lag
     hysteresis: float = Field(ge=0, le=1)
     # 12 % in all: silicone relaxes under constant strain (Case et al. 2015); none is published for this skin
     creep: tuple[float, float]
-    # the recovery time of silicone domes, 0.4 s (Romano et al. 2024), and about the length of a run
+    # recovery time of silicone domes, 0.4 s (Romano et al. 2024), and about the length of a run
     creep_s: tuple[float, float]
-    # in the recorded unscrewing electrodes under the load follow the fluid pressure by 20 to 70 ms
+    # in the recorded unscrewing, electrodes under the load follow the fluid pressure by 20 to 70 ms
     lag_s: float = Field(gt=0)
-    noise_counts: float = Field(ge=0)  # before rounding; recorded 0.45 to 0.7 with it
+    noise_counts: float = Field(ge=0)  # before rounding; with rounding 0.45 to 0.7 as recorded
 
 
 PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])  # thresholds of the play operators on the load
 
 
 class Response(NamedTuple):
-    """F fingers with E electrodes each; M time constants of creep."""
+    """Response of F fingers with E electrodes each, with M time constants of creep."""
 
     electrodes: np.ndarray  # (E, 3) mm
     gain: np.ndarray  # (F, E) counts/N
-    variance: np.ndarray  # (F, E) mm^2 of the pressure under a point contact
+    variance: np.ndarray  # (F, E) mm^2, of the pressure under a point contact
     hertz: float  # mm at 1 N
     saturation: float  # 1/N
     bulge: np.ndarray  # (F, E) counts
@@ -71,7 +71,7 @@ class Response(NamedTuple):
     offset: np.ndarray  # (F, E) counts
     hysteresis: float
     creep: np.ndarray  # (M,)
-    creep_keep: np.ndarray  # (M,) share that stays over one sample
+    creep_keep: np.ndarray  # (M,) share that remains after one sample
     lag_keep: float
 
 
@@ -82,7 +82,7 @@ def draw_response(
     rng: np.random.Generator,
     rate_hz: float,
 ) -> Response:
-    """F sensors with individual electrodes at (E, 3) mm, sampled at `rate_hz`."""
+    """Draw F sensors with individual electrodes at (E, 3) mm, sampled at `rate_hz`."""
     size = (fingers, len(electrodes_mm))
     means = (parameters.counts_per_n, parameters.width_mm, parameters.bulge)
     spreads = (parameters.gain_spread, parameters.width_spread, parameters.bulge_spread)
@@ -122,10 +122,10 @@ def played(value: float, thresholds: np.ndarray, share: float, state: np.ndarray
 
 @numba.njit(cache=True)
 def crept(value: float, shares: np.ndarray, keeps: np.ndarray, settled: bool, state: np.ndarray) -> float:
-    """Creep compliance 1 + sum_m share_m (1 - exp(-t / tau_m)), scaled to 1 at the end.
+    """Creep compliance 1 + sum_m share_m (1 - exp(-t / tau_m)), scaled to 1 in the limit.
 
-    `keeps` (M,): share of the state that remains after one sample; `settled` False: the first sample is at
-    the end; updates `state` (M,).
+    `keeps` (M,): share of the state that remains after one sample; `settled`: False starts in the limit;
+    updates `state` (M,).
     """
     late = 0.0
     total = 0.0
@@ -138,7 +138,7 @@ def crept(value: float, shares: np.ndarray, keeps: np.ndarray, settled: bool, st
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
 def static_counts(load: float, place: np.ndarray, finger: int, response: Response) -> np.ndarray:
-    """Change of the counts, (E,), by a load in N at a place (3,) of the skin in mm."""
+    """Change of the counts (E,) due to a load in N at a point (3,) of the skin in mm."""
     load = max(load, 0.0)
     patch = (response.hertz**2 * load ** (2 / 3)) / 2
     bulge = 1 - np.exp(-load / response.bulge_load)
@@ -161,7 +161,7 @@ def static_counts(load: float, place: np.ndarray, finger: int, response: Respons
 
 @numba.njit(cache=True)
 def lagged(signal: np.ndarray, keep: float, settled: bool, state: np.ndarray) -> None:
-    """First-order lag: updates `state` (E,) towards the signal (E,); the first sample is met at once."""
+    """First-order lag: move `state` (E,) towards the signal (E,); if not `settled`, set it at once."""
     for electrode in range(len(signal)):
         left = keep * (state[electrode] - signal[electrode]) if settled else 0.0
         state[electrode] = signal[electrode] + left

@@ -1,10 +1,10 @@
-"""Two BioTac-like fingers that pinch a tool: counts of their electrodes, sample by sample.
+"""Two BioTac-like fingers that pinch a tool: electrode counts, sample by sample.
 
 The model goes from the wrench of the tool on the hand to 38 counts:
 
-    wrench, turn -> load and shear of each pad -> where and how hard the skin is pressed   (statics)
-                 -> what the electrodes count                                  (see `electrode_response`)
-                 -> noise, whole counts
+    wrench, turn -> load and shear of each pad -> contact point and load on the skin       (statics)
+                 -> electrode counts                                           (see `electrode_response`)
+                 -> noise, rounding
 
 Parameters of single electrodes are drawn from the sensor's seed; grip force and the place of the tool belong
 to the grasp and are drawn from the trial's generator.
@@ -30,32 +30,32 @@ from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 
 CHANNELS = 2 * len(ELECTRODES_MM)
 
-PAD_DISTANCE_MM = 10.0  # half the distance between the pads, d: a tool 20 mm thick
+PAD_DISTANCE_MM = 10.0  # half the distance between the pads, d: the tool is 20 mm thick
 HOME_MM = (-2.0, -3.0)  # unloaded contact centres along the fingers, from the tip's start: the pad's flat
-HOME_ACROSS_MM = (0.0, 1.0)  # the same across the fingers; chosen since two fingers never meet exactly
+HOME_ACROSS_MM = (0.0, 1.0)  # the same across the fingers; chosen, since two fingers never align exactly
 
 
 class TouchParameters(ResponseParameters):
-    """Two fingers that pinch a tool."""
+    """Two fingers pinching a tool."""
 
-    grip_n: float = Field(gt=0)  # so that a 60 g tool pushed with 1 N does not slip at friction 0.5
+    grip_n: float = Field(gt=0)  # a 60 g tool pushed with 1 N does not slip at friction 0.5
     grip_spread: float = Field(ge=0)  # chosen: repeatability of a force-controlled gripper
     slip_mm: float = Field(ge=0)  # chosen small: the hand keeps the tool between runs, only slip moves it
-    shear_mm_n: float = Field(ge=0)  # a skin of 500 N/m: contact moves electrodes as far as recorded
+    shear_mm_n: float = Field(ge=0)  # skin of 500 N/m: contact changes electrodes as much as recorded
     rolling_mm_rad: float = Field(ge=0)  # pads d off the axis take up most of d per radian by rolling
-    twist_mm_n_m: float = Field(ge=0)  # recorded, drag of the edge moves electrodes less than contact
+    twist_mm_n_m: float = Field(ge=0)  # as recorded, drag of the edge changes electrodes less than contact
 
 
 PLAY_MM = np.array([0.03, 0.1, 0.3, 1.0])
 """Thresholds of the play operators on the contact centre, in steps of about three up to the largest
-displacement, so that the relative width of a loop depends little on its size (as loss in rubber)."""
+displacement, so that the relative width of a loop hardly depends on its size (like loss in rubber)."""
 
 
 class FingerPair:
-    """Two fingers that pinch a tool, read at a constant rate; 38 counts per sample.
+    """Two fingers pinching a tool, read at a constant rate; 38 counts per sample.
 
     Hand frame: x is the pinch axis with the left finger at +x, y the direction of scraping, z distal along
-    the fingers. The first reading finds the grasp settled under the wrench of that moment.
+    the fingers. The first reading starts with the grasp settled under the wrench of that moment.
     """
 
     def __init__(
@@ -82,15 +82,15 @@ class FingerPair:
         self._noise_counts, self._trial = parameters.noise_counts, trial
 
     def read(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """The next sample, (38,) counts, left finger first; a ValueError if a number is not finite.
+        """Next sample, (38,) counts, left finger first.
 
-        `force` (3,) N and `torque` (3,) N m about the grasp's centre: of the tool on the hand; `turn` (3,):
-        rotation vector in rad of the tool in the grasp; all in the hand frame.
+        `force` (3,) N and `torque` (3,) N m of the tool on the hand, about the grasp's centre; `turn` (3,)
+        rad: rotation vector of the tool in the grasp; all in the hand frame. Raises ValueError: not finite.
         """
         return self.trace(*(np.asarray(part, dtype=float)[None] for part in (force, torque, turn)))[0]
 
     def trace(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """The next T samples, (T, 3) each, as `read` gives them one by one: (T, 38) counts."""
+        """Next T samples, (T, 38) counts, for inputs (T, 3) each; the same as repeated `read`."""
         samples = np.hstack([force, torque, turn]).astype(float)
         if not np.isfinite(samples).all():
             raise ValueError("fingers: force, torque and turn must be finite")
@@ -98,7 +98,7 @@ class FingerPair:
         return np.rint(_respond(samples, self._hand) + noise)
 
     def readings(self, count: int) -> "Readings":
-        """The next readings, for a compiled loop that calls `take`; the same numbers as `read`."""
+        """Next readings for a compiled loop that calls `take`; the same numbers as `read`."""
         return Readings(self._hand, self._noise(count))
 
     def _noise(self, count: int) -> np.ndarray:
@@ -106,9 +106,9 @@ class FingerPair:
 
 
 class Hand(NamedTuple):
-    """Two fingers and their grasp; quantities of a pad: load N, along mm, across mm."""
+    """Model of two fingers and their grasp; quantities of a pad: load N, along mm, across mm."""
 
-    grasp: np.ndarray  # (2, 3) of an unloaded tool
+    grasp: np.ndarray  # (2, 3) pad quantities with an unloaded tool
     statics: np.ndarray  # (4,) 1 / (2 d) in 1/m, shear mm/N, rolling mm/rad, twist mm/(N m)
     thresholds: np.ndarray  # (3, K) of play
     response: Response
@@ -116,11 +116,11 @@ class Hand(NamedTuple):
     play: np.ndarray  # (2, 3, K)
     creep: np.ndarray  # (2, 3, M)
     lag: np.ndarray  # (2, 19)
-    settled: np.ndarray  # (1,) whether there has been a sample
+    settled: np.ndarray  # (1,) whether there was a sample before
 
 
 class Readings(NamedTuple):
-    """Next readings of a pair of fingers."""
+    """The next readings of two fingers."""
 
     hand: Hand
     noise: np.ndarray  # (S, 38) counts
@@ -135,7 +135,7 @@ def take(readings: Readings, number: int, sample: np.ndarray, counts: np.ndarray
 
 
 def _grasp(parameters: TouchParameters, rng: np.random.Generator) -> np.ndarray:
-    """Load N, along mm, across mm of both pads of an unloaded tool: (2, 3)."""
+    """Load N, along mm and across mm of both pads for an unloaded tool, (2, 3)."""
     grip = parameters.grip_n * np.exp(parameters.grip_spread * rng.standard_normal())
     seat = np.column_stack([HOME_MM, HOME_ACROSS_MM])
     return np.column_stack([[grip, grip], seat + parameters.slip_mm * rng.standard_normal((2, 2))])
@@ -143,7 +143,7 @@ def _grasp(parameters: TouchParameters, rng: np.random.Generator) -> np.ndarray:
 
 @numba.njit(cache=True)
 def _respond(samples: np.ndarray, hand: Hand) -> np.ndarray:
-    """Counts before noise, (T, 38), of samples (T, 9); updates the state of the hand."""
+    """Counts before noise (T, 38) for samples (T, 9); updates the state of the hand."""
     response = hand.response
     electrodes = len(response.electrodes)
     counts = np.empty((len(samples), 2 * electrodes))
@@ -167,7 +167,7 @@ def _respond(samples: np.ndarray, hand: Hand) -> np.ndarray:
 
 @numba.njit(cache=True)
 def _pad(sample: np.ndarray, finger: int, grip: float, statics: np.ndarray) -> np.ndarray:
-    """Load in N, and displacement of the contact centre along and across the finger in mm, of one pad.
+    """Load in N of one pad, and displacement of its contact centre along and across the finger in mm.
 
     Two pads at x = +-d carry the force and, with equal and opposite shear, the torque about y and z. The
     finger's own y axis is -y of the hand for the left finger, +y for the right one.
@@ -184,7 +184,7 @@ def _pad(sample: np.ndarray, finger: int, grip: float, statics: np.ndarray) -> n
 
 @numba.njit(cache=True)
 def _on_skin(along: float, across: float) -> np.ndarray:
-    """Point of the skin, finger frame in mm, at arc lengths along and across the pad."""
+    """Point of the skin in the finger frame, mm, at arc lengths along and across the pad."""
     around = across / SKIN_RADIUS_MM
     over = min(max(along, 0.0) / SKIN_RADIUS_MM, np.pi / 2)
     return np.array(

@@ -1,15 +1,15 @@
-"""Noise of a human hand: slow sway, signal-dependent motor noise and tremor, each in its band."""
+"""Noise of a human hand: slow sway, signal-dependent motor noise and tremor, each in its frequency band."""
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfftfreq
 
-# Noise of the hand: shares of the variance of `noise_mm`, and bands.
+# shares of the variance of `noise_mm`, and frequency bands
 SWAY_SHARE, SWAY_HZ = 0.70, (0.1, 1.0)  # slow postural drift, most of the error in holding still
 MOTOR_SHARE, MOTOR_HZ = 0.17, (1.0, 6.0)  # signal-dependent (Harris & Wolpert 1998): grows with speed
 TREMOR_SHARE, TREMOR_HZ = 0.13, (8.0, 12.0)  # physiological tremor, 0.05-0.2 mm rms in hand-held tools
-# (Riviere et al. 1997 and the microsurgery literature since): 0.11 mm at the default `noise_mm`
-HAND_WIDTH_M = 0.06  # two grips this far apart, each with the noise, turn the tool: rad = m / HAND_WIDTH_M
-BOARD_HOLDS = 0.3  # what remains of the noise along z while the board carries the tool
+# (Riviere et al. 1997 and later microsurgery literature): 0.11 mm at the default `noise_mm`
+HAND_WIDTH_M = 0.06  # noise at two grips this far apart rotates the tool: rad = m / HAND_WIDTH_M
+BOARD_HOLDS = 0.3  # share of the noise along z that remains while the board supports the tool
 
 
 def hand_noise(
@@ -17,8 +17,9 @@ def hand_noise(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Noise of a hand that holds and moves a tool: position (T, 3) m, rotation vectors (T, 3) rad.
 
-    `velocity` (T, 3) m/s of the intended movement; `contact` (T,) 0 in the air, 1 with the tool on the board,
-    which holds it along z. Both parts are proportional to `noise_mm`, on which draws do not depend.
+    `velocity` (T, 3) m/s of the intended movement; `contact` (T,): 0 in the air, 1 with the tool on the
+    board, which supports it along z. Both outputs are proportional to `noise_mm`; the draws do not depend on
+    it.
     """
     speed = np.linalg.norm(velocity, axis=1)
     envelope = speed / np.sqrt(np.mean(speed**2))  # unit power over the trial
@@ -38,8 +39,8 @@ def hand_noise(
 def _band_noise(
     length: int, rate_hz: float, band: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
-    """Six independent Gaussian processes with all power between two frequencies, unit std: (length, 6)."""
-    padded = next_fast_len(2 * length, real=True)  # twice as long: the ends do not meet
+    """Six independent Gaussian processes (length, 6) with unit std and all power in one band."""
+    padded = next_fast_len(2 * length, real=True)  # twice as long, so that the ends do not wrap around
     frequency = rfftfreq(padded, 1 / rate_hz)
     inside = (frequency >= band[0]) & (frequency <= band[1])
     spectrum = np.zeros((len(frequency), 6), dtype=complex)

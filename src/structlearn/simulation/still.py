@@ -1,4 +1,4 @@
-"""Stills of simulated scenes by PyBullet's software renderer, deterministic on one machine."""
+"""Still images of simulated scenes by PyBullet's software renderer, deterministic on one machine."""
 
 import os
 import sys
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-SIZE = (1000, 620)  # pixels of the picture
+SIZE = (1000, 620)  # pixels of the image
 OVERSAMPLING = 2  # for smooth edges
 FIELD_OF_VIEW_DEG = 32.0
 
@@ -29,14 +29,14 @@ class Solid:
 class Sheet:
     """A curved surface in the scene, visible from outside only."""
 
-    points: np.ndarray  # (A, B, 3) m, on a grid; seen from outside, B is to the left of A
+    points: np.ndarray  # (A, B, 3) m, on a grid; seen from outside, B points to the left of A
     normals: np.ndarray  # (A, B, 3) unit, outwards
     colour: Sequence[float]  # red, green, blue, opacity from 0 to 1
 
 
 @dataclass(frozen=True)
 class View:
-    """Camera: the point looked at (m), distance (m), yaw and pitch in degrees."""
+    """Camera: target point (m), distance (m), yaw and pitch in degrees."""
 
     target: Sequence[float]
     distance: float
@@ -52,12 +52,12 @@ def still(
     sheets: Sequence[Sheet] = (),
     size: tuple[int, int] = SIZE,
 ) -> np.ndarray:
-    """Draw a scene, (H, W, 3) bytes.
+    """Render a scene as an image (H, W, 3) uint8.
 
-    `urdf`: of a robot, a path or a file of pybullet_data; none if empty; `angles` (J,) of its movable joints
-    in rad, in the order of the URDF; `size`: (W, H) pixels.
+    `urdf`: of a robot, a path or a file of pybullet_data, or empty; `angles` (J,): of its movable joints in
+    rad, in URDF order; `size`: (W, H) pixels.
     """
-    with _muted():  # it prints its build time and arguments
+    with _muted():  # PyBullet prints its build time and arguments
         import pybullet
         import pybullet_data
         from pybullet_utils.bullet_client import BulletClient
@@ -82,7 +82,7 @@ def still(
 
 @contextmanager
 def _muted() -> Iterator[None]:
-    """Suppress what C code prints."""
+    """Suppress output of C code."""
     sys.stdout.flush()
     nowhere, kept = os.open(os.devnull, os.O_WRONLY), {stream: os.dup(stream) for stream in (1, 2)}
     for stream in kept:

@@ -1,16 +1,16 @@
-"""A finger that touches a handle: contact, force and counts, for many fingers at once.
+"""A finger touching a handle: contact, force and counts, for many fingers at once.
 
-The contact is analytic. The skin is a core (an axis-parallel box) inflated by its radius, the handle an
-inflated segment, so both touch where segment and core are closest. One step of a closed loop is
+The contact is analytic. The skin is a core (an axis-aligned box) inflated by its radius, and the handle an
+inflated segment, so they touch where segment and core are closest. One step of a closed loop is
 
     position, orientation = moved(position, orientation, velocity, dt)
     contact = touching(position, orientation, handle, finger)
     signal, memory = touch(contact.load[None], contact.point[None], finger, memory)
     counts = read_out(signal[0], finger, rng)
 
-The skin dents by Hertz's law. Counts are as for the fingers that pinch a tool (`electrode_response`), with
-hysteresis and creep of the load, but not of the place: an object that slides or rolls over the skin does not
-stick to it.
+The skin is indented by Hertz's law. Counts are those of the fingers that pinch a tool (`electrode_response`),
+with hysteresis and creep of the load, but not of the contact point: an object that slides or rolls over the
+skin does not stick to it.
 """
 
 from dataclasses import dataclass
@@ -38,26 +38,26 @@ NEWTON_STEPS = 8  # enough for the exact closest point: the derivative has at mo
 
 
 class TouchFingerParameters(Parameters):
-    """Parameters of a finger that depend on the object it touches, here not a tool's edge."""
+    """Finger parameters that depend on the object, here a handle instead of a tool's edge."""
 
-    # of the pressure under a point contact (std); wider than for an edge, since a handle is round: with it
-    # p = -mean(s) rises with the load everywhere on the skin
+    # std of the pressure under a point contact; wider than for an edge, since a handle is round: then
+    # p = -mean(s) increases with the load everywhere on the skin
     width_mm: float = Field(gt=0)
     stiffness_n_mm: float = Field(gt=0)  # load in N at 1 mm of indentation, K in F = K d^1.5
 
     def with_electrodes_of(self, other: ResponseParameters) -> "FingerParameters":
-        """A finger with the electrodes of another, but the width of this one."""
+        """Combine the electrodes of another finger with this one's width and stiffness."""
         shared = {name: getattr(other, name) for name in ResponseParameters.model_fields}
         return FingerParameters(**shared | self.model_dump())
 
 
 class FingerParameters(TouchFingerParameters, ResponseParameters):
-    """A finger that touches, with its electrodes."""
+    """A touching finger with its electrodes."""
 
 
 @dataclass(frozen=True)
 class Handle:
-    """A round bar with round ends, or a knob if its length is zero."""
+    """A round bar with round ends, or a ball if its length is zero."""
 
     centre: np.ndarray  # (3,) m, base frame
     axis: np.ndarray  # (3,) unit, base frame
@@ -67,24 +67,24 @@ class Handle:
 
 @dataclass(frozen=True)
 class Finger:
-    """A skin with its electrodes and its stiffness."""
+    """Skin, electrodes and stiffness of a finger."""
 
     skin: Skin  # with E electrodes
     response: Response  # of one finger
     stiffness: float  # N/m^1.5
-    noise_counts: float  # standard deviation of the white noise before rounding
+    noise_counts: float  # std of the white noise before rounding
 
     def indentation(self, load: np.ndarray) -> np.ndarray:
-        """Indentation (...) in m by a load (...) in N."""
+        """Indentation (...) in m under a load (...) in N."""
         return (np.asarray(load) / self.stiffness) ** (2 / 3)
 
 
 class Contact(NamedTuple):
     """Contact of B fingers with the handle."""
 
-    point: np.ndarray  # (B, 3) m on the skin, frame of the finger: where the handle is closest
+    point: np.ndarray  # (B, 3) m on the skin, closest to the handle, finger frame
     load: np.ndarray  # (B,) N, zero in the air
-    gap: np.ndarray  # (B,) m between skin and handle, negative when dented
+    gap: np.ndarray  # (B,) m between skin and handle, negative when indented
 
 
 class Memory(NamedTuple):
@@ -96,7 +96,7 @@ class Memory(NamedTuple):
 
 
 def make_finger(parameters: FingerParameters, skin: Skin, sensor_seed: int, rate_hz: float) -> Finger:
-    """A finger with individual electrodes, read `rate_hz` times per second."""
+    """Finger with individual electrodes, read `rate_hz` times per second."""
     rng = np.random.default_rng(sensor_seed)
     response = draw_response(parameters, 1e3 * skin.electrodes, 1, rng, rate_hz)
     return Finger(skin, response, parameters.stiffness_n_mm * 1e3**1.5, parameters.noise_counts)
@@ -105,7 +105,7 @@ def make_finger(parameters: FingerParameters, skin: Skin, sensor_seed: int, rate
 def moved(
     position: np.ndarray, orientation: np.ndarray, velocity: np.ndarray, dt: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (B, 3) m, (B, 4) after dt s of a velocity (B, 6) m/s, rad/s in the finger's own frame."""
+    """Poses (B, 3) m, (B, 4) after dt s at velocities (B, 6) m/s, rad/s in the fingers' own frames."""
     step = dt * velocity
     turn = quaternion.from_rotation_vector(step[:, 3:])
     return _moved(position, orientation, step, turn)
@@ -114,8 +114,8 @@ def moved(
 def touching(position: np.ndarray, orientation: np.ndarray, handle: Handle, finger: Finger) -> Contact:
     """Contact of fingers at (B, 3) m, (B, 4) finger to base, with the handle.
 
-    The squared distance of core and segment is convex in the place on the segment, its derivative piecewise
-    linear and rising: Newton's method ends at the root.
+    The squared distance between core and segment is convex in the position on the segment, and its derivative
+    piecewise linear and increasing, so Newton's method ends exactly at the root.
     """
     skin = finger.skin
     on_bar = _closest(
@@ -138,14 +138,14 @@ def rested(fingers: int, finger: Finger) -> Memory:
 def touch(load: np.ndarray, point: np.ndarray, finger: Finger, memory: Memory) -> tuple[np.ndarray, Memory]:
     """Counts (T, B, E) before noise, and the memory after them.
 
-    `load` (T, B) N; `point` (T, B, 3) m on the skin, frame of the finger; `memory` is not changed.
+    `load` (T, B) N; `point` (T, B, 3) m on the skin, finger frame; `memory` is not changed.
     """
     after = Memory(*(values.copy() for values in memory))
     return _touch(load, 1e3 * point, finger.response, PLAY_N, after), after
 
 
 def read_out(signal: np.ndarray, finger: Finger, rng: np.random.Generator) -> np.ndarray:
-    """Whole counts with noise. Shape (..., E) -> (..., E)."""
+    """Rounded counts with noise, (..., E) -> (..., E)."""
     return np.rint(signal + finger.noise_counts * rng.standard_normal(signal.shape))
 
 
@@ -154,7 +154,7 @@ _product = numba.njit(cache=True)(quaternion.product_components)
 
 @numba.njit(cache=True)
 def _rotated(q: np.ndarray | tuple, vector: np.ndarray) -> tuple:
-    """A vector turned by a rotation."""
+    """Rotate a vector by a unit quaternion."""
     axis = (q[1], q[2], q[3])
     once = cross(axis, vector)
     twice = cross(axis, once)
@@ -169,7 +169,7 @@ def _rotated(q: np.ndarray | tuple, vector: np.ndarray) -> tuple:
 def _moved(
     position: np.ndarray, orientation: np.ndarray, step: np.ndarray, turn: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (B, 3), (B, 4) after steps (B, 6) whose turns are (B, 4)."""
+    """Poses (B, 3), (B, 4) after steps (B, 6), whose rotations are the quaternions `turn` (B, 4)."""
     places, turned = np.empty_like(position), np.empty_like(orientation)
     for b in range(len(position)):
         shift = _rotated(orientation[b], step[b])
@@ -192,7 +192,7 @@ def _closest(
     low: np.ndarray,
     high: np.ndarray,
 ) -> np.ndarray:
-    """Points (B, 3) m of a handle that are closest to the box from `low` to `high`, in frames of fingers."""
+    """Points (B, 3) m of a handle closest to the box from `low` to `high`, in the frames of the fingers."""
     closest = np.empty_like(position)
     for b in range(len(position)):
         back = (orientation[b, 0], -orientation[b, 1], -orientation[b, 2], -orientation[b, 3])

@@ -1,8 +1,8 @@
 """Simulated demonstrations of touch: a person guides a finger over a handle (dissertation II.4.1.1).
 
-Two parts, each over several areas of the skin. Rotation: touch, turn about the finger's x axis one way, lift,
-touch, turn back, lift. Translation: touch, swipe along x forwards, lift, touch, swipe backwards, lift, and
-all of it once more. The person's force differs between contacts and varies during each.
+Two parts, each over several areas of the skin. Rotation: touch, rotate about the finger's x axis, lift,
+touch, rotate back, lift. Translation: touch, swipe forwards along x, lift, touch, swipe backwards, lift, and
+the same once more. The person's force differs between contacts and varies during each.
 """
 
 from collections.abc import Iterator
@@ -34,21 +34,21 @@ from structlearn.tactile.electrodes import SKINS, Skin
 Motion = Literal["rotation", "translation"]
 Swept = TypeVar("Swept", float, np.ndarray)
 SLIDES: dict[Motion, tuple[int, ...]] = {"rotation": (1, -1), "translation": (1, -1, 1, -1)}
-"""Directions of the contacts of a demonstration."""
+"""Direction of each contact in a demonstration."""
 
 SAMPLED_EVERY = 3  # robot ticks per sample of the electrodes: 100 Hz at 300 Hz
-APPROACH_S, PRESS_S = 0.5, 0.35  # durations of coming down and of pressing; the same to release and to rise
-WAVER_S = 0.25  # width of the Gaussian that smooths the force a person holds; chosen: it wavers below 1 Hz
+APPROACH_S, PRESS_S = 0.5, 0.35  # durations of approach and of pressing; the same for release and retreat
+WAVER_S = 0.25  # width of the Gaussian that smooths the held force; chosen: it varies below 1 Hz
 AREA_SPREAD_MM = 0.7  # std of a contact's start within its area; chosen so that areas adjoin
-DRIFT_MM = 0.4  # std per second of a contact's sideways drift; chosen: a hand does not follow a ruler
-RISE_MM = 8.0  # height of the finger over the handle in the air: clear of it, whatever the sway of the hand
-STAMP_JITTER_S = 2e-4  # standard deviation of the electrodes' stamps, for they have a clock of their own
+DRIFT_MM = 0.4  # std per second of a contact's sideways drift; chosen: hands do not follow straight lines
+RISE_MM = 8.0  # height of the finger above the handle in the air, clear of it despite the hand's sway
+STAMP_JITTER_S = 2e-4  # std of the electrodes' time stamps, which come from their own clock
 TRUTH = ("trial", "time_s", "x_m", "y_m", "z_m", "load_n")  # columns of `true_contacts`
-CLOCK_START_NS = 10**9  # stamp of the first sample
+CLOCK_START_NS = 10**9  # time stamp of the first sample
 
 
 class ToucherParameters(Parameters):
-    """A person who demonstrates touch; `params.yaml` gives about as many samples as the dissertation has."""
+    """A person demonstrating touch; `params.yaml` gives about as many samples as the dissertation has."""
 
     skin: Literal["biotac", "flat_pad", "sphere"]
     seed: int = Field(ge=0)
@@ -73,19 +73,19 @@ class ToucherParameters(Parameters):
 
 @dataclass(frozen=True)
 class TouchRun:
-    """A demonstration with its true contacts, T ticks of the robot and S samples of the electrodes."""
+    """A demonstration with its true contacts, over T robot ticks and S electrode samples."""
 
     name: str
     motion: Motion
     position: np.ndarray  # (T, 3) m, finger in the base frame
     orientation: np.ndarray  # (T, 4) finger to base
     counts: np.ndarray  # (S, E) whole counts
-    contact_point: np.ndarray  # (S, 3) m, where the handle is closest to the skin, frame of the finger
+    contact_point: np.ndarray  # (S, 3) m, point of the skin closest to the handle, finger frame
     load: np.ndarray  # (S,) N
 
 
 def demonstrate(person: ToucherParameters, parameters: FingerParameters) -> Iterator[TouchRun]:
-    """All demonstrations, rotations first, one area after the other."""
+    """All demonstrations: rotations first, ordered by area."""
     finger = make_finger(parameters, SKINS[person.skin], person.sensor_seed, person.rate_hz / SAMPLED_EVERY)
     for kind, (motion, repeats) in enumerate(
         zip(SLIDES, (person.rotations, person.translations), strict=True)
@@ -97,7 +97,7 @@ def demonstrate(person: ToucherParameters, parameters: FingerParameters) -> Iter
 
 
 def recorded(run: TouchRun, person: ToucherParameters) -> Recording:
-    """The recording of a demonstration: poses at the robot's rate, electrodes slower."""
+    """Recording of a demonstration: poses at the robot's rate, electrodes slower."""
     rng = np.random.default_rng((person.seed, len(run.position)))
     ticks = CLOCK_START_NS + np.round(np.arange(len(run.position)) * 1e9 / person.rate_hz).astype(np.int64)
     step = 1 / person.rate_hz
@@ -120,7 +120,7 @@ def recorded(run: TouchRun, person: ToucherParameters) -> Recording:
 
 
 def true_contacts(run: TouchRun, person: ToucherParameters) -> pd.DataFrame:
-    """Ground truth: `trial`, `time_s`, `x_m`, `y_m`, `z_m` of the contact in the finger, `load_n`."""
+    """True contacts: `trial`, `time_s`, `x_m`, `y_m`, `z_m` in the finger frame, `load_n`."""
     time = np.arange(len(run.load)) * SAMPLED_EVERY / person.rate_hz
     numbers = np.column_stack([time, run.contact_point, run.load]).astype(np.float32)
     columns = (np.full(len(time), run.name), *numbers.T)
@@ -128,7 +128,7 @@ def true_contacts(run: TouchRun, person: ToucherParameters) -> pd.DataFrame:
 
 
 def covered(person: ToucherParameters, skin: Skin) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Ranges of the surface coordinates along and across the finger that are demonstrated, m."""
+    """Demonstrated ranges of the surface coordinates along and across the finger, m."""
     low, high = 1e-3 * np.array(person.along_mm)
     turn = np.radians(person.across_deg) * skin.radius
     return (low, high), (skin.core_low[1] - turn, skin.core_high[1] + turn)
@@ -142,11 +142,11 @@ def held_on_handle(
     finger: Finger,
     tilt: tuple[float | np.ndarray, float | np.ndarray] = (0.0, 0.0),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (B, 3) m, (B, 4) of a finger on a horizontal handle, its x axis across it, at places of its skin.
+    """Poses (B, 3) m, (B, 4) at which a finger lies across a horizontal handle, touching given skin points.
 
-    `along`, `across` (B,) m: coordinates of the places (`Skin.surface`); `load` (B,) N; `tilt`: pitch about
-    the handle and yaw about the vertical in rad, () or (B,) each. Tilted by both, the finger touches beside
-    the places by the product of both angles.
+    `along`, `across` (B,) m: surface coordinates of the points (`Skin.surface`); `load` (B,) N; `tilt`: pitch
+    about the handle and yaw about the vertical in rad, () or (B,) each. Tilted by both, the finger touches
+    beside these points by the product of both angles.
     """
     skin = finger.skin
     point = skin.surface(along, across)
@@ -200,7 +200,7 @@ def _contact(
     person: ToucherParameters,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """One contact from air to air: along m, across m, load N and height over the handle m, (T,) each."""
+    """One contact from air to air: along m, across m, load N and height above the handle m, (T,) each."""
     rate, skin = person.rate_hz, finger.skin
     median = person.rotation_s if motion == "rotation" else person.translation_s
     slide = round(rate * max(median * np.exp(person.time_cv * rng.standard_normal()) - 2 * PRESS_S, 0.5))
@@ -235,7 +235,7 @@ def _held_by_hand(
     person: ToucherParameters,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The intended path with a hand's sway, motor noise and tremor."""
+    """Add a hand's sway, motor noise and tremor to the intended path."""
     velocity = np.gradient(position, 1 / person.rate_hz, axis=0)
     off, turned = hand_noise(velocity, contact.astype(float), person.noise_mm, person.rate_hz, rng)
     held = quaternion.product(quaternion.from_rotation_vector(turned), orientation)
@@ -243,19 +243,19 @@ def _held_by_hand(
 
 
 def _between(low: float, high: float, swept: Swept) -> Swept:
-    """Place of a sweep from -1, the low end, to 1."""
+    """Position of a sweep from -1, the low end, to 1."""
     return 0.5 * (low + high) + 0.5 * (high - low) * swept
 
 
 def _steady(samples: int) -> np.ndarray:
-    """Fraction of the way, (samples,), at constant speed apart from ramps at both ends."""
+    """Fraction of the way (samples,), at constant speed with ramps at both ends."""
     edge = max(samples // 5, 1)
     speed = np.minimum(1.0, np.minimum(np.arange(1, samples + 1), np.arange(samples, 0, -1)) / edge)
     return np.cumsum(speed) / speed.sum()
 
 
 def _smooth_noise(samples: int, width: float, rng: np.random.Generator) -> np.ndarray:
-    """Gaussian noise of unit variance, (samples,), smooth over `width` samples."""
+    """Gaussian noise (samples,) of unit variance, smooth over `width` samples."""
     from scipy.ndimage import gaussian_filter1d
 
     noise = gaussian_filter1d(rng.standard_normal(samples + 8 * round(width)), width)[4 * round(width) :]
