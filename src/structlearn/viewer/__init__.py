@@ -1,1 +1,1 @@
-"""Every call of rerun that two testbeds or more make."""
+"""rerun recordings: calls shared by several testbeds."""

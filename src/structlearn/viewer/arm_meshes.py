@@ -1,4 +1,4 @@
-"""An arm in recordings: the meshes of its URDF, or sticks where it has none, moved by its joints."""
+"""Arms in recordings: meshes of a URDF, or sticks if it has none, moved by joint positions."""
 
 import tempfile
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from rerun.urdf import UrdfTree
 from structlearn.palette import AXIS_COLOURS
 from structlearn.viewer.rrd import entity, plot, rgba, scene_view, send_series, time_column
 
-PACKAGE = "package://"  # prefix of mesh paths in URDFs for ROS, which are read relative to the URDF
+PACKAGE = "package://"  # prefix of mesh paths in ROS URDFs, resolved relative to the URDF
 STICK_M = 0.025  # radius of a stick
 
 
@@ -25,7 +25,7 @@ def send_arm(
     times: rr.TimeColumn,
     positions: np.ndarray,
 ) -> None:
-    """Log an arm's meshes, and its joints over time, (T, n) rad or m; those that are not named stay at zero.
+    """Log an arm's meshes, and joint positions (T, n) rad or m over time; other joints stay at zero.
 
     `name`: of the arm, without slashes, unique in the recording.
     """
@@ -46,7 +46,7 @@ def send_sticks(
 ) -> float:
     """`send_arm` for a URDF without meshes: a ball at every joint, and sticks between them.
 
-    Returns the length of all sticks in m, a bound on the arm's reach.
+    Returns the total length of all sticks in m, an upper bound on the arm's reach.
     """
     arm = _read(Path(urdf), name)
     length = 0.0
@@ -63,7 +63,7 @@ def send_sticks(
 
 
 def link_frame(name: str, link: str) -> str:
-    """Frame of a link of an arm, for what is fixed to it (`rr.CoordinateFrame`)."""
+    """Name of a link's frame, for attaching entities to it (`rr.CoordinateFrame`)."""
     return f"{name}/{link}"
 
 
@@ -75,7 +75,7 @@ def _send_joints(
     times: rr.TimeColumn,
     positions: np.ndarray,
 ) -> None:
-    # entities without a frame of their own live below the root; the arm's base is put there
+    # entities without a frame of their own are below the root, so the arm's base is placed there
     base = rr.Transform3D(parent_frame="tf#/", child_frame=f"{arm.frame_prefix}{arm.root_link().name}")
     stream.log(entity(name, "frames", "base"), base, static=True)
     columns = {joint: positions[:, number].tolist() for number, joint in enumerate(joints)}
@@ -89,19 +89,19 @@ def _send_joints(
 
 
 def arm_contents(name: str) -> str:
-    """Query expression of all that `send_arm` logs."""
+    """Query expression for everything that `send_arm` logs."""
     return f"/{name}/**"
 
 
 def arm_view(title: str, contents: Sequence[str], tool: np.ndarray) -> rrb.Spatial3DView:
-    """3-D view of an arm on its base, whose tool moves along points (N, 3) in m."""
-    # the arm's own links may be above its tool and beside it
+    """3-D view of an arm on its base, whose tool moves along points (N, 3) m."""
+    # the arm's own links may extend above and beside its tool
     top = [0.0, 0.0, 1.1 * float(np.linalg.norm(tool, axis=1).max())]
     return scene_view(title, contents, np.vstack([1.15 * tool, np.zeros(3), top]))
 
 
 def _read(urdf: Path, name: str) -> UrdfTree:
-    """The URDF with frames prefixed by the arm's name; meshes of packages are read relative to it."""
+    """Read a URDF with frames prefixed by the arm's name; package meshes are resolved relative to it."""
     options = {"entity_path_prefix": name, "frame_prefix": f"{name}/"}
     text = urdf.read_text()
     if PACKAGE not in text:
@@ -119,9 +119,9 @@ def send_followed(
     carried_kg: np.ndarray,
     colours: tuple[str, str, str],
 ) -> None:
-    """Log curves of an online learned payload (`payload.follow_payload`) and the true one.
+    """Log the payload learned online (`payload.follow_payload`) and the true payload.
 
-    `carried_kg` (T,) at `time` (T,) s; `colours`: of the truth, of the learned and of the empty arm's model.
+    `carried_kg` (T,) at `time` (T,) s; `colours`: of the truth, the learned model and the empty arm's model.
     """
     reference, found, empty = colours
     times = [time_column(learned["time_s"].to_numpy(float))]
@@ -137,7 +137,7 @@ def send_followed(
 
 
 def followed_plots() -> Sequence[rrb.TimeSeriesView]:
-    """Views of what `send_followed` logs."""
+    """Plots of what `send_followed` logs."""
     return (
         plot("mass in the hand (kg)", ["/mass/**"], legend=False),
         plot("first moment of the mass (kg m)", ["/moment"], legend=False),

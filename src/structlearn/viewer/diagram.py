@@ -1,4 +1,4 @@
-"""Flat diagrams in recordings: axes for curves over anything but the time lines."""
+"""Flat diagrams in recordings: axes for curves over quantities other than the time lines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from structlearn.palette import GREY
 from structlearn.viewer.rrd import flat_view, rgba
 
-GRID = "#262b31"  # just visible on the viewer's dark ground
+GRID = "#262b31"  # just visible on the viewer's dark background
 LEFT, RIGHT, ABOVE, BELOW = 2.6, 1.0, 1.6, 2.2  # room around the axes for their numbers and names
 TICKS = 6  # approximate intervals per axis
 
@@ -21,11 +21,11 @@ class Diagram:
 
     x_range: tuple[float, float]
     y_range: tuple[float, float]
-    width: float  # in units of the drawing
+    width: float  # drawing units
     height: float
 
     def points(self, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
-        """Places in the drawing, (..., 2), of values x and y (...)."""
+        """Drawing coordinates (..., 2) of values x and y (...)."""
         (left, right), (bottom, top) = self.x_range, self.y_range
         across = self.width * (np.asarray(x, float) - left) / (right - left)
         down = self.height * (top - np.asarray(y, float)) / (top - bottom)
@@ -33,7 +33,7 @@ class Diagram:
 
 
 def rounded_range(values: np.ndarray, least: float | None = None) -> tuple[float, float]:
-    """Range of whole ticks around all values (...), from `least` if it is given."""
+    """Range of whole ticks around all values (...), starting at `least` if given."""
     low, high = float(np.min(values)), float(np.max(values))
     low = low if least is None else least
     step = tick_step(low, high)
@@ -41,7 +41,7 @@ def rounded_range(values: np.ndarray, least: float | None = None) -> tuple[float
 
 
 def tick_step(low: float, high: float) -> float:
-    """Distance of ticks: 1, 2 or 5 times a power of ten."""
+    """Tick spacing: 1, 2 or 5 times a power of ten."""
     rough = max(high - low, np.finfo(float).tiny) / TICKS
     power = 10.0 ** np.floor(np.log10(rough))
     return float(next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= 0.999 * rough))
@@ -54,7 +54,7 @@ def send_axes(
     x_name: str,
     x_ticks: Sequence[float] | None = None,
 ) -> None:
-    """Log the grid of a diagram with its numbers; the name of y belongs in the view's heading."""
+    """Log a diagram's grid with its numbers; the name of y belongs in the view's heading."""
     (left, right), (bottom, top) = diagram.x_range, diagram.y_range
     xs = _ticks(left, right) if x_ticks is None else np.asarray(x_ticks, float)
     ys = _ticks(bottom, top)
@@ -65,7 +65,7 @@ def send_axes(
     grid = rr.LineStrips2D(np.concatenate([upright, level]), colors=colours, radii=-0.6, draw_order=-9.0)
     stream.log(path, grid, static=True)
     below = diagram.points(xs, bottom) + np.array([0.0, 0.1])
-    beside = diagram.points(left, ys) - np.array([0.45 * LEFT, 0.5])  # a label hangs below its point
+    beside = diagram.points(left, ys) - np.array([0.45 * LEFT, 0.5])  # labels hang below their points
     name = diagram.points(0.5 * (left + right), bottom) + np.array([0.0, 0.5 * BELOW])
     labels = [*(f"{value:g}" for value in [*xs, *ys]), x_name]
     stream.log(f"{path}/numbers", texts([*below, *beside, name], labels, [GREY]), static=True)
@@ -74,7 +74,7 @@ def send_axes(
 def texts(
     places: Sequence[Sequence[float] | np.ndarray], labels: Sequence[str], colours: Sequence[str]
 ) -> rr.Points2D:
-    """Labels below N places (2,) of a drawing, with N colours or one for all."""
+    """Labels below N points (2,) of a drawing, with N colours or one for all."""
     points = np.asarray(places, float).reshape(-1, 2)
     return rr.Points2D(points, labels=list(labels), colors=rgba(colours), radii=0.0, show_labels=True)
 
@@ -87,4 +87,4 @@ def diagram_view(name: str, path: str, diagram: Diagram) -> rrb.Spatial2DView:
 def _ticks(low: float, high: float) -> np.ndarray:
     step = tick_step(low, high)
     count = np.arange(np.ceil(low / step - 1e-6), np.floor(high / step + 1e-6) + 1)
-    return np.round(step * count, 12) + 0.0  # no minus before a zero
+    return np.round(step * count, 12) + 0.0  # avoids -0

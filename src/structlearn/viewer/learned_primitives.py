@@ -1,4 +1,4 @@
-"""Recording of learned primitives: the sequence unrolled among its demonstrations, and what drives it."""
+"""Recording of learned primitives: sequences unrolled among demonstrations, phase, rates, forcing terms."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,29 +19,29 @@ from structlearn.viewer import rrd
 from structlearn.viewer.recorded_demonstrations import Scenery
 from structlearn.viewer.rrd import entity, plot
 
-PHASE = "phase"  # time line of the elapsed phase, on which paths of different durations are synchronous
-PHASE_STEPS = 1000  # steps of that time line per primitive; time lines of rerun are whole numbers
+PHASE = "phase"  # time line of elapsed phase, on which paths of different durations are synchronous
+PHASE_STEPS = 1000  # steps of that time line per primitive, since rerun's sequence time lines are integers
 
 ALL = slice(None)
 
 UNITS = {"speed": "mm/s", "acceleration": "mm/s²", "turning": "degrees/s"}
 
-CONTEXT, CONTEXT_OPACITY = 20, 0.25  # number of demonstrations that are drawn, of more an even choice
-PATH_COLOURS = (LIGHT_BLUE, ORANGE, *AXIS_COLOURS[1:])  # of curves by path, in plots without primitives
+CONTEXT, CONTEXT_OPACITY = 20, 0.25  # number of demonstrations drawn, spread evenly over all
+PATH_COLOURS = (LIGHT_BLUE, ORANGE, *AXIS_COLOURS[1:])  # curves by path, in plots without primitives
 
 
 @dataclass(frozen=True)
 class _Path:
-    """One unrolled sequence, thinned for the screen."""
+    """One unrolled sequence, thinned for display."""
 
     time: np.ndarray  # (T,) s
-    place: np.ndarray  # (T,) index of the primitive that runs
+    place: np.ndarray  # (T,) index of the running primitive
     position: np.ndarray  # (T, 3) m
     orientation: np.ndarray | None  # (T, 4)
-    rates: dict[str, np.ndarray]  # by name as in UNITS: (T,)
-    elapsed: np.ndarray  # (T,) s since the primitive began
+    rates: dict[str, np.ndarray]  # (T,) each, keyed as UNITS
+    elapsed: np.ndarray  # (T,) s since the start of the primitive
     durations: np.ndarray  # (P,) s
-    switches: np.ndarray  # (P + 1,) sample at which each primitive starts, and the last one
+    switches: np.ndarray  # (P + 1,) index of each primitive's first sample, and of the last sample
 
     @property
     def phase(self) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +49,7 @@ class _Path:
         return canonical.phase(self.elapsed, canonical.TAU_PER_DURATION * self.durations[self.place])
 
     def indexes(self, at: np.ndarray | slice = ALL) -> list[rr.TimeColumn]:
-        """Both time lines at some samples."""
+        """Both time lines at selected samples."""
         spent = np.round(PHASE_STEPS * (self.place + 1.0 - self.phase[0])).astype(int)
         return [rrd.time_column(self.time[at]), rr.TimeColumn(PHASE, sequence=spent[at])]
 
@@ -64,10 +64,10 @@ def write_primitives(
     scenery: Scenery | None = None,
     colours: Mapping[str, str] | None = None,
 ) -> None:
-    """Write a learned sequence and its demonstrations as a recording.
+    """Record a learned sequence with its demonstrations.
 
-    `paths`: unrolled `sequence_table` by name; forcing terms are plotted over the first; `note`: what is
-    shown, in Markdown; `colours`: of the paths by name, default by primitive.
+    `paths`: unrolled `sequence_table` by name; forcing terms are plotted for the first; `note`: description
+    in Markdown; `scenery`: see `Scenery`; `colours`: by path name, default by primitive.
     """
     unrolled = {name: _path(table, primitives) for name, table in paths.items()}
     places = [one.position for one in demonstrations] + [one.position for one in unrolled.values()]
@@ -96,7 +96,7 @@ def write_primitives(
 
 
 def _path(table: pd.DataFrame, primitives: Sequence[PosePrimitive]) -> _Path:
-    """A path from its table; the sample of a switch belongs to the successor, as there."""
+    """Convert a sequence table to a path; as there, the sample at a switch belongs to the next primitive."""
     places = {primitive.name: place for place, primitive in enumerate(primitives)}
     place, time = np.array([places[name] for name in table["primitive"]]), table["time_s"].to_numpy()
     starts = np.searchsorted(place, np.arange(len(primitives)))
@@ -124,13 +124,13 @@ def _path(table: pd.DataFrame, primitives: Sequence[PosePrimitive]) -> _Path:
 
 
 def _send_frame(stream: rr.RecordingStream, primitive: PosePrimitive, length: float) -> None:
-    """The local frame at the mean start, and the mean goal."""
+    """Log a primitive's local frame at the mean start, and its mean goal."""
     point = primitive.position
     axes = local_frame(point.start, point.goal, point.frame)
     path = entity("frames", primitive.name)
     stream.log(path, rr.Transform3D(translation=point.start, mat3x3=axes), static=True)
     stream.log(path, rr.TransformAxes3D(2.0 * length), static=True)
-    name, white = f"goal of {primitive.name}", rrd.rgba([WHITE])  # the label shows below the mouse
+    name, white = f"goal of {primitive.name}", rrd.rgba([WHITE])  # the label is shown on hover
     goal = rr.Points3D([point.goal], colors=white, radii=-5.0, labels=name, show_labels=False)
     stream.log(entity("goals", primitive.name), goal, static=True)
 
@@ -138,7 +138,7 @@ def _send_frame(stream: rr.RecordingStream, primitive: PosePrimitive, length: fl
 def _send_path(
     stream: rr.RecordingStream, name: str, path: _Path, colour: str, strips: Sequence[str], length: float
 ) -> None:
-    """Log the path in the colours of `strips`, its switches, its name in the middle, and the moving frame."""
+    """Log the path in the colours of `strips`, its switches, its name at half-way, and a moving frame."""
     ends = zip(path.switches[:-1], path.switches[1:], strict=True)
     parts = [path.position[first : last + 1] for first, last in ends]
     line = rr.LineStrips3D(parts, colors=rrd.rgba(strips), radii=-2.5)
@@ -152,7 +152,7 @@ def _send_path(
 
 
 def _send_rates(stream: rr.RecordingStream, name: str, path: _Path, colour: str) -> None:
-    """Log phase, speeds and accelerations, with marks at the switches, where none may jump."""
+    """Log phase, speeds and accelerations, with marks at the switches, where none should jump."""
     for symbol, values in zip("pu", path.phase, strict=True):
         curve = entity("phase", name, symbol)
         rrd.send_series(stream, curve, path.indexes(), values[:, None], [f"{symbol}, {name}"], [colour])
@@ -163,7 +163,7 @@ def _send_rates(stream: rr.RecordingStream, name: str, path: _Path, colour: str)
 
 
 def _send_forcing(stream: rr.RecordingStream, path: _Path, primitives: Sequence[PosePrimitive]) -> None:
-    """Log forcing terms over the path's time, at the demonstrations' mean start and goal."""
+    """Log forcing terms over the path's time, for the demonstrations' mean start and goal."""
     position, orientation, charts = [], [], set()
     for place, (primitive, duration) in enumerate(zip(primitives, path.durations, strict=True)):
         times = path.elapsed[path.place == place]

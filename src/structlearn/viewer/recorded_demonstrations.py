@@ -1,4 +1,4 @@
-"""Recording of demonstrations: paths and frames in 3-D, all signals over time, and where they were cut."""
+"""Recording of demonstrations: paths and frames in 3-D, all signals over time, and cut points."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,11 +16,11 @@ from structlearn.viewer import rrd
 from structlearn.viewer.rrd import entity, plot
 
 AXES = "xyz"
-DETAILED = 12  # demonstrations with a tab each; of a larger set the first ones
-ELECTRODES_PER_FINGER = 19  # of a BioTac; other numbers of channels are shown in one plot
+DETAILED = 12  # number of demonstrations with a tab each
+ELECTRODES_PER_FINGER = 19  # of a BioTac; other numbers of channels share one plot
 
 Scenery = Callable[[rr.RecordingStream], Sequence[str]]
-"""Logs the scene around the movements, and returns the query expressions of its entities."""
+"""Logs the scene around the movements, and returns query expressions for its entities."""
 
 
 def write_demonstrations(
@@ -32,10 +32,10 @@ def write_demonstrations(
     scenery: Scenery | None = None,
     colours: Sequence[str] | None = None,
 ) -> None:
-    """Write demonstrations as a recording; one tab overlays all, the others show one each.
+    """Record demonstrations: one tab overlays all, further tabs show one each.
 
-    `segmentation`: colours the paths by primitive; without it `colours` are by demonstration, default those
-    of primitives in turn; `note`: what is shown, in Markdown.
+    `segmentation`: colours the paths by primitive; without it `colours` are by demonstration, by default the
+    primitives' colours in turn; `note`: description in Markdown; `scenery`: see `Scenery`.
     """
     colours = colours or [primitive_colour(place) for place in range(len(demonstrations))]
     points = np.concatenate([demonstration.position for demonstration in demonstrations])
@@ -57,7 +57,7 @@ Part = tuple[int, int, str]  # first and last sample of a stretch of a demonstra
 
 
 def _parts(demonstration: Demonstration, segmentation: Segmentation | None, colour: str) -> list[Part]:
-    """The stretches of a demonstration in order, from its first to its last sample."""
+    """Consecutive stretches of a demonstration, from its first to its last sample."""
     last = len(demonstration.time) - 1
     if segmentation is None:
         return [(0, last, colour)]
@@ -70,7 +70,7 @@ def _parts(demonstration: Demonstration, segmentation: Segmentation | None, colo
 
 
 def _cuts(demonstration: Demonstration, segmentation: Segmentation) -> np.ndarray:
-    """(P, 2) start and end of each primitive in s; none of a demonstration that could not be cut."""
+    """Start and end (P, 2) of each primitive in s; empty if the demonstration could not be cut."""
     tables = [segmentation.result(name) for name in segmentation.primitives]
     name, ends = demonstration.name, ["start_s", "end_s"]
     found = [table.loc[name, ends] for table in tables if name in table.index]
@@ -86,7 +86,7 @@ def _send_path(stream: rr.RecordingStream, demonstration: Demonstration, parts: 
 
 
 def _send_positions(stream: rr.RecordingStream, demonstration: Demonstration, parts: Sequence[Part]) -> None:
-    """Log each axis as a line that changes its colour with the primitive, and points at the cuts."""
+    """Log each axis as a line coloured by primitive, and points at the cuts."""
     kept = slice(None, None, rrd.thinning(demonstration.dt))
     times = rrd.time_column(demonstration.time[kept])
     first = [part[0] for part in parts]
@@ -121,7 +121,7 @@ def _send_signals(stream: rr.RecordingStream, demonstration: Demonstration, leng
 class _Signal(NamedTuple):
     """A plot of one demonstration."""
 
-    kind: str  # of its entity
+    kind: str  # first part of the entity's path
     title: str
     values: np.ndarray  # (T, D), thinned
     names: Sequence[str] = AXES
@@ -130,7 +130,6 @@ class _Signal(NamedTuple):
 
 
 def _signals(demonstration: Demonstration) -> list[_Signal]:
-    """All plots of a demonstration."""
     kept = slice(None, None, rrd.thinning(demonstration.dt))
     position = demonstration.position[kept]
     found = [_Signal("moved", "moved (mm)", 1e3 * (position - position[0]))]
@@ -143,7 +142,7 @@ def _signals(demonstration: Demonstration) -> list[_Signal]:
         force, torque = np.split(demonstration.wrench[kept], 2, axis=1)
         found += [_Signal("force", "force (N)", force), _Signal("torque", "torque (N m)", torque)]
     if demonstration.tactile is not None:
-        changes = demonstration.tactile[kept] - demonstration.tactile[0]  # resting values differ by far more
+        changes = demonstration.tactile[kept] - demonstration.tactile[0]  # resting values differ far more
         count, rest = divmod(changes.shape[1], ELECTRODES_PER_FINGER)
         fingers = {"tactile": changes}
         if not rest:
@@ -181,14 +180,14 @@ def _blueprint(
     if not felt and all(one.orientation is None and one.wrench is None for one in demonstrations):
         return rrd.layout(overview)
     details = [_detail(demonstration, segmentation, around) for demonstration in demonstrations[:DETAILED]]
-    first = 1 if felt and not around else 0  # the overlay does not show touch
+    first = 1 if felt and not around else 0  # the overview does not show touch
     return rrd.layout(rrb.Tabs(overview, *details, active_tab=first))
 
 
 def _detail(
     demonstration: Demonstration, segmentation: Segmentation | None, around: Sequence[str]
 ) -> rrb.Horizontal:
-    """Tab of one demonstration with all its signals."""
+    """Tab with all signals of one demonstration."""
     name = demonstration.name
     shown = [*(entity(kind, name) for kind in ("paths", "hands")), *around]
     scene = rrd.scene_view(f"{name}{rrd.origin_label([demonstration])}", shown, demonstration.position)

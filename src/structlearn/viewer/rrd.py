@@ -1,4 +1,4 @@
-"""One .rrd file: open it, log signals and frames into it, and frame its scene."""
+"""Writing .rrd files: open a recording, log signals and frames, set up its views."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,63 +17,64 @@ from structlearn.core.errors import InputError
 from structlearn.palette import AXIS_COLOURS, COLOUR_NAMES, LIGHT_BLUE, ORANGE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 
-TIME = "time"  # time line in seconds since the start of a demonstration or movement
+TIME = "time"  # time line in s since the start of a demonstration or movement
 VIEW_RATE_HZ = 100.0  # signals are thinned to about this rate, enough for a screen
 AXIS_SHARE = 0.12  # length of a moving frame's axes as a fraction of the scene's radius
-SHORTEST_AXES = 0.01  # m; also in a scene where little but the orientation moves
-NEAREST = 0.06  # m; distance of the camera from such a scene
-HALF_FIELD_OF_VIEW = np.radians(27.5)  # of rerun's camera, from the middle of a view to its upper edge
-NARROWEST = 0.8  # width over height of the narrowest 3-D view that the scene is to fit in
-ROOM = 1.15  # factor on the distance from which all points are just seen, for frames and labels
-ELEVATION = np.radians(25.0)  # of the camera: shows paths on a board from above, and heights
+SHORTEST_AXES = 0.01  # m; for scenes in which hardly anything but the orientation moves
+NEAREST = 0.06  # m; distance of the camera in such scenes
+HALF_FIELD_OF_VIEW = np.radians(27.5)  # of rerun's camera, from the centre of a view to its upper edge
+NARROWEST = 0.8  # width over height of the narrowest 3-D view that should show the whole scene
+ROOM = 1.15  # factor on the distance at which all points are just visible, for frames and labels
+ELEVATION = np.radians(25.0)  # of the camera: shows both paths on a board and heights
 FLOOR_SQUARE_M = 0.1
-GROUND = (13, 13, 13)  # rgb of the background, dark also in browsers with a light theme
-RESTING = "#565d66"  # colour of an electrode that reads as expected
+GROUND = (13, 13, 13)  # RGB background, dark also in browsers with a light theme
+RESTING = "#565d66"  # electrode that reads as expected
 
 
 @contextmanager
 def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
-    """Write a recording; yields the stream, and the file is complete when the block ends, or not there.
+    """Write a recording: yields the stream; the file is written, complete, when the block ends without error.
 
-    It is collected in memory, since rerun's file sink reports a full disk in its log at most. The viewer
-    keeps one blueprint per application and merges recordings of equal id, so both are named after the title:
-    several recordings can be open side by side. No wall-clock time is logged. Raises OSError: the file cannot
-    be written; InputError: it cannot be read back.
+    Data are collected in memory, since rerun's file sink reports a full disk in its log at most. The viewer
+    keeps one blueprint per application and merges recordings of equal id; both are named after the title, so
+    that several recordings can be open side by side. No wall-clock time is logged.
+
+    Raises OSError: the file cannot be written; InputError: it cannot be read back.
     """
-    application = f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # else rerun renames it
+    application = f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # rerun replaces other characters
     stream = rr.RecordingStream(application, recording_id=title, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     memory = stream.memory_recording()
     strict = strict_mode()
-    set_strict_mode(True)  # or rerun turns errors into warnings and leaves views empty
+    set_strict_mode(True)  # otherwise rerun turns errors into warnings and leaves views empty
     try:
         stream.send_recording_name(title)
         yield stream
-        written = memory.drain_as_bytes()  # with the footer that `rerun rrd verify` asks for
+        written = memory.drain_as_bytes()  # with the footer that `rerun rrd verify` requires
     finally:
         set_strict_mode(strict)
         stream.disconnect()
     Path(path).write_bytes(written)
     try:
-        RrdReader(path).recordings()  # needs the footer
+        RrdReader(path).recordings()  # requires the footer
     except RuntimeError as error:
         raise InputError(f"{path}: is not on the disk as it was written: {error}") from error
 
 
 def entity(*parts: str) -> str:
-    """Path of an entity from names, in which special characters are escaped."""
+    """Entity path from its parts, with special characters escaped."""
     return rr.new_entity_path(list(parts))
 
 
 def rgba(colours: Sequence[str], opacity: float = 1.0) -> np.ndarray:
-    """Colours `#rrggbb` as rerun takes them, (N,) 0xRRGGBBAA."""
+    """Colours 0xRRGGBBAA (N,) for rerun, from `#rrggbb`."""
     alpha = f"{round(255 * opacity):02x}"
     return np.array([int(f"{colour[1:]}{alpha}", 16) for colour in colours], dtype=np.uint32)
 
 
 def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
-    """Colours 0xRRGGBBAA (...) of shares (...), interpolated from the first colour at 0 to the last at 1."""
+    """Colours 0xRRGGBBAA (...) interpolated over `colours`, from the first at share 0 to the last at 1."""
     stops = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours])
     places = np.linspace(0.0, 1.0, len(stops))
     red, green, blue = (np.interp(share, places, stops[:, part]).astype(np.uint32) for part in range(3))
@@ -81,12 +82,12 @@ def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
 
 
 def deviation_colours(deviation: np.ndarray, scale: float) -> np.ndarray:
-    """Colours 0xRRGGBBAA of deviations (...): light blue below the expected reading, orange above."""
+    """Colours 0xRRGGBBAA (...) of deviations (...): light blue below the expected reading, orange above."""
     return blended(0.5 + 0.5 * deviation / scale, (LIGHT_BLUE, RESTING, ORANGE))
 
 
 def origin_label(demonstrations: Sequence[Demonstration]) -> str:
-    """Origin of data for a heading; empty if all of it was recorded."""
+    """Suffix for headings that labels simulated data; empty if all data were recorded."""
     simulated = [demonstration.simulated for demonstration in demonstrations]
     if not any(simulated):
         return ""
@@ -94,12 +95,12 @@ def origin_label(demonstrations: Sequence[Demonstration]) -> str:
 
 
 def thinning(dt: float, rate_hz: float = VIEW_RATE_HZ) -> int:
-    """Step of samples that are kept."""
+    """Step between kept samples that thins a signal to about `rate_hz`."""
     return max(1, round(1.0 / (rate_hz * dt)))
 
 
 def time_column(times: np.ndarray) -> rr.TimeColumn:
-    """Times (T,) in s on the time line of seconds."""
+    """Column of times (T,) s on the time line of seconds."""
     return rr.TimeColumn(TIME, duration=times)
 
 
@@ -112,7 +113,7 @@ def send_series(
     colours: Sequence[str] = AXIS_COLOURS,
     width: float = 1.5,
 ) -> None:
-    """Log D signals, (T, D) with T times on each time line, as lines of one plot."""
+    """Log D signals (T, D) as lines of one plot; `indexes`: T times on each time line."""
     style = rr.SeriesLines(names=list(names), colors=rgba(colours[: len(names)]), widths=[width] * len(names))
     stream.log(path, style, static=True)
     columns = rr.Scalars.columns(scalars=values.ravel())
@@ -122,7 +123,7 @@ def send_series(
 def send_curve(
     stream: rr.RecordingStream, path: str, time: np.ndarray, values: np.ndarray, name: str, colour: str
 ) -> None:
-    """Log one signal (T,) over time (T,) in s as a line of a plot."""
+    """Log one signal (T,) over time (T,) s as a line of a plot."""
     send_series(stream, path, [time_column(time)], values[:, None], [name], [colour])
 
 
@@ -134,7 +135,7 @@ def send_marks(
     name: str,
     colour: str,
 ) -> None:
-    """Log single samples (K,) of a plot as points, e.g. a curve's cut points."""
+    """Log single samples (K,) as points in a plot, e.g. a curve's cut points."""
     style = rr.SeriesPoints(names=name, colors=rgba([colour]), markers="circle", marker_sizes=3.0)
     stream.log(path, style, static=True)
     stream.send_columns(path, indexes, rr.Scalars.columns(scalars=values))
@@ -150,9 +151,9 @@ def send_moving_point(
     order: float | None = None,
     there: np.ndarray | None = None,
 ) -> None:
-    """Log a point, (T, 2) or (T, 3) over times (T,) in s; it vanishes where it is not `there` (T,).
+    """Log a moving point (T, 2) or (T, 3) over times (T,) s; hidden where `there` (T,) is False.
 
-    `radius`: in the unit of the places; `order`: of drawing on a flat picture.
+    `radius`: in the unit of the places; `order`: draw order in flat pictures.
     """
     kind: Any = rr.Points3D if places.shape[1] == 3 else rr.Points2D
     look = {"colors": rgba([colour]), "radii": radius} | ({} if order is None else {"draw_order": order})
@@ -171,7 +172,7 @@ def send_moving_frame(
     colour: str,
     axis_length: float,
 ) -> None:
-    """Log a pose over time, (T, 3) m and (T, 4) if known, as a point with axes of a length in m."""
+    """Log a pose over time, (T, 3) m and, if known, (T, 4), as a point with axes of a length in m."""
     pose: dict[str, Any] = {"translation": position}
     if orientation is not None:
         pose["quaternion"] = quaternion.to_xyzw(orientation)
@@ -182,9 +183,9 @@ def send_moving_frame(
 
 
 def send_floor_axes(stream: rr.RecordingStream, path: str, points: np.ndarray) -> float:
-    """Log x, y and z as arrows of a square's length at the corner of a floor below points (N, 3) in m.
+    """Log x, y and z arrows, one floor square long, at the corner of a floor below points (N, 3) m.
 
-    Returns the height of the floor, for `scene_view`.
+    Returns the height of the floor in m, for `scene_view`.
     """
     corner = points.min(axis=0)
     arrows = rr.Arrows3D(
@@ -204,7 +205,7 @@ def solid_boxes(
     colours: Sequence[str],
     opacity: float = 1.0,
 ) -> rr.Boxes3D:
-    """N filled boxes of sizes and centres in m, with N colours or one for all."""
+    """N filled boxes with sizes and centres in m, with N colours or one for all."""
     filled = rr.components.FillMode.Solid
     return rr.Boxes3D(sizes=sizes, centers=centres, colors=rgba(colours, opacity), fill_mode=filled)
 
@@ -212,14 +213,14 @@ def solid_boxes(
 def send_primitive_lane(
     stream: rr.RecordingStream, path: str, indexes: Sequence[rr.TimeColumn], names: Sequence[str]
 ) -> None:
-    """Log a coloured lane of P primitives that start at P + 1 times; the last one is the end."""
+    """Log a coloured lane of P primitives with P + 1 times: their starts and the last end."""
     colours = [primitive_colour(place) for place in range(len(names))]
     stream.log(path, rr.StateConfiguration(values=names, colors=rgba(colours)), static=True)
     stream.send_columns(path, indexes, rr.StateChange.columns(state=[*names, ""]))
 
 
 def axis_length(points: np.ndarray) -> float:
-    """Length in m of the axes of frames that move among the points (N, 3)."""
+    """Axis length in m for frames that move among points (N, 3) m."""
     radius = 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
     return max(AXIS_SHARE * radius, SHORTEST_AXES)
 
@@ -227,11 +228,11 @@ def axis_length(points: np.ndarray) -> float:
 def scene_view(
     name: str, contents: Sequence[str], points: np.ndarray, floor_m: float | None = None
 ) -> rrb.Spatial3DView:
-    """3-D view of points (N, 3) m, along the horizontal direction of least extent and a little from above."""
+    """3-D view of points (N, 3) m, along the horizontal direction of least extent and slightly from above."""
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     horizontal = points[:, :2] - points[:, :2].mean(axis=0)
     least = np.linalg.eigh(horizontal.T @ horizontal)[1][:, 0]
-    least = least if least.sum() >= 0 else -least  # an eigenvector's sign is arbitrary; keep the same side
+    least = least if least.sum() >= 0 else -least  # eigenvectors have arbitrary sign; keep one side
     backward = np.array([*(np.cos(ELEVATION) * least), np.sin(ELEVATION)])
     right = np.array([-least[1], least[0], 0.0])
     across = np.abs((points - centre) @ np.column_stack([right, np.cross(backward, right)]))  # (N, 2)
@@ -247,7 +248,7 @@ def eye_view(
     from_target: np.ndarray,
     floor_m: float | None = None,
 ) -> rrb.Spatial3DView:
-    """3-D view of a target (3,) from a place (3,) relative to it, both in m; `floor_m`: height of a grid."""
+    """3-D view of `target` (3,) m from the relative position `from_target` (3,) m; `floor_m`: grid height."""
     floor = floor_m is not None and rrb.LineGrid3D(
         visible=True,
         spacing=FLOOR_SQUARE_M,
@@ -265,7 +266,7 @@ def eye_view(
 def flat_view(
     name: str, paths: str | Sequence[str], x_range: Sequence[float], y_range: Sequence[float]
 ) -> rrb.Spatial2DView:
-    """View of a drawing below a path or several, y downwards."""
+    """2-D view of the drawing below one or several entity paths, y downwards."""
     contents = [f"{path}/**" for path in ([paths] if isinstance(paths, str) else paths)]
     bounds = rrb.VisualBounds2D(x_range=x_range, y_range=y_range)
     return rrb.Spatial2DView(
@@ -274,7 +275,7 @@ def flat_view(
 
 
 def plot(name: str, contents: Sequence[str], legend: bool = True) -> rrb.TimeSeriesView:
-    """Plot over time, whose time axis is linked with all others."""
+    """Plot over time, with its time axis linked to all others."""
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
@@ -293,9 +294,9 @@ def lanes(contents: Sequence[str]) -> rrb.StateTimelineView:
 def layout(
     content: rrb.Container | rrb.View, timeline: str = TIME, steps_per_s: float | None = None
 ) -> rrb.Blueprint:
-    """Blueprint with collapsed side panels, which plays a time line in a loop.
+    """Blueprint with collapsed side panels that plays a time line in a loop.
 
-    `steps_per_s`: speed of time lines of whole numbers.
+    `steps_per_s`: playback speed of integer time lines.
     """
     looped: dict[str, Any] = {"timeline": timeline, "play_state": "playing", "loop_mode": "all"}
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
@@ -303,33 +304,33 @@ def layout(
 
 
 def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
-    """Log what is shown, in Markdown."""
+    """Log notes on the contents, in Markdown."""
     stream.log(notes_path(*parts), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def notes_view(*parts: str, name: str = "what is shown") -> rrb.TextDocumentView:
-    """Panel with the text of `send_notes`."""
+    """Panel that shows the notes of `send_notes`."""
     path = notes_path(*parts)
     return rrb.TextDocumentView(name=name, origin=path, contents=[path])
 
 
 def notes_path(*parts: str) -> str:
-    """Entity of notes."""
+    """Entity path of notes."""
     return entity("notes", *parts)
 
 
 def colour_words(colours: dict[str, str]) -> str:
-    """A legend in Markdown of meanings by name of the colour."""
+    """Markdown legend from meanings keyed by colour name."""
     return " · ".join(f"**{colour}** {meaning}" for colour, meaning in colours.items())
 
 
 def legend(colours: Mapping[str, str]) -> str:
-    """A legend in Markdown of names with their colours of the palette, in one line: panels are low."""
+    """Markdown legend, on one line since panels are low, from palette colours keyed by name."""
     return " · ".join(f"**{COLOUR_NAMES[colour]}** {name}" for name, colour in colours.items())
 
 
 def origin_sentence(runs: Sequence[Demonstration], subject: str = "Everything here is") -> str:
-    """A sentence on whether runs are simulated or recorded."""
+    """Sentence that says whether runs are simulated or recorded."""
     simulated = sum(run.simulated for run in runs)
     if simulated in (0, len(runs)):
         return f"{subject} {'simulated' if simulated else 'recorded'}."
