@@ -1,16 +1,16 @@
-"""Claims of the dissertation and aims of this project, evaluated by what was found.
+"""Claims of the dissertation and aims of this project, judged by the evidence found.
 
-A page's claims are data, `claims.yaml` beside its template: statement, source, test, bound, format. What was
-found for them is `Evidence` by name. Verdicts:
+A page's claims are data, `claims.yaml` beside its template: statement, source, test, bound, format. Their
+evidence is looked up by name (`Evidence`). Verdicts:
 
-    yes, no         the 95 % interval lies wholly on that side of the bound
-    no difference   it lies on both sides, but wholly within the claim's `margin` of the bound
-    undecided       it lies on both sides; `would_decide` estimates the sample size it takes
+    yes, no         the 95 % interval lies entirely on that side of the bound
+    no difference   it includes both sides, but lies within the claim's `margin` of the bound
+    undecided       it includes both sides; `would_decide` estimates the sample size needed
     not tested      there is no evidence
     holds by construction   no measurement could refute the claim
 
-A claim with several cases (people, primitives, models) is yes only if every case is, and no if any is; their
-intervals are widened so that all of them together cover with 95 % (`comparisons`).
+A claim with several cases (people, primitives, models) is yes only if every case is, and no if any is. Their
+intervals are widened for a joint coverage of 95 % (`comparisons`).
 """
 
 from collections import Counter
@@ -38,33 +38,33 @@ VERDICTS = (YES, NO, NO_DIFFERENCE, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION)
 
 @dataclass(frozen=True)
 class Evidence:
-    """A number with its 95 % interval, which is wider if a claim makes many comparisons."""
+    """A number with its 95 % interval, widened if a claim makes several comparisons."""
 
     value: float  # NaN if nothing was found
-    low: float  # lower end of the interval; the value itself if it is exact (a largest value, a count)
+    low: float  # lower end of the interval; equal to the value if it is exact (a maximum, a count)
     high: float  # upper end
     n: int  # independent samples (people, seeds, runs)
-    count: int | None = None  # of `n`, if the number is a share
-    people: int | None = None  # of the `n` trials of a share, if trials of one person are correlated
+    count: int | None = None  # hits among the `n` trials, if the number is a share
+    people: int | None = None  # people behind the `n` trials of a share, if one person's are correlated
     pooled_low: float = float("nan")  # lower end of the share's interval if all trials were independent
     pooled_high: float = float("nan")  # its upper end
-    study: str = ""  # that it is quoted from; empty if this run computed it
+    study: str = ""  # study that it is quoted from; empty if this run computed it
     reason: str = ""  # why nothing was found
 
 
 def exact(value: float, n: int = 1) -> Evidence:
-    """A number that is known as it is, such as the largest of n values."""
+    """An exact number without an interval, such as the largest of n values."""
     return Evidence(float(value), float(value), float(value), n)
 
 
 def mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean of independent samples (N,); a single sample has no interval, so it decides nothing."""
+    """Mean of independent samples (N,); a single sample has an infinite interval, so it decides nothing."""
     value, half = mean_interval(np.asarray(samples, float), confidence(comparisons))
     return Evidence(value, value - half, value + half, len(samples))
 
 
 def difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean of first minus second, (N,) each, in pairs (same seed, person, scene)."""
+    """Mean of paired differences first minus second, (N,) each (same seed, person, scene)."""
     return mean(np.asarray(first, float) - np.asarray(second, float), comparisons)
 
 
@@ -76,7 +76,7 @@ def geometric_mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
 
 
 def share(count: int, n: int, comparisons: int = 1) -> Evidence:
-    """Rate over independent trials with Wilson's interval; of the same people: `clustered_share`."""
+    """Rate over independent trials with Wilson's interval; for correlated trials see `clustered_share`."""
     if n == 0:
         return UNKNOWN
     low, high = wilson_interval(count, n, confidence(comparisons))
@@ -85,13 +85,13 @@ def share(count: int, n: int, comparisons: int = 1) -> Evidence:
 
 
 def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Rate over trials that are correlated within a person (model, robot), with its interval over people.
+    """Rate over trials that are correlated within a person (model, robot), with an interval over people.
 
-    The interval is that of people's rates by the t distribution, at least Wilson's over all trials.
-    If no trial is a hit, or every one, rates do not tell how people differ, and the interval ends at
-    `none_of(P)`: none of 8 people leaves up to 31 %. For rare events of few, very different people it is too
-    narrow: at 5 % and an intraclass correlation of 0.1 the interval of 8 people covers in 85 % of all draws,
-    Wilson's over all trials in 52 %. `counts` (P,) by person, of `trials` (P,), positive.
+    The interval is that of the people's rates by the t distribution, at least Wilson's over all trials. If no
+    trial is a hit, or every one is, the rates do not show how people differ, and the interval ends at
+    `none_of(P)`: none of 8 people allows up to 31 %. For rare events in few, very different people it is too
+    narrow: at 5 % and an intraclass correlation of 0.1, the interval for 8 people covers in 85 % of all
+    draws, Wilson's over all trials in 52 %. `counts` (P,): hits by person in `trials` (P,), positive.
     """
     counts, trials = np.asarray(counts), np.asarray(trials)
     pooled = share(int(counts.sum()), int(trials.sum()), comparisons)
@@ -103,7 +103,7 @@ def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1
     elif pooled.count == pooled.n:
         low, high = 1.0 - none_of(people, comparisons), 1.0
     elif people == 1:
-        low, high = 0.0, 1.0  # one person does not tell how people differ
+        low, high = 0.0, 1.0  # one person does not show how people differ
     else:
         found = mean(counts / trials, comparisons)
         low, high = max(found.low, 0.0), min(found.high, 1.0)
@@ -112,12 +112,12 @@ def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1
 
 
 def none_of(people: int, comparisons: int = 1) -> float:
-    """Upper limit of a share of a population if none of `people` has it: 1 - alpha^(1 / people), exact."""
+    """Exact upper limit of a population's share if none of `people` has it: 1 - alpha^(1 / people)."""
     return 1.0 - (1.0 - confidence(comparisons)) ** (1.0 / people)
 
 
 def rate_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean difference in % of people's rates (P,); if nobody's two rates differ, `none_of` bounds it."""
+    """Mean difference of people's rates (P,) in %; bounded by `none_of` if nobody's two rates differ."""
     first, second = np.asarray(first, float), np.asarray(second, float)
     found = difference(100 * first, 100 * second, comparisons)
     if np.array_equal(first, second):
@@ -127,17 +127,17 @@ def rate_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1)
 
 
 def by_case(make: Callable[..., Evidence], cases: Mapping[str, Sequence[Any]]) -> dict[str, Evidence]:
-    """Evidence for a claim with several cases: `make(*arguments, comparisons=number of cases)` of each."""
+    """Evidence by case: `make(*arguments, comparisons=number of cases)` for each."""
     return {name: make(*arguments, comparisons=len(cases)) for name, arguments in cases.items()}
 
 
 def confidence(comparisons: int) -> float:
-    """Confidence of one interval, so that several together cover with 95 % (Bonferroni)."""
+    """Confidence of one interval for a joint coverage of 95 % (Bonferroni)."""
     return 1.0 - 0.05 / comparisons
 
 
 def counted(count: int, n: int) -> Evidence:
-    """Exact count in n trials: for claims about these trials, not about probabilities."""
+    """Exact count in n trials, for claims about these trials rather than probabilities."""
     return Evidence(float(count), float(count), float(count), n, int(count))
 
 
@@ -145,11 +145,11 @@ UNKNOWN = Evidence(float("nan"), float("nan"), float("nan"), 0)  # the verdict i
 
 
 def unknown(reason: str) -> Evidence:
-    """No evidence, and why."""
+    """No evidence, with the reason why."""
     return replace(UNKNOWN, reason=reason)
 
 
-Found = Evidence | Mapping[str, Evidence]  # what was found for one claim: one number, or one by case
+Found = Evidence | Mapping[str, Evidence]  # evidence for one claim: a single one, or one by case
 
 
 def _decided(holds: bool, fails: bool) -> str:
@@ -166,42 +166,42 @@ TESTS: Mapping[str, Callable[[Evidence, Any], str]] = {
     ),
     "zero": lambda found, bound: _decided(found.low == found.high == 0.0, found.value != 0.0),
 }
-"""By name, verdict on a number whose interval is known, given the claim's bound."""
+"""Tests by name: verdict on a number with a known interval, given the claim's bound."""
 
-MOST = 500  # people, seeds or runs; larger sample sizes are not estimated
+MOST = 500  # people, seeds or runs; larger sample sizes are only reported as more
 NEEDS_BOUND = {"at most", "at least", "between"}
 
 
 class Counterpart(Parameters):
     """The corresponding statement of a simulated testbed."""
 
-    testbed: str  # whose `claims.csv` has it
-    statement: str  # its words there
+    testbed: str  # whose `claims.csv` has the statement
+    statement: str  # as worded there
     cases: tuple[str, ...] = ()  # all if empty
     page: str = "index"  # of that testbed
-    by: Literal["text", "ours"] | None = None  # if the published statement and ours have the same words
+    by: Literal["text", "ours"] | None = None  # needed if the published statement and ours are worded alike
 
 
 class Margin(Parameters):
-    """Smallest effect of interest, fixed before the result: an interval within it is no difference."""
+    """Smallest effect of interest, fixed before the result: an interval within it means no difference."""
 
-    size: PositiveFloat | dict[str, PositiveFloat]  # from the bound in the row's unit, or one by case
+    size: PositiveFloat | dict[str, PositiveFloat]  # distance from the bound in the row's unit, or by case
     reason: str  # why a smaller effect does not matter
 
 
 class Claim(Parameters):
     """One entry of a `claims.yaml`."""
 
-    statement: str  # a template that may name the page's facts, as may `published` and `note`
-    source: str  # section of the dissertation, or why this project aims at it
+    statement: str  # a template that may use the page's facts, like `published` and `note`
+    source: str  # section of the dissertation, or why this project has the aim
     by: Literal["text", "ours"] = "text"  # stated by the dissertation, or an aim of this project
-    evidence: str  # name of what was found
+    evidence: str  # name of the finding
     test: str | dict[str, str]  # one of `TESTS`, or one by case
     bound: Any = 0.0  # of the test, or one by case
-    margin: Margin | None = None  # of an equivalence test; None: only yes, no and undecided
-    published: str = ""  # what the dissertation prints
-    format: str = ".2f"  # of the numbers, `percent` of ratios, `share` of rates, `count` for `3 of 63`
-    unit: str = ""  # of the numbers
+    margin: Margin | None = None  # for an equivalence test; None: only yes, no and undecided
+    published: str = ""  # as printed in the dissertation
+    format: str = ".2f"  # of numbers; `percent` for ratios, `share` for rates, `count` for `3 of 63`
+    unit: str = ""  # of numbers
     note: str = ""  # what else a reader must know
     by_construction: str = ""  # why no measurement could refute it
     simulated: Counterpart | None = None  # for claims about recorded data
@@ -218,7 +218,7 @@ class Claim(Parameters):
         return self
 
     def verdict(self, found: Evidence, case: str = "") -> str:
-        """Verdict of one number on the claim."""
+        """Verdict on the claim from one number."""
         if np.isnan(found.value):
             return NOT_TESTED
         bound = _of_case(self.bound, case)
@@ -230,9 +230,10 @@ class Claim(Parameters):
         return BY_CONSTRUCTION if self.by_construction and verdict == YES else verdict
 
     def would_decide(self, found: Evidence, case: str = "") -> str:
-        """`about 27 would decide`: sample size (of people, if trials are of people) if undecided; else empty.
+        """Sample size that would decide an undecided case, e.g. `about 27 would decide`; otherwise empty.
 
-        With it, and the mean and spread found, 80 % of all draws exclude the nearest bound.
+        Counts people if trials are clustered by person. With this size, and the mean and spread found, 80 %
+        of all draws would exclude the nearest bound.
         """
         if self.verdict(found, case) != UNDECIDED:
             return ""
@@ -241,7 +242,7 @@ class Claim(Parameters):
         bound = min(bounds, key=lambda one: abs(found.value - one))
         distance = abs(found.value - bound)
         half = found.value - found.low if found.value > bound else found.high - found.value
-        if found.count == 0 and found.people:  # see `none_of`
+        if found.count == 0 and found.people:  # inverse of `none_of`
             count = np.log(0.05) / np.log(1.0 - bound)
         elif n < 2 or distance == 0.0:
             return ""
@@ -257,24 +258,24 @@ def _of_case(given: Any, case: str) -> Any:
 
 @dataclass(frozen=True)
 class Judged:
-    """A claim with its verdict, a row of the page's table."""
+    """A claim with its verdict: a row of the page's table."""
 
-    claim: Claim  # with its texts rendered
+    claim: Claim  # with rendered texts
     cases: tuple[tuple[str, str, int, str], ...]  # name (empty if there is only one), number, n, verdict
     verdict: str  # over all cases
     studies: tuple[str, ...] = ()  # by case, see `Evidence.study`
     would_decide: tuple[str, ...] = ()  # by case, see `Claim.would_decide`
-    heading: str = ""  # of its set of data, on a page with several
+    heading: str = ""  # name of the data set, on pages with several
     simulated: str = ""  # verdict on the claim's counterpart; empty if unknown
 
 
 def read_claims(path: Path) -> list[Claim]:
-    """The claims of a page, in order; a ValueError if an entry is invalid."""
+    """Read a page's claims, in order. Raises ValueError: an entry is invalid."""
     return [Claim(**entry) for entry in read_values(path)]
 
 
 def combined(verdicts: Sequence[str]) -> str:
-    """Verdict on a claim from those on its cases: the worst."""
+    """Verdict on a claim from the verdicts on its cases: the worst."""
     return next(
         (word for word in (NO, UNDECIDED, NOT_TESTED, NO_DIFFERENCE, BY_CONSTRUCTION) if word in verdicts),
         YES if verdicts else NOT_TESTED,
@@ -287,14 +288,14 @@ def judge(
     environment: Environment,
     facts: Mapping[str, object],
 ) -> list[Judged]:
-    """Verdicts on claims, given evidence by name; a ValueError if some is missing."""
+    """Judge claims by evidence, looked up by name. Raises ValueError: evidence is missing."""
     if missing := {claim.evidence for claim in claims} - set(evidence):
         raise ValueError(f"nothing was found for {sorted(missing)}, which claims name")
     return [_judged(claim, evidence[claim.evidence], environment, facts) for claim in claims]
 
 
 def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping[str, object]) -> Judged:
-    plain = environment.overlay(autoescape=False)  # the page escapes them, a CSV file needs no escapes
+    plain = environment.overlay(autoescape=False)  # the page escapes these texts later; CSV files do not
     texts = {
         name: plain.from_string(getattr(claim, name)).render(facts)
         for name in ("statement", "source", "published", "note")
@@ -314,9 +315,9 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
 
 
 def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
-    """`0.36 [0.30, 0.42] rad`, `26 % [22, 30]`, `0.0 % [0.0, 31.2] over 8 people, [0.0, 1.2] pooled`.
+    """Evidence as text, e.g. `0.36 [0.30, 0.42] rad`, `26 % [22, 30]`; shares of people have both intervals.
 
-    A rate is never rounded to 0 or 100 % where it is neither.
+    A rate is never rounded to 0 or 100 % unless it is exactly that.
     """
     if np.isnan(found.value):
         return f"{NOT_TESTED}: {found.reason}" if found.reason else NOT_TESTED
@@ -341,18 +342,18 @@ def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
 
 
 def verdict_counts(judged: Sequence[Judged], by: str = "text") -> dict[str, int]:
-    """Number of claims with each verdict, published or ours."""
+    """Number of claims with each verdict, for published claims or ours."""
     found = Counter(one.verdict for one in judged if one.claim.by == by)
     return {word: found[word] for word in VERDICTS}
 
 
 def claim_metrics(judged: Sequence[Judged]) -> dict[str, int]:
-    """The counts of the dissertation's claims as metrics: `claims_yes`, `claims_no`, ..."""
+    """Verdict counts of the dissertation's claims as metrics: `claims_yes`, `claims_no`, ..."""
     return {f"claims_{word.replace(' ', '_')}": count for word, count in verdict_counts(judged).items()}
 
 
 def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
-    """Verdict on a statement, or on some of its cases, in a `claims_table`; empty if it has none."""
+    """Verdict on a statement, or on some of its cases, in a `claims_table`; empty if it is not there."""
     rows = table[table["statement"] == counterpart.statement]
     if counterpart.cases:
         rows = rows[rows["case"].isin(counterpart.cases)]
@@ -362,7 +363,7 @@ def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
 
 
 def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """`claims.csv`: one row per case of each claim, in words; with its set on a page with several."""
+    """Table for `claims.csv`: one row per case of each claim, with the data set if there are several."""
     rows = []
     for one in judged:
         claim = one.claim
@@ -380,14 +381,14 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class OnRecordings:
-    """A statement of a simulated testbed that was tested on recorded data too."""
+    """A statement tested both in simulation and on recorded data."""
 
     statement: str  # on the page of recorded data
     counterpart: Counterpart  # of the simulated testbed
-    simulated: str  # verdict on that
+    simulated: str  # verdict on the counterpart
     recorded: str  # verdict on recorded data
-    found: tuple[str, ...]  # in words, by case
-    heading: str  # of the set of recordings
+    found: tuple[str, ...]  # as text, by case
+    heading: str  # name of the data set
 
     @property
     def alike(self) -> bool:
@@ -396,12 +397,12 @@ class OnRecordings:
 
 
 QUOTED = Path("reports/quoted/recorded")
-"""What other reports quote of that on recorded data; in git and no output of a stage, since the main pipeline
-would run that of recorded data first, for which most machines have none."""
+"""Results on recorded data that other reports quote. They are in git and no stage's output; otherwise the
+main pipeline would first run that of recorded data, which most machines do not have."""
 
 
 def quoted_claims() -> pd.DataFrame:
-    """Claims about recorded data with their counterparts, which `make recorded` copies for other reports."""
+    """Claims about recorded data with their counterparts, as copied by `make recorded` for other reports."""
     return read_csv(QUOTED / "claims.csv", keep_default_na=False)
 
 

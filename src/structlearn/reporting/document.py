@@ -1,4 +1,4 @@
-"""Pages are documents: a template holds the sentences, Python supplies figures, tables, claims and numbers.
+"""Pages as documents: templates hold the sentences; Python supplies figures, tables, claims and numbers.
 
 Templates call `{% call section("Heading") %}`, `{{ figure("name", "Caption.", "what one sees") }}`,
 `{{ table("name", "Caption.") }}`, numbers such as `{{ error | f(".2f") }}`,
@@ -6,7 +6,7 @@ Templates call `{% call section("Heading") %}`, `{{ figure("name", "Caption.", "
 `document.html.jinja` has the blocks that a template fills: title, opening, sections, folded.
 
 A page needs no network and no script; its figures, tables and recordings are files beside it. Equal contents
-of one commit give equal bytes: no wall times, and only the date of the data.
+at one commit give equal bytes: there are no wall times, and the only date is that of the data.
 """
 
 import re
@@ -33,18 +33,18 @@ UNKNOWN_COMMIT = "unknown commit"
 
 @dataclass(frozen=True)
 class Table:
-    """A data frame on a page, without its index; it is written as `tables/NAME.csv` too."""
+    """A data frame shown on a page without its index, and written to `tables/NAME.csv`."""
 
     frame: pd.DataFrame
-    formats: Mapping[str, str] = field(default_factory=dict)  # of numbers by column, e.g. `.1f`
+    formats: Mapping[str, str] = field(default_factory=dict)  # number formats by column, e.g. `.1f`
     headings: Mapping[str, str] = field(default_factory=dict)  # by column; default the column's name
-    strong: frozenset[int] = frozenset()  # positions of bold rows
-    words: Mapping[str, Mapping[Any, str]] = field(default_factory=dict)  # for values, by column
+    strong: frozenset[int] = frozenset()  # indices of bold rows
+    words: Mapping[str, Mapping[Any, str]] = field(default_factory=dict)  # texts for values, by column
 
 
 @dataclass(frozen=True)
 class Source:
-    """File with the numbers of a figure or a table, and the stage that makes it."""
+    """File with the numbers of a figure or table, and the stage that writes it."""
 
     path: str
     stage: str
@@ -52,7 +52,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Panel:
-    """One picture of a figure: its path relative to the page, and its size in pixels."""
+    """One image of a figure: path relative to the page, and size in pixels."""
 
     path: str
     width: int
@@ -63,20 +63,20 @@ class Panel:
 class Document:
     """Contents of a page."""
 
-    template: str  # its file in `package`
+    template: str  # file name in `package`
     package: str  # of the testbed's page, e.g. `structlearn.testbeds.obstacles.page`
     stage: str = ""  # that makes its figures and tables
-    facts: Mapping[str, object] = field(default_factory=dict)  # that its sentences name
+    facts: Mapping[str, object] = field(default_factory=dict)  # values for the template's sentences
     tables: Mapping[str, Table] = field(default_factory=dict)
     judged: Sequence[Judged] = ()  # claims with their verdicts
     sources: Mapping[str, Source] = field(default_factory=dict)  # for `source=` of figures and tables
-    parameters: Mapping[str, Parameters] = field(default_factory=dict)  # by key in `params.yaml`
+    parameters: Mapping[str, Parameters] = field(default_factory=dict)  # keyed as in `params.yaml`
     recordings: str = ""  # folder of the .rrd files, relative to the page
-    simulated: bool = False  # whether it is labelled as simulated
-    recorded: Sequence[OnRecordings] = ()  # its statements that were tested on recorded data too
-    basis: str = ""  # a sentence on the provenance of verdicts from studies
-    root: str = ".."  # folder of the front page, relative to this one
-    command: str = ""  # that makes it; default `dvc repro STAGE`
+    simulated: bool = False  # whether to label it as simulated
+    recorded: Sequence[OnRecordings] = ()  # statements that were also tested on recorded data
+    basis: str = ""  # sentence on the provenance of verdicts from studies
+    root: str = ".."  # folder of the front page, relative to this page
+    command: str = ""  # that makes the page; default `dvc repro STAGE`
 
 
 @dataclass(frozen=True)
@@ -84,14 +84,14 @@ class Made:
     """Provenance of a page, for its footer."""
 
     commit: str
-    date: str = ""  # of the youngest data, `2026-11-23`
+    date: str = ""  # of the newest data, e.g. `2026-11-23`
     command: str = ""
 
 
 class Scribe:
-    """Functions that the template of a page may call; unknown figures, tables and sources are errors.
+    """Functions for page templates; unknown figures, tables and sources are errors.
 
-    `section` and `fold` take their content as a call block; a caption may be one too.
+    `section` and `fold` take their content as a call block; captions may be call blocks too.
     """
 
     def __init__(self, document: Document, figures: Mapping[str, Sequence[Panel]]) -> None:
@@ -101,12 +101,12 @@ class Scribe:
         self.contents: list[tuple[str, str]] = []
 
     def section(self, heading: str, caller: Callable[[], Markup]) -> Markup:
-        """A section with an entry in the list of contents."""
+        """Section with an entry in the table of contents."""
         self.contents.append((anchor(heading), heading))
         return self._parts.section(anchor(heading), heading, caller())
 
     def fold(self, heading: str, caller: Callable[[], Markup]) -> Markup:
-        """A part that is hidden until the reader opens it."""
+        """Part that is hidden until the reader opens it."""
         return self._parts.fold(anchor(heading), heading, caller())
 
     def figure(
@@ -117,7 +117,7 @@ class Scribe:
         source: str = "",
         caller: Callable[[], Markup] | None = None,
     ) -> Markup:
-        """A figure of one or more panels; `source`: names of the document's sources, with spaces between."""
+        """Figure of one or more panels; `source`: space-separated names of the document's sources."""
         caption = caller() if caller is not None else caption
         panels, sources = self._figures[name], self._sources(source)
         return self._parts.figure(name, panels, caption, alt, sources, self._document.stage)
@@ -130,32 +130,32 @@ class Scribe:
         folded: bool = False,
         caller: Callable[[], Markup] | None = None,
     ) -> Markup:
-        """A table with a link to its CSV file; `folded` hides it until the reader opens it."""
+        """Table with a link to its CSV file; `folded` hides it until the reader opens it."""
         caption = caller() if caller is not None else caption
         shown = self._document.tables[name]
         return self._parts.table(name, shown, caption, self._sources(source), self._document.stage, folded)
 
     def verdicts(self) -> Markup:
-        """The table of verdicts below their counts; by sets of data if there are several."""
+        """Table of verdicts below their counts, grouped by data set if there are several."""
         judged = self._document.judged
         counts = {by: verdict_counts(judged, by) for by in ("text", "ours")}
         several = any(one.heading for one in judged)
         return (self._parts.verdicts_by_set if several else self._parts.verdicts)(judged, counts, VERDICTS)
 
     def on_recordings(self) -> Markup:
-        """The table of statements that were also tested on recorded data."""
+        """Table of statements that were also tested on recorded data."""
         return self._parts.on_recordings(self._document.recorded)
 
     def recording(self, name: str, note: str) -> Markup:
-        """A link to a recording, with a note on what it shows."""
+        """Link to a recording, with a note on its contents."""
         return self._parts.recording(f"{self._document.recordings}/{name}.rrd", name, note)
 
     def parameters(self) -> Markup:
-        """The table of parameters of the page's results."""
+        """Table of the parameters behind the page's results."""
         return self._parts.rows(parameter_table(self._document.parameters))
 
     def footer(self) -> Markup:
-        """Links to the other pages, and the provenance of this one."""
+        """Links to the other pages, and this page's provenance."""
         document = self._document
         paths = [Path(source.path) for source in document.sources.values()]
         command = document.command or (f"dvc repro {document.stage}" if document.stage else "")
@@ -166,9 +166,9 @@ class Scribe:
 
 
 def render(document: Document, figures: Mapping[str, Sequence[Panel]]) -> str:
-    """The page as HTML, rendered twice since the list of contents comes before the sections.
+    """Render a page to HTML, twice because the table of contents precedes the sections.
 
-    Raises jinja2.UndefinedError or KeyError: the template names a value, figure, table or source that is
+    Raises jinja2.UndefinedError or KeyError: the template uses a value, figure, table or source that is
     missing.
     """
     template = environment(document.package).get_template(document.template)
@@ -181,7 +181,7 @@ def render(document: Document, figures: Mapping[str, Sequence[Panel]]) -> str:
 
 @lru_cache
 def environment(package: str) -> Environment:
-    """Templates of a page's package and of this one; everything is escaped, undefined names are errors."""
+    """Jinja environment of a page's package and this one, with escaping; undefined names are errors."""
     made = Environment(
         loader=ChoiceLoader([PackageLoader(package, ""), PackageLoader("structlearn.reporting")]),
         autoescape=True,
@@ -190,8 +190,8 @@ def environment(package: str) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters["f"] = lambda value, digits: prose.rounded(value + 0, digits)  # + 0: nothing undefined
-    made.filters["words"] = lambda found, *how: in_words(replace(found, people=None), *how)  # no pooled end
+    made.filters["f"] = lambda value, digits: prose.rounded(value + 0, digits)  # + 0 fails if undefined
+    made.filters["words"] = lambda found, *how: in_words(replace(found, people=None), *how)  # not pooled
     for filter_ in (prose.listing, prose.counted, prose.capitalised, cell, anchor):
         made.filters[filter_.__name__] = filter_
     for function in (prose.interval, prose.with_interval, prose.with_spread, prose.percent):
@@ -201,16 +201,16 @@ def environment(package: str) -> Environment:
 
 
 def date_of(paths: Iterable[Path]) -> str:
-    """Date of the youngest of files and folders, `2026-11-23`; empty if there is none."""
+    """Date of the newest file among files and folders, e.g. `2026-11-23`; empty if there are none."""
     files = [file for path in paths for file in (path.rglob("*") if path.is_dir() else [path])]
     times = [file.stat().st_mtime for file in files if file.is_file()]
     return f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d}" if times else ""
 
 
 def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(".")) -> str:
-    """`b9b799a`, or `b9b799a+changes` if folders differ from it apart from DVC's locks.
+    """Commit of the source, e.g. `b9b799a`, or `b9b799a+changes` if folders differ from it (locks aside).
 
-    `UNKNOWN_COMMIT` without a repository of the project or without git.
+    Returns `UNKNOWN_COMMIT` without git or without a repository of this project.
     """
 
     def git(*arguments: str) -> str | None:
@@ -221,35 +221,35 @@ def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(
             return None
 
     commit = git("rev-parse", "--short", "HEAD")
-    if not commit or git("rev-parse", "--show-prefix") != "":  # of another project around this one
+    if not commit or git("rev-parse", "--show-prefix") != "":  # a repository around this project
         return UNKNOWN_COMMIT
     changed = git("status", "--porcelain", "--", *folders, ":(exclude)*.lock")
     return f"{commit}+changes" if changed else commit
 
 
 def anchor(heading: str) -> str:
-    """Anchor of a heading: letters and digits, dashes between words."""
+    """HTML anchor of a heading: lower-case letters and digits, words joined by dashes."""
     words = "".join(letter if letter.isalnum() else " " for letter in heading.lower())
     return "-".join(words.split())
 
 
 def words_in_view(page: str) -> int:
-    """Number of words on a page outside folds."""
+    """Number of words on a page outside folded parts."""
     for hidden in ("style", "script", "head"):
         page = re.sub(rf"<{hidden}\b.*?</{hidden}>", " ", page, flags=re.DOTALL)
     innermost = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.DOTALL)
-    while innermost.search(page):  # folds stand in folds
+    while innermost.search(page):  # folds can be nested
         page = innermost.sub(" ", page)
     return len(re.sub(r"<[^>]*>", " ", page).split())
 
 
 def is_numeric(column: pd.Series) -> bool:
-    """Whether a column is right-aligned."""
+    """Whether a column has numbers, which are right-aligned."""
     return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
 
 
 def cell(value: object, number_format: str = "") -> str:
-    """Text of a table's cell: yes or no, a number with a true minus sign, a dash if missing."""
+    """Text of a table cell: yes or no, a number with a true minus sign, or a dash if missing."""
     if value is None or (isinstance(value, float | np.floating) and not np.isfinite(value)):
         return MISSING
     if isinstance(value, bool | np.bool_):
@@ -262,13 +262,13 @@ def cell(value: object, number_format: str = "") -> str:
 
 
 def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:
-    """One row per parameter, named as for `dvc exp run --temp -S`, given models by key of `params.yaml`."""
+    """Parameters by name as for `dvc exp run --temp -S`, given models keyed as in `params.yaml`."""
     rows = [row for key, model in parameters.items() for row in _rows(key, model.model_dump(mode="json"))]
     return pd.DataFrame(rows, columns=["parameter", "value"])
 
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, str]]:
-    """Dotted name and value of every leaf; lists of plain values and entries of lists are one leaf."""
+    """Dotted name and value of every leaf; lists of plain values, and dicts in lists, are one leaf."""
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from _rows(f"{key}.{name}", inner)

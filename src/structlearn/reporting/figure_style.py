@@ -1,11 +1,11 @@
-"""Style of all figures, and their files.
+"""Style and files of all figures.
 
-Figures are made without pyplot: no global state, no window. Lines become SVG, with letters as paths so that
-they look the same everywhere; figures with very many points (`Raster`) and pictures of simulated scenes
-become PNG. The files carry no version and no date, so the same data give the same bytes.
+Figures are made without pyplot: no global state, no window. Lines become SVG, with text as paths so that it
+looks the same everywhere; figures with very many points (`Raster`) and images of simulated scenes become PNG.
+Files carry no version and no date, so the same data give the same bytes.
 
 Draw several panels as several figures of `PANEL_WIDTH`: the page sets them side by side if there is room, and
-below each other on a phone, where their letters stay readable.
+one below the other on a phone, where their text stays readable.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,15 +27,15 @@ from PIL import Image
 
 from structlearn.palette import BLACK, LIGHT_GREY, place_colours
 
-WIDTH = 9.4  # inches of a figure as wide as the page; all have it, so that letters have one size on a page
-PANEL_WIDTH = 4.7  # inches of a panel, two of which stand beside each other on a wide page
+WIDTH = 9.4  # inches, page width; common to all figures, so that their text has one size
+PANEL_WIDTH = 4.7  # inches of a panel; two fit side by side on a wide page
 
 DPI = 150
-COLOURS = 256  # of a PNG file, with a third of the bytes of true colour
-EDGE = "#868e97"  # of axes and their ticks: contrast 3:1
+COLOURS = 256  # in PNG files, which then have a third of the bytes of true colour
+EDGE = "#868e97"  # axes and ticks: contrast 3:1
 
 STYLE: Any = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same font on every machine
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
@@ -59,7 +59,7 @@ STYLE: Any = {
     "ytick.labelsize": 8.5,
     "lines.linewidth": 1.4,
     "lines.solid_capstyle": "round",
-    "legend.facecolor": "white",  # so that no line strikes its words through
+    "legend.facecolor": "white",  # so that lines do not cross the text
     "legend.edgecolor": "none",
     "legend.fancybox": False,
     "legend.borderpad": 0.2,
@@ -67,7 +67,7 @@ STYLE: Any = {
     "legend.handlelength": 1.6,
     "text.color": BLACK,
     "svg.fonttype": "path",
-    "svg.hashsalt": "structlearn",  # names inside a file depend on its content alone
+    "svg.hashsalt": "structlearn",  # makes ids inside a file depend on its content only
     "figure.facecolor": "white",
     "figure.constrained_layout.use": True,
     "figure.constrained_layout.h_pad": 0.09,
@@ -77,36 +77,36 @@ STYLE: Any = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The project's style on Matplotlib's defaults, without the user's settings."""
+    """Apply the project's style on Matplotlib's defaults, ignoring the user's settings."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
         yield
 
 
-styled = style()  # decorator of functions that make figures in this style
+styled = style()  # decorator for functions that make figures
 
 
 @dataclass(frozen=True)
 class Raster:
-    """A figure that is saved as PNG, since it has too many points for SVG."""
+    """A figure saved as PNG because it has too many points for SVG."""
 
     figure: Figure
 
 
-Drawing = Figure | Raster | np.ndarray  # one file; an array is a picture (H, W, 3) of bytes
+Drawing = Figure | Raster | np.ndarray  # one file; an array is an image (H, W, 3) uint8
 
 
 def canvas(height: float, width: float = WIDTH) -> Figure:
-    """An empty figure; both in inches."""
+    """Empty figure; height and width in inches."""
     return Figure(figsize=(width, height), dpi=DPI)
 
 
 def save(drawing: Drawing, path: Path) -> tuple[Path, tuple[int, int]]:
-    """Write a drawing as SVG or PNG; returns its path, and width and height in pixels of the page."""
+    """Write a drawing as SVG or PNG; return its path, and width and height in CSS pixels."""
     if isinstance(drawing, Figure):
         path = path.with_name(f"{path.name}.svg")
-        with style():  # `savefig` would draw twice: once to arrange what is in the figure
+        with style():  # `savefig` would draw twice, to compute the layout
             FigureCanvasSVG(drawing).print_svg(path, metadata={"Date": None, "Creator": None})
         return path, (round(96 * drawing.get_figwidth()), round(96 * drawing.get_figheight()))
     path = path.with_name(f"{path.name}.png")
@@ -122,16 +122,16 @@ def save(drawing: Drawing, path: Path) -> tuple[Path, tuple[int, int]]:
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
-    """One legend above a whole figure, of the labels in one of its axes."""
+    """Add one legend above the whole figure, with the labels of one of its axes."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=columns, columnspacing=1.6)
 
 
 def finish_space(space: Axes3D, above: Axes, points: np.ndarray) -> None:
-    """Labels, views and limits of both panels for points (N, 3) in mm; the 3-D panel has equal scales."""
+    """Set labels, views and limits of both panels for points (N, 3) mm; the 3-D panel has equal scales."""
     low, high = points.min(axis=0), points.max(axis=0)
     longest = (high - low).max()
-    half = np.maximum(0.54 * (high - low), 0.25 * longest)  # a flat axis is widened so that its labels fit
+    half = np.maximum(0.54 * (high - low), 0.25 * longest)  # flat axes are widened to fit their labels
     middle = 0.5 * (low + high)
     low, high = middle - half, middle + half
     space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
@@ -143,15 +143,15 @@ def finish_space(space: Axes3D, above: Axes, points: np.ndarray) -> None:
         axis.pane.set_edgecolor(LIGHT_GREY)
         axis.set_major_locator(MaxNLocator(4, steps=(1, 2, 5, 10)))
     above.set(title="From above (axes scaled separately)", xlabel="y (mm)", ylabel="x (mm)")
-    above.invert_yaxis()  # y to the right and z towards the reader: x points down
+    above.invert_yaxis()  # y to the right, z towards the viewer, so x points down
 
 
 HEIGHT = 3.1  # inches of a panel
-SAMPLES = 60  # of a curve among a hundred
+SAMPLES = 60  # per curve where a hundred are drawn
 
 
 def panel(title: str, height: float = HEIGHT, **labels: object) -> tuple[Figure, Axes]:
-    """An empty panel with options of `Axes.set`; height in inches."""
+    """Empty panel with options of `Axes.set`; height in inches."""
     figure = canvas(height, PANEL_WIDTH)
     axes = figure.subplots()
     axes.set(**labels)
@@ -160,14 +160,14 @@ def panel(title: str, height: float = HEIGHT, **labels: object) -> tuple[Figure,
 
 
 def legend(figure: Figure, columns: int = 2) -> Figure:
-    """The figure with a legend above its panel."""
+    """Add a legend above the figure's panel, and return the figure."""
     figure.legend(loc="outside upper left", ncols=columns, columnspacing=1.2)
     return figure
 
 
 @styled
 def map_panels(lies: pd.DataFrame, titles: Sequence[str], height: float, margin_mm: float) -> list[Raster]:
-    """Places of touches on a skin (`x_m`, `y_m`) and in its learned map (`map_x_m`, `map_y_m`)."""
+    """Contact positions on a skin (`x_m`, `y_m`) and in its learned map (`map_x_m`, `map_y_m`)."""
     places, mapped = (1e3 * lies[columns].to_numpy() for columns in (["x_m", "y_m"], ["map_x_m", "map_y_m"]))
     colours, middle = place_colours(places) / 255.0, 0.5 * (places.min(axis=0) + places.max(axis=0))
     half = 0.5 * np.ptp(places, axis=0).max() + margin_mm

@@ -1,4 +1,4 @@
-"""Findings: every number that a page states, once, with its interval, n and population.
+"""Findings: every number that a page states, defined once with its interval, n and population.
 
 A report computes its findings before it draws figures:
 
@@ -6,8 +6,8 @@ A report computes its findings before it draws figures:
     find.mean("cost_ratio", {"10 degrees": ratios}, headline=True)   # a row per case
     find.exact("rnea_max_error", 1e-13, unit="N m")
 
-They are written as `findings.csv`. Claims name rows (`evidence: cost_ratio`), templates name their values
-(`{{ cost_ratio_level | f(".2f") }}`, see `values_by_key`), `metrics.json` is the rows marked as headlines.
+They are written to `findings.csv`. Claims refer to rows (`evidence: cost_ratio`), templates to their values
+(`{{ cost_ratio_level | f(".2f") }}`, see `values_by_key`), and `metrics.json` has the headlines.
 """
 
 import math
@@ -35,7 +35,7 @@ class _Row:
 
 
 def _finder(make: Callable[..., Evidence]) -> Callable[..., Found]:
-    """The method of `Findings` for a constructor of evidence."""
+    """Method of `Findings` that adds a row by a constructor of evidence."""
 
     def find(self: "Findings", name: str, *given: Any, **row: Any) -> Found:
         return self.by(make, name, *given, **row)
@@ -45,15 +45,15 @@ def _finder(make: Callable[..., Evidence]) -> Callable[..., Found]:
 
 
 class Findings(Mapping[str, Found]):
-    """Rows of a page by name: one number each, or one by case."""
+    """Evidence of a page by name: a single number, or one by case."""
 
     def __init__(self, population: str = "", study: str = "") -> None:
-        """`population`: what n counts, in words; `study`: source of the numbers, if they are quoted."""
+        """`population`: what n counts, as text; `study`: source of the numbers, if they are quoted."""
         self._rows: dict[str, _Row] = {}
         self._population, self._study = population, study
 
     def among(self, population: str, study: str = "") -> "Findings":
-        """The same table, for rows of another population."""
+        """View of the same findings that adds rows of another population."""
         other = Findings(population, study)
         other._rows = self._rows
         return other
@@ -61,7 +61,7 @@ class Findings(Mapping[str, Found]):
     def add(
         self, name: str, found: Found, *, unit: str = "", headline: bool | Collection[str] = False
     ) -> Found:
-        """Add a row with its evidence; `headline`: all or some cases go to `metrics.json`.
+        """Add a row with its evidence; `headline`: which cases go to `metrics.json`, or all.
 
         Raises ValueError: there is a row of that name.
         """
@@ -74,23 +74,23 @@ class Findings(Mapping[str, Found]):
         return found
 
     def include(self, other: "Findings") -> None:
-        """Add all rows of another table; a ValueError if names collide."""
+        """Add all rows of other findings. Raises ValueError: a name occurs in both."""
         if twice := set(self._rows) & set(other._rows):
             raise ValueError(f"two findings are called {', '.join(sorted(twice))}")
         self._rows |= other._rows
 
     def mark(self, headlines: Mapping[str, bool | Collection[str]]) -> None:
-        """Mark rows as headlines by name, all or some of their cases; unknown names are ignored."""
+        """Set which cases of the named rows are headlines; unknown names are ignored."""
         for name in headlines.keys() & self._rows.keys():
             self._rows[name] = replace(self._rows[name], headline=headlines[name])
 
     def by(
         self, make: Callable[..., Evidence], name: str, *given: Any, missing: str = "", **row: Any
     ) -> Found:
-        """Add a row by a constructor of evidence, from its arguments or a mapping of these by case.
+        """Add a row by a constructor of evidence, from its arguments or from a mapping of arguments by case.
 
-        Intervals of several cases are widened so that all of them together cover with 95 %. A case without
-        samples, or with None, is not tested, for the reason `missing`, and widens nothing. `row`: see `add`.
+        Intervals of several cases are widened for a joint coverage of 95 %. A case without samples, or with
+        None, is not tested, with `missing` as the reason, and does not widen the others. `row`: see `add`.
         """
         lacking = unknown(missing) if missing else UNKNOWN
         if not isinstance(given[0], Mapping):
@@ -102,7 +102,7 @@ class Findings(Mapping[str, Found]):
         return self.add(name, found, **row)
 
     def unknown(self, name: str, reason: str = "") -> Found:
-        """Add a row without a number, and the reason why there is none."""
+        """Add a row without a number, and the reason."""
         return self.add(name, unknown(reason))
 
     exact = _finder(claims.exact)
@@ -124,7 +124,7 @@ class Findings(Mapping[str, Found]):
         return len(self._rows)
 
     def table(self) -> pd.DataFrame:
-        """The rows of `findings.csv`, one per case."""
+        """Rows of `findings.csv`, one per case."""
         rows = [
             {"name": name, "case": case, "value": one.value, "low": one.low, "high": one.high, "n": one.n}
             | {"unit": row.unit, "population": row.population, "study": one.study, "reason": one.reason}
@@ -135,12 +135,12 @@ class Findings(Mapping[str, Found]):
         return pd.DataFrame(rows, columns=COLUMNS).astype({"headline": bool})  # also without rows
 
     def numbers(self) -> Metrics:
-        """Numbers that sentences name, see `values_by_key`."""
+        """Values for the template's sentences, see `values_by_key`."""
         return values_by_key(self.table())
 
     @classmethod
     def of_metrics(cls, metrics: Metrics, headlines: tuple[str, ...] = ()) -> "Findings":
-        """Findings from numbers without intervals; texts are left out, None is not tested."""
+        """Findings from numbers without intervals; texts are ignored, None is not tested."""
         find = cls()
         for name, value in metrics.items():
             if value is None:
@@ -155,7 +155,7 @@ def _there(samples: tuple[Any, ...]) -> bool:
 
 
 def values_by_key(table: pd.DataFrame) -> Metrics:
-    """Values of a table of findings by `name` or, with cases, by `name_case`; unknown ones are left out.
+    """Values of a findings table, keyed by `name` or, with cases, `name_case`; unknown ones are left out.
 
     Whole numbers become integers, so that a sentence says `3 robots`.
     """
@@ -171,6 +171,6 @@ def _cases(found: Found) -> Iterable[tuple[str, Evidence]]:
 
 
 def read_findings(path: Path | Any) -> pd.DataFrame:
-    """Read `findings.csv`, from its path or an open file; an InputError if it is missing or no table."""
+    """Read `findings.csv` from a path or an open file. Raises InputError: it is missing or no table."""
     texts = dict.fromkeys(("name", "case", "unit", "population", "study", "reason"), "")
     return read_csv(path, dtype=dict.fromkeys(texts, str)).fillna(texts)

@@ -1,7 +1,7 @@
 """The front page: a loop, the pipeline, a table of findings and a card per testbed.
 
-Its words are in a YAML file, `FrontPage`. Numbers come from `claims.csv` of a testbed's report: an entry
-names the claim, and its words name the cases, `{Turn}`, or `{value}` if there are none.
+Its texts are in a YAML file, `FrontPage`. Numbers come from the `claims.csv` of the testbeds' reports: an
+entry names a claim, and its text refers to cases, `{Turn}`, or to `{value}` if there are none.
 """
 
 from collections.abc import Mapping
@@ -16,21 +16,21 @@ from structlearn.reporting.claims import NOT_TESTED, VERDICTS, combined
 from structlearn.reporting.document import Made, environment
 
 RECORDED = "recorded"
-"""Folder of the report on recorded data; its claims are in `claims.QUOTED` for a machine without the data."""
+"""Folder of the report on recorded data; machines without the data use the claims in `claims.QUOTED`."""
 
 
 class Row(Parameters):
-    """A claim of a report, and its numbers in words."""
+    """A claim of a report, and its numbers as text."""
 
     report: str  # folder of the report
-    claim: str  # its name, `evidence` in the report's claims
-    words: str  # a template that names numbers by case, without their intervals
-    set: str = ""  # of recorded data, if several have a claim of that name
+    claim: str  # its `evidence` in the report's claims
+    words: str  # a template that refers to numbers by case, without their intervals
+    set: str = ""  # data set, if several have a claim of that name
     cases: tuple[str, ...] = ()  # all if empty
 
 
 class Finding(Parameters):
-    """A question, and what was published, simulated and recorded about it."""
+    """A question, with its published, simulated and recorded answers."""
 
     question: str
     published: str
@@ -48,37 +48,41 @@ class Card(Parameters):
     alt: str  # description of the picture
     simulated: str  # what is simulated
     tiles: tuple[Row, ...]  # one number each, up to `|`
-    pages: Mapping[str, str] = {}  # further pages of it, title by file name
+    pages: Mapping[str, str] = {}  # titles of further pages, by file name
 
 
 class Step(Parameters):
-    """A box of the drawing of the pipeline."""
+    """A box in the diagram of the pipeline."""
 
     name: str
-    stage: str  # of dvc.yaml that makes it
+    stage: str  # in dvc.yaml, that makes it
     page: str  # that shows it
-    path: str  # what is drawn in the box: an SVG path, 100 wide and 44 high
+    path: str  # drawing in the box: an SVG path, 100 wide and 44 high
 
 
 class FrontPage(Parameters):
-    """The file with the front page's words."""
+    """Contents of the file with the front page's texts."""
 
     steps: tuple[Step, ...]
     findings: tuple[Finding, ...]
-    cards: Mapping[str, Card]  # by folder of the report, in the order of the page
+    cards: Mapping[str, Card]  # by folder of the report, in page order
 
 
 def read_front_page(path: Path) -> FrontPage:
-    """Raises InputError: there is no such file, or it is no YAML; ValueError: it has an unknown key."""
+    """Read the front page's texts.
+
+    Raises InputError: there is no such file, or it is no YAML; ValueError: it has an unknown key.
+    """
     return FrontPage(**read_values(path))
 
 
 def render_front(
     page: FrontPage, claims: Mapping[str, pd.DataFrame], tasks: Mapping[str, str], made: Made
 ) -> str:
-    """The front page as HTML; an InputError if a report has no claim or case that the page names.
+    """Render the front page to HTML.
 
-    `claims`: `claims_table` by report; `tasks`: pages of single tasks by name.
+    `claims`: `claims_table` by report; `tasks`: pages of single tasks by name. Raises InputError: a report
+    lacks a claim or case that the page uses.
     """
     counts = {report: _counts(table) for report, table in claims.items()}
     tiles = {name: [in_words(tile, claims) for tile in card.tiles] for name, card in page.cards.items()}
@@ -96,7 +100,7 @@ def render_front(
 
 
 def findings_table(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> str:
-    """The table of findings in Markdown, for the README."""
+    """Findings as a Markdown table, for the README."""
     lines = ["| question | published | simulated | recorded |", "|---|---|---|---|"]
     for one in page.findings:
         told = [f"{words} (**{verdict}**)" if words else "" for words, verdict in _told(one, claims)]
@@ -105,12 +109,12 @@ def findings_table(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> str:
 
 
 def _told(one: Finding, claims: Mapping[str, pd.DataFrame]) -> list[tuple[str, str]]:
-    """Words and verdict, simulated and recorded; empty if there is none."""
+    """Text and verdict, simulated and recorded; empty if there is none."""
     return [in_words(row, claims) if row else ("", "") for row in (one.simulated, one.recorded)]
 
 
 def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
-    """A row's words with numbers, and its verdict; an InputError if the report has no such claim or case."""
+    """Text of a row with its numbers, and its verdict. Raises InputError: the claim or case is missing."""
     table = claims[row.report]
     where = f"{row.report}: claim {row.claim}{f' of {row.set}' if row.set else ''}"
     found = table[table["evidence"] == row.claim]
@@ -119,7 +123,7 @@ def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
     if row.cases:
         found = found[found["case"].isin(row.cases)]
     if found.empty and row.report == RECORDED:
-        return "not recorded here", NOT_TESTED  # a machine may have some of the sets alone
+        return "not recorded here", NOT_TESTED  # a machine may have only some of the data sets
     if found.empty:
         raise InputError(f"{where}: the front page names it, and there is none")
     numbers = {
@@ -135,7 +139,7 @@ def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
 
 
 def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
-    """`claims.csv` of a report in a folder; an InputError if it is missing or lacks the names of claims."""
+    """Read a report's `claims.csv`. Raises InputError: it is missing or lacks the names of claims."""
     path = folder / "claims.csv"
     table = read_csv(path, keep_default_na=False)
     if "evidence" not in table:
@@ -144,7 +148,7 @@ def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
 
 
 def _counts(table: pd.DataFrame) -> dict[str, int]:
-    """Number of statements of the dissertation with each verdict."""
+    """Number of the dissertation's statements with each verdict."""
     its = table[table["by"] == "text"]
     its = its.drop_duplicates([name for name in ("set", "evidence") if name in table])
     return {word: int((its["verdict_of_all"] == word).sum()) for word in VERDICTS}

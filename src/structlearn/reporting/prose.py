@@ -1,11 +1,11 @@
-"""Numbers and lists in words, for sentences."""
+"""Numbers and lists as text, for sentences."""
 
 import math
 from collections.abc import Iterable
 
 
 def listing(words: Iterable[object], nothing: str = "none") -> str:
-    """`a`, `a and b`, `a, b and c`."""
+    """Join words into `a`, `a and b` or `a, b and c`."""
     items = [str(word) for word in words]
     if not items:
         return nothing
@@ -13,29 +13,29 @@ def listing(words: Iterable[object], nothing: str = "none") -> str:
 
 
 def counted(number: int, thing: str) -> str:
-    """`1 demonstration`, `3 demonstrations`."""
+    """Number with a noun: `1 demonstration`, `3 demonstrations`."""
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
 def interval(low: float, high: float, number_format: str = ".1f") -> str:
-    """`[0.4, 1.2]` with true minus signs; `unknown` if an end is not finite."""
+    """Interval such as `[0.4, 1.2]`, with true minus signs; `unknown` if an end is not finite."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return "unknown"
     return f"[{low:{number_format}}, {high:{number_format}}]".replace("-", "\N{MINUS SIGN}")
 
 
 def capitalised(sentence: str) -> str:
-    """The sentence with a capital first letter."""
+    """Capitalise the first letter."""
     return sentence[:1].upper() + sentence[1:]
 
 
 def level_name(level: float) -> str:
-    """Key of a noise level or a setting: 0.3 becomes `0p3`."""
+    """Key of a noise level or setting, e.g. `0p3` for 0.3."""
     return f"{level:g}".replace(".", "p")
 
 
 def rounded(value: float, number_format: str) -> str:
-    """A number with a true minus sign, and none before zero; `unknown` if it is not finite."""
+    """Number with a true minus sign, and none before zero; `unknown` if it is not finite."""
     if not math.isfinite(value):
         return "unknown"
     text = f"{value:{number_format}}"
@@ -43,18 +43,18 @@ def rounded(value: float, number_format: str) -> str:
 
 
 def with_interval(mean: float, half_width: float, number_format: str = ".1f") -> str:
-    """`1.2 [0.4, 2.0]`: a mean and its confidence interval."""
+    """Mean with its confidence interval, e.g. `1.2 [0.4, 2.0]`."""
     return f"{rounded(mean, number_format)} {interval(mean - half_width, mean + half_width, number_format)}"
 
 
 def with_spread(mean: float, std: float, number_format: str = ".1f") -> str:
-    """`1.2 ± 0.4`: a mean and its std, if there is one."""
+    """Mean with its std if finite, e.g. `1.2 ± 0.4`."""
     text = rounded(mean, number_format)
     return f"{text} ± {std:{number_format}}" if math.isfinite(std) else text
 
 
 def percent(count: int, n: int, fewest: int = 0) -> str:
-    """`99.8 %`: with the fewest digits that do not round to 0 or 100 what is neither."""
+    """Percentage such as `99.8 %`, with enough digits not to round to 0 or 100 unless it is exactly that."""
     return next(
         text
         for digits in range(fewest, 10)

@@ -1,9 +1,9 @@
-"""Studies: larger populations than one run of the pipeline has, as tables in git that pages read.
+"""Studies: results for larger populations than one run of the pipeline, kept as tables in git for pages.
 
-The pipeline `stages/studies/dvc.yaml` makes them cell by cell: for the people or robots of a cell the stages
-of a testbed run with other seeds (`structlearn.reporting.study_tables`). This module holds what pages need:
-`reports/studies/<study>` has the tables of all cells and `study.json`, their parameters and each cell's
-commit. A study with other parameters than the page's counts as not run.
+The pipeline `stages/studies/dvc.yaml` makes them cell by cell: a cell runs a testbed's stages with other
+seeds for its people or robots (`structlearn.reporting.study_tables`). This module holds what pages need:
+`reports/studies/<study>` has the tables of all cells and `study.json` with their parameters and each cell's
+commit. A study with parameters other than the page's counts as not run.
 """
 
 import hashlib
@@ -22,12 +22,12 @@ from structlearn.core.params import Parameters, ParametersType, checked, read_va
 from structlearn.reporting.prose import counted, listing
 
 RESULTS = Path("reports/studies")
-OURS = "ours"  # the variant with the parameters of the pipeline
+OURS = "ours"  # variant with the pipeline's parameters
 KEYS = ["variant", "cell"]  # first columns of a study's tables
 
 
 class Origin(Parameters):
-    """Commit and processor that made a cell."""
+    """Commit and processor that produced a cell."""
 
     commit: str
     processor: str  # empty if unknown
@@ -37,39 +37,39 @@ class Check(Parameters):
     """Result of running one cell again."""
 
     cell: str
-    commit: str  # of the code that ran it
-    processor: str  # that it ran on
-    exact: bool  # whether all digits were compared; else within `study_tables.TOLERANCE`
+    commit: str  # of the code
+    processor: str
+    exact: bool  # whether all digits were compared; otherwise within `study_tables.TOLERANCE`
     compared: int  # numbers
-    different: list[str]  # tables and columns in which some differ
+    different: list[str]  # tables and columns with differences
 
 
 class Made(Parameters):
     """Provenance of a study, the content of `study.json`."""
 
     parameters: dict[str, str]  # digests by key of `params.yaml`, see `digests`
-    seeds: list[str]  # parameters that differ between cells, which digests leave out
+    seeds: list[str]  # parameters that vary by cell, which the digests leave out
     cells: dict[str, Origin]
-    check: Check | None  # None before a cell was run again
+    check: Check | None  # None until a cell was run again
 
 
-UNKNOWN = Made(parameters={}, seeds=[], cells={}, check=None)  # of tables that a test made up
+UNKNOWN = Made(parameters={}, seeds=[], cells={}, check=None)  # for tables made up by tests
 
 
 @dataclass(frozen=True)
 class Study:
     """Results of a study."""
 
-    tables: Mapping[str, pd.DataFrame]  # by name, each with the columns `KEYS` first
+    tables: Mapping[str, pd.DataFrame]  # by name, each starting with the columns `KEYS`
     made: Made = UNKNOWN
 
     @property
     def table(self) -> pd.DataFrame:
-        """Findings, a row for each variant and cell, of a study that gathers `findings.csv`."""
+        """Findings with one row per variant and cell, for studies that gather `findings.csv`."""
         return self.tables["findings"]
 
     def values(self, variant: str, key: str) -> np.ndarray:
-        """One number of a variant, (N,) by cell; the order of cells is the same for all variants."""
+        """One finding of a variant by cell, (N,); all variants have the same order of cells."""
         return self.table[key].to_numpy(float)[self._rows.get(variant, [])]
 
     @cached_property
@@ -79,13 +79,13 @@ class Study:
 
 @dataclass(frozen=True)
 class People:
-    """One number per person, of a study that ran all of a testbed for each: by the keys of its findings."""
+    """Findings by person, from a study that runs all of a testbed for each person."""
 
     study: Study | None  # None if it was not run with these parameters
     variant: str
 
     def numbers(self, key: str) -> np.ndarray | None:
-        """(P,) of one key; None if unknown."""
+        """Values (P,) of one finding by person; None if unknown."""
         return self.study.values(self.variant, key) if self.study and key in self.study.table else None
 
     @property
@@ -95,7 +95,7 @@ class People:
 
 
 def digests(values: Mapping[str, Any], keys: Sequence[str], seeds: Sequence[str]) -> dict[str, str]:
-    """Digest of each key's value without the seeds, `absent` if there is none; order does not matter."""
+    """Digest of each parameter without the seeds and independent of order; `absent` if there is none."""
 
     def kept(value: Any, key: str) -> Any:
         if key in seeds:
@@ -109,19 +109,22 @@ def digests(values: Mapping[str, Any], keys: Sequence[str], seeds: Sequence[str]
 
 
 def stored_study(folder: Path) -> Study:
-    """A study whatever its parameters; an InputError if a file is missing, damaged or lacks its commit."""
+    """Read a study whatever its parameters.
+
+    Raises InputError: a file is missing, damaged or lacks its commit.
+    """
     return Study(*stored(folder / "study.json", Made))
 
 
 def stored(path: Path, made: type[ParametersType]) -> tuple[dict[str, pd.DataFrame], ParametersType]:
-    """Tables beside a file by name, and the file, which says how they were made; raises as `stored_study`."""
+    """Tables beside a provenance file, by name, and that file's content. Raises as `stored_study`."""
     texts = dict.fromkeys(KEYS, str)
     tables = {table.stem: read_csv(table, dtype=texts) for table in sorted(path.parent.glob("*.csv"))}
     return tables, checked(read_metrics(path), made, path, path.stem)
 
 
 def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("params.yaml")) -> Study | None:
-    """Results of a study; None if it was not run, or with other parameters than in this file."""
+    """Read a study; None if it was not run with the parameters in this file."""
     if not Path(folder, name, "study.json").exists():
         return None
     study = stored_study(Path(folder, name))
@@ -130,18 +133,18 @@ def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("param
 
 
 def extended(own: pd.DataFrame, study: Study | None, name: str, key: str = "seed") -> pd.DataFrame:
-    """A table of this run, and below it the rows of a study with other seeds (column `key`), same types."""
+    """Extend a table of this run by a study's rows with other seeds (column `key`), in the same types."""
     if study is None:
         return own
     more = study.tables[name]
     more = more.loc[~more[key].isin(own[key]), own.columns]
     texts = list(own.select_dtypes(["object", "string"]))
-    more = more.astype(dict.fromkeys(texts, object)).fillna(dict.fromkeys(texts, ""))  # CSV has no empty text
+    more = more.astype(dict.fromkeys(texts, object)).fillna(dict.fromkeys(texts, ""))  # CSV reads "" as NaN
     return pd.concat([own, more.astype(own.dtypes)], ignore_index=True)
 
 
 def provenance(study: Study) -> str:
-    """`5 cells made by commit a319e1d, cell 13 run again by b9b799a: equal`, in words."""
+    """Provenance as text, e.g. `made by commit a319e1d; cell 13 run again by b9b799a: 92 numbers, equal`."""
     made = study.made
     if not made.cells:
         return "made by unknown code, not run again"
@@ -165,5 +168,5 @@ def provenance(study: Study) -> str:
 
 
 def rests_on(name: str, study: Study | None) -> str:
-    """A sentence on the provenance of a study, for the head of a table of verdicts; empty if not run."""
+    """Sentence on a study's provenance, to precede a table of verdicts; empty if it was not run."""
     return "" if study is None else f"Rows over people rest on the study {name}, {provenance(study)}."
