@@ -63,7 +63,7 @@ __pycache__
 
 
 def main(words: list[str] | None = None) -> None:
-    """Run one of the commands; bad input ends in one line and exit code 1."""
+    """Run one of the commands; on invalid input, print one line and exit with code 1."""
     given = _arguments(words)
     run(lambda: given.do(given))
 
@@ -92,7 +92,7 @@ def new(given: argparse.Namespace) -> None:
 
 
 def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
-    """Lines below the kind; of movements with what the recordings suggest."""
+    """YAML lines of the entry below its kind; movements include what the recordings suggest."""
     if given.kind != "movement":
         values = {"source": str(source)} | ({"urdf": given.urdf} if given.urdf else {})
         return [f"  {line}" for line in yaml.safe_dump({name: values}, sort_keys=False).splitlines()]
@@ -108,7 +108,7 @@ def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
 
 
 def _begin(folder: Path) -> None:
-    """Put a project under git and DVC, below a repository that is there already."""
+    """Put a project under git (unless it is inside a repository) and DVC."""
     inside = _quietly(["git", "-C", str(folder), "rev-parse", "--is-inside-work-tree"])
     if not inside and not _quietly(["git", "-C", str(folder), "init"]):
         _dvc(folder, "init", "--quiet", "--no-scm")
@@ -193,7 +193,7 @@ def excite(given: argparse.Namespace) -> None:
 
 
 def _dvc(folder: Path, *words: str) -> None:
-    """Run DVC with this Python's programs first; its exit code is ours."""
+    """Run DVC with this environment's programs first on the path; exit with its code if it fails."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     done = subprocess.run(
         [_beside_python("dvc"), *words], cwd=folder, env=os.environ | {"PATH": path}, check=False
@@ -203,7 +203,7 @@ def _dvc(folder: Path, *words: str) -> None:
 
 
 def _beside_python(program: str) -> str:
-    """Path of a program of this environment."""
+    """Path of a program in this Python environment, or else on the system's path."""
     beside = Path(sys.executable).with_name(program)
     found = str(beside) if beside.exists() else shutil.which(program)
     if found is None:
