@@ -1,10 +1,10 @@
-"""How the tables of the recorded data are written: headings and formats follow from the names of columns."""
+"""Display of recorded-data tables: headings and number formats from column names."""
 
 import pandas as pd
 
 from structlearn.reporting.document import Table
 
-# By the end of a column's name: what is written instead in its heading, and how its numbers are written.
+# Heading suffix and number format, by suffix of the column name
 UNITS = {
     "_n_m": (" (N m)", ".2f"),
     "_mm": (" (mm)", ".2f"),
@@ -19,12 +19,12 @@ UNITS = {
     "": ("", ".3g"),
 }
 
-# Of columns' names, that a heading writes otherwise.
+# Words of column names that are replaced in headings
 WORDS = {"way": "model", "max": "largest", "nmse": "NMSE", "rms": "RMS"}
 
 
 def shown(frame: pd.DataFrame, strong: frozenset[int] = frozenset(), /, **formats: str) -> Table:
-    """A table whose headings and formats follow from the names of its columns; `formats` are exceptions."""
+    """Table with headings and formats derived from its column names; `formats` override."""
     headings, found = {}, {}
     for name in frame:
         ending = next(ending for ending in UNITS if str(name).endswith(ending))

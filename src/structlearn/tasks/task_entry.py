@@ -1,4 +1,4 @@
-"""Entries of tasks in the files of `project.entry_files`, merged over the defaults of their kind.
+"""Task entries in the files of `project.entry_files`, merged over the defaults of their kind.
 
     defaults:            in params.yaml, every constant once
       movement:
@@ -8,7 +8,7 @@
         source: ~/demonstrations
         topics: {pose: /end_effector/pose}
 
-A part that an entry does not name (`PARTS`) is null, whatever its defaults are.
+A part (`PARTS`) that an entry does not name is null, whatever its defaults.
 """
 
 import itertools
@@ -32,12 +32,12 @@ from structlearn.tasks.obstacles.coupling_representations import RepresentationP
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
-# Keys that a task has only if its entry names them.
+# Keys that a task only has if its entry names them
 PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representations")
 
 
 class ObstacleEntry(SourceParameters, SceneLearningParameters):
-    """Reaches past obstacles. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
+    """Reaches past obstacles."""
 
     kind = "obstacles"
 
@@ -46,14 +46,14 @@ class ObstacleEntry(SourceParameters, SceneLearningParameters):
     representations: RepresentationParameters | None
 
 
-# Kinds of data, as entries are grouped.
+# Kinds of data, which group entries
 KINDS: dict[str, type[SourceParameters]] = {
     entry.kind: entry for entry in (MovementEntry, MotionParameters, TouchParameters, ObstacleEntry)
 }
 
 
 class Entry(NamedTuple):
-    """An entry as it is written."""
+    """An entry as written in a file."""
 
     file: Path
     kind: str
@@ -61,9 +61,9 @@ class Entry(NamedTuple):
 
 
 def read_entries(clone: Path | None = None) -> dict[str, Entry]:
-    """All entries by name, of the project here or of a clone's folder.
+    """All entries by name, of this project or of a clone's folder.
 
-    Raises InputError: a file is not readable, has an unknown kind, or a name stands twice or is none.
+    Raises InputError: a file is not readable or has an unknown kind, or a name is invalid or repeated.
     """
     found: dict[str, Entry] = {}
     for file in project.entry_files(clone):
@@ -86,9 +86,9 @@ def read_entries(clone: Path | None = None) -> dict[str, Entry]:
 
 
 def read_task(name: str, clone: Path | None = None) -> Any:
-    """The parameters of one task, as of its kind.
+    """Parameters of one task, as the model of its kind.
 
-    Raises InputError: as `read_entries`; there is no such task, or a value is missing, unknown or out of
+    Raises InputError: as `read_entries`; or there is no such task, or a value is missing, unknown or out of
     range; the message names file and key.
     """
     entries = read_entries(clone)
@@ -105,14 +105,14 @@ def read_task(name: str, clone: Path | None = None) -> Any:
 
 
 def read_checked(path: Path) -> SourceParameters:
-    """What `write_task` published."""
+    """Read parameters published by `write_task`."""
     if (kind := value_at(path, "kind")) not in KINDS:
         raise InputError(f"{path}: kind: there is no such kind among {', '.join(KINDS)}")
     return checked(value_at(path, "entry"), KINDS[kind], path, "entry")
 
 
 def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:
-    """`file_digests` of all that a task comes from, by what it is for."""
+    """`file_digests` of all sources of a task, by their role."""
     return {
         name: {file: digest for path in paths for file, digest in file_digests(path).items()}
         for name, paths in task.sources().items()
@@ -120,7 +120,7 @@ def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:
 
 
 def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: Path) -> None:
-    """Publish a task's parameters with the digests that its sources had before they were read.
+    """Publish a task's parameters with the digests of its sources from before they were read.
 
     Raises InputError: a source has changed since.
     """
@@ -133,9 +133,9 @@ def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: P
 
 
 def file_digests(source: str) -> dict[str, str]:
-    """SHA-256 of a file, or of all files below a folder but hidden ones, by their path as it is written.
+    """SHA-256 of a file, or of all but hidden files below a folder, by path as written.
 
-    A public set that is not here has none. Raises InputError: there is no such file or folder.
+    Empty for a public set that is not here. Raises InputError: there is no such file or folder.
     """
     path = local_path(source)
     if is_public(source) and not path.exists():
@@ -155,7 +155,7 @@ def file_digests(source: str) -> dict[str, str]:
 
 
 def targets(which: str, name: str = "") -> list[str]:
-    """Stages to ask DVC for, of one task or of all of a file; entries are checked first.
+    """DVC targets for one task or for all of a file; entries are checked first.
 
     Raises InputError: an entry is not valid, or there is no public set.
     """
@@ -169,5 +169,5 @@ def targets(which: str, name: str = "") -> list[str]:
     return [f"{project.pipeline()}:{stage}_{kind}@{one}" for (one, kind), stage in pages]
 
 
-if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none
+if __name__ == "__main__":  # run before DVC, whose errors would not say what is wrong with an entry
     run(lambda: print("\n".join(targets(*sys.argv[1:]))))

@@ -1,6 +1,6 @@
-"""An entry of `stages/tasks/own.yaml` for recordings: what the files tell and the defaults do not.
+"""Proposed entry of `stages/tasks/own.yaml` for recordings: what the files show and the defaults do not.
 
-What was chosen among several, and what may go wrong, is said beside the key that it is about.
+Choices among several options, and possible problems, are noted beside the key concerned.
 """
 
 import re
@@ -18,19 +18,18 @@ from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, po
 from structlearn.tasks.inspection.source_survey import SourceSeen
 from structlearn.tasks.task_files import local_path
 
-# What topics of tactile arrays are mostly called; other arrays are commands and the like.
+# Usual names of tactile topics; other arrays are commands and the like
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
 
-# Degrees that a hand turns while its position rests, from which on this may be a primitive: sensors are ten
-# times as good.
+# Rotation in degrees at a resting position from which it may be a primitive: ten times the noise of sensors
 TURN_DEG = 3.0
 
-# Distance of a robot's tip from the hand, from which on they are two frames.
+# Distance in m between a robot's tip and the hand from which they count as different frames
 SAME_START_M = 0.005
 
 
 class Proposal(NamedTuple):
-    """What to paste below `movement:`, warnings by dotted keys, and the topics that are read then."""
+    """Entry to paste below `movement:`, warnings by dotted key, and the topics that it reads."""
 
     name: str
     entry: Mapping[str, Any]
@@ -41,10 +40,10 @@ class Proposal(NamedTuple):
 def propose(
     seen: SourceSeen, hand: Candidate, others: Sequence[Candidate], motion: MotionSurvey | None
 ) -> Proposal:
-    """The entry for what was seen: the chosen source of poses, others, the likelier first, and its motion."""
+    """Propose an entry for the chosen pose source, other sources in order of likelihood, and the motion."""
     source = hand.source
     topics, warnings = _topics(seen, hand, others)
-    read = [source if isinstance(source, str) else source.topic]  # not transforms at rest
+    read = [source if isinstance(source, str) else source.topic]  # without static transforms
     read += [topics[kind] for kind in ("joint_states", "wrench") if kind in topics]
     read = list(dict.fromkeys([*read, *topics.get("tactile", [])]))
     entry: dict[str, Any] = {"source": from_home(seen.source), "topics": topics}
@@ -65,14 +64,14 @@ def propose(
 
 
 def task_name(source: str) -> str:
-    """A name for a task whose files lie at a path: lower-case letters, digits and _ of its last part."""
+    """Task name from a path: lower-case letters, digits and _ of its last part."""
     path = local_path(source).absolute()
     words = re.findall(r"[a-z0-9]+", (path.stem if path.is_file() else path.name).lower())
     return "_".join(words)[:60] or "task"
 
 
 def from_home(path: str) -> str:
-    """A path as it can be kept in a file that others read: with `~` for the home folder, else as it is."""
+    """Path for a shared file: with `~` for the home folder, otherwise unchanged."""
     home = Path.home()
     return f"~/{Path(path).relative_to(home)}" if Path(path).is_relative_to(home) else path
 
@@ -109,7 +108,7 @@ def _topics(
 
 
 def _of_types(seen: SourceSeen, types: Collection[str]) -> list[str]:
-    """Topics of such messages that every file has, in the order of their names."""
+    """Topics with messages of some types that every file has, sorted by name."""
     fitting = [
         {name for name, its in file.topics.items() if its.clocks and set(its.types) <= set(types)}
         for file in seen.files
@@ -128,7 +127,7 @@ def _pose_warnings(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate
 
 
 def _robot(seen: SourceSeen, urdf: str, pose: JointPose) -> dict[str, Any]:
-    """The robot whose joints were recorded; joints of the URDF that were not are locked."""
+    """The robot whose joints were recorded; joints of the URDF that were not recorded are locked."""
     in_urdf = dict(pose.joints)
     known = [in_urdf.get(name, name) for _, joints in seen.arms() for name in joints.names]
     locked = [joint for joint in moving_joints(local_path(urdf)) if joint not in known]
@@ -136,7 +135,7 @@ def _robot(seen: SourceSeen, urdf: str, pose: JointPose) -> dict[str, Any]:
 
 
 def _robot_warnings(hand: Candidate, arm: Candidate) -> list[str]:
-    """Where the robot's tip, by its joints, does not start where the hand does."""
+    """Warn if the robot's tip, computed from its joints, does not start where the hand does."""
     both = [(path, arm.paths[name]) for name, path in hand.paths.items() if name in arm.paths]
     apart = max((float(np.linalg.norm(a.position[0] - b.position[0])) for a, b in both), default=0.0)
     if apart < SAME_START_M:
@@ -146,7 +145,7 @@ def _robot_warnings(hand: Candidate, arm: Candidate) -> list[str]:
 
 
 def _stamps(seen: SourceSeen, read: Sequence[str], hand: Candidate) -> tuple[dict[str, str], list[str]]:
-    """How stamps are to be read, and why where this is not the default."""
+    """Proposed reading of stamps, and reasons if it is not the default."""
     off, _ = out_of_step(seen, read)
     by_log = off > IN_STEP_S[1]
     logs = [(name, topic, one.log) for name, topic, one in seen.clocks(read)]
@@ -164,7 +163,7 @@ def _stamps(seen: SourceSeen, read: Sequence[str], hand: Candidate) -> tuple[dic
 
 
 def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
-    """Their number, and what speaks against it."""
+    """Proposed number of primitives, and warnings about it."""
     if motion is None or motion.number == 0:
         none = "no motion was found" if motion is None else "runs of motion do not agree"
         return 1, [f"{none}; how many moves are there?"]
@@ -186,6 +185,6 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
 
 
 def _listed(words: Sequence[str], most: int = 4) -> str:
-    """Words with commas, and how many more there are."""
+    """Words joined by commas, with the number of those left out."""
     more = f" and {len(words) - most} more" if len(words) > most else ""
     return ", ".join(words[:most]) + more

@@ -1,6 +1,6 @@
-"""Recordings before anything is configured, in words: `structlearn inspect ~/bags`.
+"""Report on unconfigured recordings as text: `structlearn inspect ~/bags`.
 
-Says what the files hold, whether they are fit to be learned from, and proposes an entry of a task.
+Says what the files hold and whether they are fit for learning, and proposes a task entry.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,17 +35,17 @@ SECONDS_OF_A_YEAR = 3.2e7
 
 
 class Findings(NamedTuple):
-    """What a source holds, and what follows from it."""
+    """Contents of a source, and conclusions."""
 
     seen: SourceSeen
-    sources: Sequence[Candidate]  # of poses; the first is taken for the hand's
-    motion: MotionSurvey | None  # None: it does not move
-    proposal: Proposal | None  # None: nothing could be its pose
+    sources: Sequence[Candidate]  # of poses; the first is taken as the hand's
+    motion: MotionSurvey | None  # None: the hand does not move
+    proposal: Proposal | None  # None: nothing could be the hand's pose
     answers: Sequence[Answer]
 
 
 def inspect(source: str, urdf: str | None, output: Path | None) -> None:
-    """Print what a source holds; publish the proposed entry where a file is named for it."""
+    """Print a report on a source; publish the proposed entry if `output` is given."""
     found = find_out(source, urdf)
     print("\n".join(printable(line).rstrip() for line in report(found)))
     if output is not None and found.proposal is not None:
@@ -54,7 +54,7 @@ def inspect(source: str, urdf: str | None, output: Path | None) -> None:
 
 
 def find_out(source: str, urdf: str | None = None) -> Findings:
-    """Look at a source, see `look_at`."""
+    """Survey a source (see `look_at`), its motion and fitness, and propose an entry."""
     seen = look_at(source, urdf)
     found = candidates({file.name: file.hands for file in seen.files})
     if not found:
@@ -65,7 +65,7 @@ def find_out(source: str, urdf: str | None = None) -> Findings:
 
 
 def report(found: Findings) -> Iterator[str]:
-    """All of it in lines."""
+    """Lines of the whole report."""
     seen = found.seen
     yield from (f"{seen.source}: {len(seen.files)} recording{'s' if seen.files[1:] else ''}", "")
     for file in seen.files:
@@ -96,9 +96,9 @@ def report(found: Findings) -> Iterator[str]:
 
 
 def as_yaml(proposal: Proposal) -> list[str]:
-    """Lines of an entry below `movement:`, indented as there, each value with its warnings above it."""
+    """Lines of an entry, indented for `movement:`, with the warnings above each value."""
     lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.warnings, "", " " * 4)]
-    return [printable(line) for line in lines]  # a warning that broke its line would become an entry
+    return [printable(line) for line in lines]  # a line break in a warning would become YAML
 
 
 def _entry(
@@ -119,7 +119,7 @@ def _file(file: FileSeen) -> Iterator[str]:
     logs = [seen.clocks.log for seen in file.topics.values() if seen.clocks]
     start = min((log.first_s for log in logs), default=0.0)
     end = max((log.last_s for log in logs), default=0.0)
-    known = start > SECONDS_OF_A_YEAR  # else the clock counts from some start of its own
+    known = start > SECONDS_OF_A_YEAR  # otherwise the clock has an arbitrary start
     when = datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if known else f"{start:.2f} s"
     count = sum(log.count for log in logs)
     yield f"{file.name}: {FORMATS[file.format]}, {end - start:.2f} s from {when}, {count} readable messages"
@@ -157,7 +157,7 @@ def _times(runs: Sequence[MotionRun]) -> str:
 
 
 def _aligned(rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
-    """Rows as indented lines whose columns stand below each other."""
+    """Rows as indented lines with aligned columns; `right`: indices of right-aligned ones."""
     columns = [[printable(cell) for cell in column] for column in zip(*rows, strict=True)]
     for place, column in enumerate(columns):
         width = max(map(len, column))

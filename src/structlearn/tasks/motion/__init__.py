@@ -1,1 +1,1 @@
-"""Logs of a robot arm: identification of its dynamics."""
+"""Logs of robot arms: identification of their dynamics."""

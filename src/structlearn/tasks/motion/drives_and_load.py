@@ -1,4 +1,4 @@
-"""Drives known by motor currents, a load or payload, and intervals of an arm's links."""
+"""Drives observed through motor currents, loads and payloads, and intervals of link parameters."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,13 +29,13 @@ from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.tasks.motion import motion_parameters as names
 from structlearn.tasks.motion.motion_parameters import CENTRE, MotionParameters
 
-# Of least squares that look at a log: sensors of torque or current need not be zeroed.
+# Friction terms of least squares on logs, with an offset, since torque and current sensors may not be zeroed
 FRICTION = FRICTIONS["offset"]
 PAYLOAD_COLUMNS = 4  # mass and first moment of a link
 
 
 def longest_motion(name: str, velocities: np.ndarray, parameters: MotionParameters) -> slice:
-    """Where the longest motion of a log stands on the clock; without a speed of rest it is the whole log."""
+    """Part of a log with its longest motion; the whole log if no speed of rest is set."""
     if parameters.rest_rad_s is None:
         return slice(0, len(velocities))
     return excited(name, velocities, parameters.rest_rad_s, round(parameters.rest_s * parameters.rate_hz))
@@ -46,17 +46,17 @@ def drive_tables(
 ) -> dict[str, pd.DataFrame]:
     """Gains from the log at rest, delays of the currents from the training log.
 
-    Gains in motion and delays are found on the test log too, to see whether they come back. Returns
-    `drives`: `quantity` (`AT_REST`, ...), `log`, `blocks` it rests on, `joint`, `value` in N m/A or s.
-    `drive_draws`: the same with `draw` of the bootstrap, without `blocks`. `gains`: see `found_gains`.
-    `delay_curves`: `log`, `delay_s`, `joint`, `squares` over the least.
+    For repeatability, gains in motion and delays are estimated on the test log too. Returns:
+    `drives`: `quantity` (`AT_REST`, ...), `log`, number of `blocks`, `joint`, `value` in N m/A or s.
+    `drive_draws`: the same with bootstrap `draw`, without `blocks`. `gains`: see `found_gains`.
+    `delay_curves`: `log`, `delay_s`, `joint`, `squares` relative to the least.
     """
     own, drawing = parameters.drives, parameters.drawing
     assert own is not None
     joints, dt = np.arange(1, len(tree.names) + 1), 1.0 / parameters.rate_hz
     first, last = own.delays_s
     delays = first + own.delay_step_s * np.arange(round((last - first) / own.delay_step_s) + 1)
-    # by quantity and log: blocks, values (n,), and draws (D, n)
+    # keyed by quantity and log: number of blocks, values (n,), draws (D, n)
     found: dict[tuple[str, str], tuple[int, np.ndarray, np.ndarray]] = {}
     curves = []
     if own.rest is not None:
@@ -98,11 +98,10 @@ def drive_tables(
 def on_clock(
     log: DriveLog, rate_hz: float, delays_s: np.ndarray, max_gap_s: float = MAX_GAP_S
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A log on one uniform clock (`clock.on_one_clock`), each joint's current put back to when it acted.
+    """Resample a log to a uniform clock (`clock.on_one_clock`), shifting each joint's current by its delay.
 
-    `delays_s`: (..., n) by how much each measured current is later than the motion that it belongs to;
-    several assumptions about it share the clock. Returns times (N,) s, positions and velocities (N, n),
-    currents (..., N, n).
+    `delays_s` (..., n): by how much the measured currents lag the motion; several candidates share the clock.
+    Returns times (N,) s, positions and velocities (N, n), currents (..., N, n).
     """
     late = np.round(np.asarray(delays_s) * 1e9).astype(np.int64)
     streams = [
@@ -121,7 +120,7 @@ def on_clock(
 def current_motion(
     log: DriveLog, tables: Mapping[str, pd.DataFrame], parameters: MotionParameters
 ) -> tuple[Motion, slice]:
-    """A log's longest motion, with torques by the gains and delays found, and where it is on the clock."""
+    """A log's longest motion, with torques from the found gains and delays, and its place on the clock."""
     late = _of(tables["drives"], names.DELAY, parameters.train).to_numpy()
     _, positions, velocities, currents = on_clock(log, parameters.rate_hz, late)
     torques = currents * tables["gains"][names.FOUND].to_numpy()
@@ -132,14 +131,15 @@ def current_motion(
 
 
 def _of(drives: pd.DataFrame, quantity: str, log: str | None) -> pd.Series:
-    """Values of the joints, by their number."""
+    """Values by joint number."""
     return drives[(drives["quantity"] == quantity) & (drives["log"] == log)].set_index("joint")["value"]
 
 
 def found_gains(drives: pd.DataFrame, parameters: MotionParameters) -> pd.DataFrame:
-    """`joint`, `found` (N m/A at rest, or of the joint that stands in), `assumed` (bool), `quoted`.
+    """Gains by joint: `joint`, `found` in N m/A, `assumed` (bool), `quoted`.
 
-    Where a joint shows none at rest and none stands in, it is the gain in the training log's motion.
+    `found` is the gain at rest, or of the joint assumed to be alike (`assumed`), or else the gain in the
+    training log's motion.
     """
     own = parameters.drives
     assert own is not None
@@ -157,10 +157,11 @@ def weighed_loads(
     gains: Mapping[str, np.ndarray],
     parameters: MotionParameters,
 ) -> dict[str, pd.DataFrame]:
-    """The load from every pair and from all, with torques by every set of gains (motions have those found).
+    """Load from every pair of logs and from all pairs, with torques by every set of gains.
 
-    Returns `loads`: `pair` (the loaded log or `ALL_PAIRS`), `gains`, `blocks` it rests on, `mass_kg` and
-    `centre_{x,y,z}_m`. `load_draws`: `pair`, `gains`, `draw`, `mass_kg`.
+    `motions` have torques by the gains `FOUND`. Returns `loads`: `pair` (the loaded log or `ALL_PAIRS`),
+    `gains`, number of `blocks`, `mass_kg` and `centre_{x,y,z}_m`. `load_draws`: `pair`, `gains`, `draw`,
+    `mass_kg`.
     """
     assert parameters.load is not None
     pairs = parameters.load.pairs
@@ -186,7 +187,7 @@ def weighed_loads(
 
 
 def followed_loads(robot: Robot, motions: Mapping[str, Motion], parameters: MotionParameters) -> pd.DataFrame:
-    """Each load found over time: `log`, `stage` (`LEARNED`, ...), `since_s` its start, of `learn_payload`."""
+    """Online estimate of each load: `log`, `stage` (`LEARNED`, ...), `since_s` its start, `learn_payload`."""
     assert parameters.load is not None
     follow = partial(_followed, robot=robot, motions=motions, parameters=parameters)
     found = parallel_map(follow, parameters.load.pairs, "loads carried")
@@ -200,7 +201,7 @@ def followed_loads(robot: Robot, motions: Mapping[str, Motion], parameters: Moti
 def _followed(
     pair: tuple[str, str], robot: Robot, motions: Mapping[str, Motion], parameters: MotionParameters
 ) -> pd.DataFrame:
-    """The load after the motion that the empty arm was learned from, and another one."""
+    """Online estimate over the training motion and another one without load, then with the load."""
     load, dt = parameters.load, 1.0 / parameters.rate_hz
     assert load is not None
     parts = [motions[log] for log in (pair[0], parameters.test, pair[1]) if log is not None]
@@ -219,9 +220,9 @@ def _followed(
 def body_intervals(
     robot: Robot, motion: Motion, model: DynamicsModels, parameters: MotionParameters
 ) -> pd.DataFrame:
-    """Parameters of a model with intervals: of fits to blocks drawn anew, by the t distribution.
+    """Parameters of a model with bootstrap intervals over blocks, by the t distribution.
 
-    Returns `link`, `parameter`, `value`, `half_width` (95 %; NaN without draws), `urdf` (the maker's), in
+    Returns `link`, `parameter`, `value`, `half_width` (95 %; NaN without draws), `urdf` (manufacturer's), in
     SI units.
     """
     from scipy.special import stdtrit
@@ -245,13 +246,13 @@ def body_intervals(
 
 
 def _body_columns(model: DynamicsModels) -> dict[str, np.ndarray]:
-    """(M, n) of what `_inertia_columns` has, and of every term of friction."""
+    """Columns (M, n) of `_inertia_columns`, and of every friction term."""
     coefficients = np.moveaxis(model.friction_coefficients(), -1, 0)
     return _inertia_columns(model.inertias()) | dict(zip(model.friction, coefficients, strict=True))
 
 
 def _inertia_columns(inertias: LinkInertias[np.ndarray]) -> dict[str, np.ndarray]:
-    """Mass, centre of mass and inertia about it (..., n), in the frame of the joint."""
+    """Mass, centre of mass and inertia about it, (..., n) each, in the joint frames."""
     centre = np.moveaxis(inertias.first_moment / inertias.mass[..., None], -1, 0)
     return {"mass_kg": inertias.mass, **dict(zip(CENTRE, centre, strict=True))} | {
         f"i{'xyz'[row]}{'xyz'[place]}_kg_m2": inertias.inertia[..., row, place]
@@ -260,13 +261,13 @@ def _inertia_columns(inertias: LinkInertias[np.ndarray]) -> dict[str, np.ndarray
 
 
 def payload_check(robot: Robot, motion: Motion) -> dict[str, pd.DataFrame]:
-    """Measured torques beside the URDF's, under both signs, without and with a payload at the last link.
+    """Compare measured torques with the URDF's, under both signs, without and with a payload.
 
-    The payload's mass and first moment are fitted by least squares: for motion that is too slow to
-    identify the links, and for its rotational inertia. Forces of contact are neglected. Returns
-    `payload_torques`: `sign` (1: as recorded, -1: reversed), `payload` (whether one was fitted), `joint`,
-    `measured_n_m` and `model_n_m` (means), `left_n_m` (root mean square of the difference). `payloads`:
-    `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last joint's frame.
+    For motion too slow to identify the links; the payload's mass and first moment are fitted by least
+    squares, its rotational inertia and contact forces are neglected. Returns `payload_torques`: `sign` (1: as
+    recorded, -1: reversed), `payload` (whether one was fitted), `joint`, `measured_n_m` and `model_n_m`
+    (means), `left_n_m` (rms difference). `payloads`: `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last
+    joint's frame.
     """
     columns = torque_regressor(robot.tree, motion.q, motion.qd, motion.qdd)
     model = columns @ link_parameters(robot.inertias.tensors()).numpy()

@@ -1,4 +1,4 @@
-"""Recording of an arm that carries a load, and of what is found of it."""
+"""Recording of an arm carrying a load, and of the load's online estimate."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,7 +23,7 @@ from structlearn.viewer.arm_meshes import (
 from structlearn.viewer.rrd import layout, legend, notes_view, recording, rgba, send_notes, time_column
 
 ARM, BODY = "arm", "load"
-RATE_HZ, RADIUS_M = 25.0, 0.06  # of the motion; of the drawn load
+RATE_HZ, RADIUS_M = 25.0, 0.06  # sampling rate of the motion; drawn radius of the load
 REFERENCE, FOUND, EMPTY = LIGHT_GREY, BLUE, GREY
 
 
@@ -34,7 +34,7 @@ def write_carried(
     logs: Mapping[str, MotionLog],
     load: LoadParameters,
 ) -> None:
-    """Write the first motion with the load, and what is found of it online."""
+    """Record the first motion with the load, and what is learned of it online."""
     carried = tables["carried"]
     name = carried["log"].iloc[0]
     learned = carried[(carried["log"] == name) & (carried["stage"] == CARRYING)]
@@ -59,7 +59,7 @@ def write_carried(
 
 
 def _blueprint(reach: float) -> rrb.Blueprint:
-    around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # upright too
+    around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # also when upright
     view = arm_view("Arm with its load", [arm_contents(ARM), f"/{BODY}"], around)
     right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
     return layout(rrb.Horizontal(view, right, column_shares=[3, 3]))

@@ -1,7 +1,7 @@
-"""Models of a simulated planar arm, learned without some of its logs, by every part of the torque there.
+"""Parts of the torque of a simulated planar arm, predicted by models trained without some of its logs.
 
-The parts are those of deep Lagrangian networks: a network that has the torque right need not have them right.
-Networks of all choices of logs learn as one stack; shorter sets of logs are filled up by their first samples.
+The parts are those of deep Lagrangian networks: a correct torque does not imply correct parts. Networks for
+all choices of logs are trained as one stack; shorter sets of logs are filled up by repeating their samples.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,19 +24,21 @@ from structlearn.rigid_body.tree import KinematicTree
 from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
 from structlearn.tasks.task_files import write_tables
 
-# A protocol, its seed or the number of its random choice, and the logs left out.
+# Protocol, its seed or the number of the random choice, and the logs left out
 Choice = tuple[str, int, tuple[str, ...]]
 
 
 def learn_parts(
     logs: Mapping[str, PartedLog], parameters: PartsParameters, iterations: int, folder: Path
 ) -> dict[str, pd.DataFrame]:
-    """Learn all models, and write tables into a folder.
+    """Train all models, and write tables to a folder.
 
     Returns `parts`: `model`, `protocol`, `draw` (a seed, or a random choice), `left_out`, `measure`,
-    `error`, mean over samples of the sum of squares over joints in (N m)^2, of the power in W^2.
-    `planar`: `protocol`, `draw`, `length_m` between the first two joints, `possible` (all links
-    physically consistent). Raises InputError: a log that is named is missing, or there are too few.
+    `error`: mean over samples of the sum of squares over joints in (N m)^2, for power in W^2.
+    `planar`: `protocol`, `draw`, `length_m` between the first two joints, `possible` (all links physically
+    consistent).
+
+    Raises InputError: a named log is missing, or there are too few.
     """
     if len(logs) <= len(parameters.left_out) or set(parameters.left_out) - set(logs):
         left_out = ", ".join(parameters.left_out)
@@ -74,7 +76,7 @@ def learn_parts(
 
 
 def held_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
-    """The authors' choice once per seed, and the random ones."""
+    """The authors' choice once per seed, and random choices."""
     generator, count = np.random.default_rng(0), len(parameters.left_out)
     choices: list[Choice] = [(AUTHORS, seed, parameters.left_out) for seed in range(parameters.seeds)]
     for draw in range(parameters.splits):
@@ -85,7 +87,7 @@ def held_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
 def learned_networks(
     kind: Literal["mlp", "delan"], tree: KinematicTree, motions: Sequence[Motion], parameters: PartsParameters
 ) -> list[DynamicsModels]:
-    """A network per motion, the seed of each its place."""
+    """Train one network per motion, seeded by its index."""
     longest = max(map(len, motions))
     filled = [motion.part(np.arange(longest) % len(motion)) for motion in motions]
     hidden, generators = parameters.hidden[kind], [seeded(place) for place in range(len(motions))]
@@ -108,7 +110,7 @@ def errors(
     logs: Mapping[str, PartedLog],
     motions: Mapping[str, Motion],
 ) -> list[tuple[str, int, str, str, float]]:
-    """Rows of `parts` after the model, on the logs that were left out."""
+    """Rows of `parts` after the model, for the logs left out."""
     protocol, draw, left_out = choice
     motion = joined([motions[name] for name in left_out])
     off = predicted_torques(model, tree, motion)[0] - motion.torque

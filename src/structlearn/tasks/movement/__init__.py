@@ -1,1 +1,1 @@
-"""Tasks of movements: demonstrations are cut, learned as primitives, corrected, checked on a robot."""
+"""Movement tasks: demonstrations are cut, learned as primitives, corrected, and checked on a robot."""

@@ -1,6 +1,6 @@
-"""What checking a skill on a robot found: margins of every quantity in every run, and verdicts.
+"""Results of checking a skill on a robot: margins of every quantity in every run, and verdicts.
 
-A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1.
+A margin is the fraction of a bound that is left: 0 at the bound, negative beyond it, at most 1.
 """
 
 from dataclasses import dataclass, replace
@@ -13,25 +13,25 @@ from structlearn.core.errors import InputError
 from structlearn.tasks.project import entry_files
 from structlearn.tasks.task_files import TaskFiles, write_tables
 
-NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")  # of runs
+NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")  # kinds of runs
 YES, DOUBTFUL, NO, NOT_TESTED = "yes", "doubtful", "no", "not tested"
-THIN = 0.1  # a smaller margin is doubtful: what a controller adds to its reference may use it up
-SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}  # by which power of the duration each falls
+THIN = 0.1  # smaller margins are doubtful: what a controller adds to its reference may use them up
+SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}  # power of the duration with which each decreases
 TRIED = ["change", "failing_runs", "still_failing", "least_margin_share"]
 NOTHING_TRIED = pd.DataFrame({name: [] for name in TRIED})
 
 
 @dataclass(frozen=True)
 class SkillCheck:
-    """Margins of all runs, and what was tried to mend those that fail."""
+    """Margins of all runs, and changes tried for those that fail."""
 
-    # a row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`, `bound`,
-    # `unit`, `margin`, `time_s`, `verdict`; what was not tested has no numbers
+    # one row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`, `bound`,
+    # `unit`, `margin`, `time_s`, `verdict`; without numbers if not tested
     margins: pd.DataFrame
     rest: dict[str, float]  # rest configuration by joint, rad or m
     notes: tuple[str, ...]  # what was not tested, and why
-    # the change in words, how many runs failed and still do, and their least margin; the last row is the
-    # advice if it mends all
+    # change in words, numbers of runs that failed and still do, their least margin; the last row is the
+    # advice if no run fails any more
     tried: pd.DataFrame
 
     @property
@@ -46,10 +46,10 @@ class SkillCheck:
 
     @property
     def stretch(self) -> float:
-        """Factor of all durations with which velocity, acceleration and jerk would keep their bounds.
+        """Factor on all durations with which velocity, acceleration and jerk would keep their bounds.
 
-        A primitive keeps its path when its duration changes, so these fall with the factor's first, second
-        and third power. 1 where something else fails, which no slower run would mend.
+        A primitive keeps its path when its duration changes, so these decrease with the factor's first,
+        second and third power. 1 if anything else fails, which slower runs would not fix.
         """
         if not set(self.failing["quantity"]) <= set(SLOWED):
             return 1.0
@@ -58,13 +58,13 @@ class SkillCheck:
 
     @property
     def advice(self) -> str:
-        """What mends all runs that fail, as tried; empty if nothing does."""
+        """Change that fixes all failing runs, as tried; empty if there is none."""
         mends = self.tried["change"][self.tried["still_failing"] == 0]
         return str(mends.iloc[-1]) if len(mends) else ""
 
     @property
     def faults(self) -> list[str]:
-        """The worst of each quantity that fails, in words: which joint, by how much and when."""
+        """The worst of each failing quantity in words: which joint, by how much and when."""
         failing = replace(self, margins=self.failing).worst("quantity") if len(self.failing) else self.failing
         return [
             f"{row.quantity} of {row.where} is {row.value:.3g} {row.unit} at {row.time_s:.2f} s "
@@ -73,12 +73,12 @@ class SkillCheck:
         ]
 
     def worst(self, *by: str) -> pd.DataFrame:
-        """The row with the least margin by these columns, in the order of the runs."""
+        """Row with the least margin for each value of these columns, in the order of the runs."""
         groups = self.margins.fillna({"margin": 1.0}).groupby(list(by), sort=False)["margin"]
         return self.margins.loc[groups.idxmin()]
 
     def metrics(self) -> Metrics:
-        """Key figures."""
+        """Metrics of the check."""
         return {
             "check_verdict": self.verdict,
             "check_nominal": overall(self.margins.loc[self.margins["kind"] == NOMINAL, "verdict"]),
@@ -95,7 +95,7 @@ def verdict(margin: float) -> str:
 
 
 def overall(verdicts: pd.Series) -> str:
-    """The worst of several: a no, else a doubt; what is not tested is a doubt."""
+    """Worst of several verdicts: no, then doubtful, which includes not tested."""
     found = set(verdicts)
     return NO if NO in found else DOUBTFUL if found & {DOUBTFUL, NOT_TESTED} else YES
 
@@ -117,7 +117,7 @@ def read_check(folder: str | Path) -> SkillCheck:
 
 
 def lines(check: SkillCheck) -> list[str]:
-    """The worst of each quantity, and the verdict."""
+    """Text lines: the worst of each quantity, notes, faults, changes tried, and the verdict."""
     worst = check.worst("quantity").assign(margin_percent=lambda table: 100.0 * table["margin"])
     columns = ["quantity", "verdict", "margin_percent", "value", "bound", "unit", "where", "run", "time_s"]
     table = worst[columns].to_string(index=False, float_format="{:.3g}".format, na_rep="-")
@@ -134,7 +134,7 @@ def lines(check: SkillCheck) -> list[str]:
 
 
 def main(files: TaskFiles) -> bool:
-    """Print the check of a task; whether nothing fails.
+    """Print the check of a task; return whether nothing fails.
 
     Raises InputError: the task has no robot, or was not checked.
     """

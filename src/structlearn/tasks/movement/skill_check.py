@@ -1,15 +1,15 @@
-"""Whether a robot can do what a skill may ask of it, with the margin of each quantity in each run.
+"""Check whether a robot can execute whatever a skill may command, with margins by quantity and run.
 
-Every run is followed by inverse kinematics from near the same rest configuration.
+Every run is followed by inverse kinematics, starting near the same rest configuration.
 
 | quantity | bound |
 |---|---|
-| position, orientation | the tip is where it should be: 1 mm, 0.5 degrees |
-| joint range, velocity | of the URDF |
-| acceleration, jerk | of the parameters |
-| singularity | least singular value of the Jacobian, of the parameters |
-| self-collision | least distance of links, of the parameters |
-| joint jump | 0.1 rad (m) between two samples, which no arm follows |
+| position, orientation | error of the tip: 1 mm, 0.5 degrees |
+| joint range, velocity | limits in the URDF |
+| acceleration, jerk | parameters |
+| singularity | least singular value of the Jacobian, parameter |
+| self-collision | least distance of links, parameter |
+| joint jump | 0.1 rad (m) between two samples, which no arm can follow |
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -45,32 +45,32 @@ from structlearn.tasks.movement.check_results import CORRECTIONS, GOALS, NO, NOM
 from structlearn.tasks.movement.movement_parameters import RobotParameters
 from structlearn.tasks.task_files import local_path
 
-RATE_HZ = 200.0  # of a run: 5 ms are short beside anything that a primitive of half a second does
-COLLISION_EVERY = 4  # samples between looks at distances: links come some centimetres nearer in 20 ms
-# Where the tip may be off: the search ends at a millionth of it or cannot reach the pose.
+RATE_HZ = 200.0  # sampling of runs; 5 ms is short compared with anything in a primitive of half a second
+COLLISION_EVERY = 4  # samples between distance checks: links approach by some centimetres in 20 ms
+# Tolerated errors of the tip: the search ends at a millionth of it or cannot reach the pose
 REACH_M, REACH_RAD = 1e-3, np.radians(0.5)
 JUMP = 0.1  # rad or m from one sample to the next
-# By how much the workspace is made smaller on every side, and what of the bounds is left, in two attempts:
-# the latter is 1.5 times the largest correction that was demonstrated.
+# Reduction of the workspace on every side, and of the coupling bounds, in two attempts. The bounds are 1.5
+# times the largest demonstrated correction.
 INSETS_M, SHARES = (0.02, 0.05), (2.0 / 3.0, 1.0 / 3.0)
-COARSE, SEED = 20, 1  # samples between looks at the nominal run, and seed, of the search for a rest
-BEYOND_ALL_BOUNDS = 1e9  # weights of a network whose coupling term is at its bound after a tick or two
+COARSE, SEED = 20, 1  # thinning of the nominal run, and seed, for the search of a rest configuration
+BEYOND_ALL_BOUNDS = 1e9  # network weights that drive the coupling term to its bound within a tick or two
 
 
 @dataclass(frozen=True)
 class Unroll:
-    """One run of T ticks."""
+    """One run over T ticks."""
 
-    kind: str  # of `check_results.KINDS`
-    name: str  # what differs from the nominal run, in words
-    position: np.ndarray  # (T, 3) m, frame of the demonstrations
+    kind: str  # one of `check_results.KINDS`
+    name: str  # difference from the nominal run, in words
+    position: np.ndarray  # (T, 3) m, in the frame of the demonstrations
     orientation: np.ndarray | None  # (T, 4) unit quaternions
 
 
 def unrolls(skill: ReactiveSkill, rate_hz: float, slower: float = 1.0) -> Iterator[Unroll]:
     """The nominal run, 8 starts, 8 goals per primitive, and two runs per axis with feedback.
 
-    `slower`: factor of all durations.
+    `slower`: factor on all durations.
     """
     silent, run = replace(skill, networks={}), partial(_run, rate_hz=rate_hz, slower=slower)
     start, goals = default_start(skill.primitives), default_goals(skill.primitives)
@@ -85,7 +85,7 @@ def unrolls(skill: ReactiveSkill, rate_hz: float, slower: float = 1.0) -> Iterat
         pushing = open_loop(np.full(KERNEL_COUNT, sign * BEYOND_ALL_BOUNDS))
         networks = {name: {axis: pushing} for name, its in skill.networks.items() if axis in its}
         pushed = replace(skill, networks=networks)
-        # the phase velocity, with which networks are modulated, is negative
+        # networks are modulated by the phase velocity, which is negative
         yield run(pushed, CORRECTIONS, f"{axis} {'-' if sign > 0 else '+'}", start, goals)
 
 
@@ -109,7 +109,7 @@ def _run(
     rate_hz: float,
     slower: float,
 ) -> Unroll:
-    """What the controller gives, tick for tick."""
+    """Output of the controller, tick by tick."""
     durations = [slower * one.duration for one in skill.primitives]
     controller = Controller(skill, rate_hz, durations, goals=goals)
     controller.start(start.position, start.orientation)
@@ -123,9 +123,9 @@ def _run(
 
 
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
-    """Follow all runs of a skill with a robot, and where some fail, try what would mend them (`changes`).
+    """Follow all runs of a skill with a robot; if some fail, try changes that may fix them (`changes`).
 
-    Raises InputError: the URDF cannot be used, there are not as many bounds as joints, or no joint
+    Raises InputError: the URDF is not usable, the number of bounds does not match the joints, or no joint
     configuration reaches the start.
     """
     arm = read_arm(urdf_path(str(local_path(parameters.urdf))), parameters.tip, parameters.locked_joints)
@@ -167,12 +167,12 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
 
 
 def changes(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, ReactiveSkill, float]]:
-    """What might mend the runs that fail: words, the skill, and the factor of its durations.
+    """Changes that may fix failing runs: description, changed skill, factor on its durations.
 
-    Slower where velocity, acceleration or jerk fail; a smaller box where starts or goals do, smaller bounds
-    where corrections do; then both together.
+    Slower if velocity, acceleration or jerk fail; a smaller workspace if starts or goals fail, smaller bounds
+    if corrections do; then both together.
     """
-    kinds, stretch = set(check.failing["kind"]), 1.01 * check.stretch  # a little beyond the bound itself
+    kinds, stretch = set(check.failing["kind"]), 1.01 * check.stretch  # slightly beyond the bound
     slower = f"durations x {stretch:.2f}"
     if not kinds:
         return
@@ -199,9 +199,9 @@ def changes(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, Reac
 
 
 def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
-    """A run as poses of the tip in the robot's base frame.
+    """Convert a run to poses of the tip in the robot's base frame.
 
-    Raises InputError: the tool is offset from the tip, and the run has no orientations.
+    Raises InputError: the tool is offset from the tip, but the run has no orientations.
     """
     base, tool = parameters.base, parameters.tool
     back = quaternion.conjugate(base.turn)
@@ -220,9 +220,9 @@ def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
 def margins(
     arm: Arm, path: JointPath, parameters: RobotParameters, shapes: LinkShapes | None
 ) -> Iterator[dict[str, Any]]:
-    """The worst of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` but the run.
+    """Least margin of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` without the run.
 
-    The margin of a range is 1 in its middle, and of a joint without limits.
+    The margin of a joint range is 1 in its middle, and for joints without limits.
     """
     tree, dt, joints = arm.tree, 1.0 / RATE_HZ, path.joints
     units = ["m" if prismatic else "rad" for prismatic in tree.prismatic]
@@ -265,7 +265,7 @@ def margins(
 
 
 def _per_joint(arm: Arm, parameters: RobotParameters, key: str) -> np.ndarray:
-    """(n,) of one number, or of as many as there are joints."""
+    """Parameter as an array (n,), from a common value or one per joint."""
     array = np.atleast_1d(np.array(getattr(parameters, key), dtype=float))
     count = len(arm.tree.names)
     if array.size not in ({count} if key == "rest_configuration" else {1, count}):
@@ -282,7 +282,7 @@ def _worst(
     names: Sequence[str],
     units: Sequence[str],
 ) -> dict[str, Any]:
-    """Where the margin `left` (T, K) of values (T, K) is least; one above 1 says no more than 1."""
+    """Row for the least margin `left` (T, K) of values (T, K), clipped at 1."""
     sample, place = map(int, np.unravel_index(np.argmin(left), left.shape))
     margin = min(float(left[sample, place]), 1.0)
     return {

@@ -1,1 +1,1 @@
-"""Reaches past obstacles: learned from some people, tried in the scenes of others (dissertation IV.8)."""
+"""Reaches past obstacles: models of some people, tested in the scenes of others (dissertation IV.8)."""

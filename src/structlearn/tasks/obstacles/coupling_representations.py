@@ -1,4 +1,4 @@
-"""Representations of the coupling term past obstacles, and the gain by seeing the phase (IV.8).
+"""Representations of the coupling term past obstacles, and the gain from the phase as input (IV.8).
 
 Cross-validation over blocks of consecutive samples. Errors are pooled: squared errors of all held-out samples
 over the variance of all targets, axis by axis. If samples were shuffled before they were published, errors
@@ -39,7 +39,7 @@ from structlearn.readers.demonstration import Demonstration
 
 
 class RepresentationParameters(Parameters):
-    """Number of blocks left out in turn, and the models compared."""
+    """Cross-validation over blocks, and the models compared."""
 
     folds: int = Field(ge=2)
     ridge_decay: float = Field(gt=0)
@@ -50,7 +50,7 @@ class RepresentationParameters(Parameters):
 
 RIDGE, HUMAN_INSPIRED, STOPPED = "ridge", "human_inspired", "network_validation"
 NETWORK, ENSEMBLE, PMNN = "network", "ensemble", "pmnn"
-# representations, and their inputs beside the features (`network_training.COLUMNS`)
+# representations, with their inputs besides the features (`network_training.COLUMNS`)
 REPRESENTATIONS = (
     (HUMAN_INSPIRED, "features"),
     (STOPPED, "features"),
@@ -166,7 +166,7 @@ def _ridge(training: AvoidanceDataset, inputs: str, decay: float) -> CouplingMod
 
 
 def _phase_worth(folds: pd.DataFrame) -> pd.DataFrame:
-    """Gains by seeing the phase, paired over the folds."""
+    """Reductions of the error by phase inputs, paired over the folds."""
     by = folds.sort_values("fold").groupby(["representation", "inputs", "axis"])["nmse"]
     errors, rows = {key: its.to_numpy() for key, its in by}, []
     for (name, inputs, axis), seen in errors.items():

@@ -13,12 +13,12 @@ from structlearn.viewer import rrd
 from structlearn.viewer.rrd import entity, rgba
 
 LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
-    way: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer's ground is black
+    way: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer is black
     for way, look in SCENE_WAYS.items()
     if way in ("none", "text", "scene", "planned")  # all six would hide each other
 }
 
-# from the middle of a scene to the eye: behind the person, from above, so that gaps are visible
+# eye position relative to the middle of a scene: behind the person and above, so that gaps are visible
 EYE_M = np.array([0.0, -0.55, 0.75])
 EXTENT, PLACE = ["width_m", "depth_m", "height_m"], ["x_m", "y_m", "z_m"]
 
@@ -31,7 +31,7 @@ NOTE = (
 
 
 def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataFrame], title: str) -> None:
-    """Write the reaches shown on the page, a tab for each scene.
+    """Record the reaches shown on the page, one tab per scene.
 
     `tables`: `paths` and `shapes` of `avoidance.scene_folds.SceneResults`.
     """
@@ -52,7 +52,7 @@ def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataF
 
 
 def _send_shapes(stream: rr.RecordingStream, name: str, shapes: pd.DataFrame) -> tuple[np.ndarray, float]:
-    """Log obstacles, walls and axes; returns the obstacles' middle (3,) m and the floor's height."""
+    """Log obstacles, walls and axes; return the obstacles' mean centre (3,) m and the floor's height in m."""
     sizes, centres = (shapes[columns].to_numpy() for columns in (EXTENT, PLACE))
     solid = shapes["box"].to_numpy(bool)
     stream.log(entity(name, "obstacles"), rrd.solid_boxes(sizes[solid], centres[solid], [GREY]), static=True)

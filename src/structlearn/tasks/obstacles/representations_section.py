@@ -1,4 +1,4 @@
-"""Page section of representations of the coupling term: errors on samples left out, gain by the phase."""
+"""Page section on representations of the coupling term: held-out errors, and the gain from the phase."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -19,7 +19,7 @@ from structlearn.tasks.task_files import TaskFiles
 
 AXES = ["x", "y", "z"]
 
-# as published, the network stops by validation samples
+# the published network stops training by validation samples
 REPRESENTATIONS = {
     "human_inspired": "human-inspired (Rai et al.)",
     "network_validation": "network, as published",
@@ -39,22 +39,22 @@ KEYS = ["representation", "inputs"]
 
 
 def by_axis(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """A column by `representation` and `inputs`, with a local axis per column."""
+    """Table of a column by `representation` and `inputs`, with one column per local axis."""
     return table.pivot_table(index=KEYS, columns="axis", values=column, sort=False)[AXES]
 
 
 def best_representation(found: Tables) -> tuple[str, str]:
-    """Representation and inputs of the smallest held-out error, averaged over the axes."""
+    """Representation and inputs with the smallest held-out error, averaged over axes."""
     return by_axis(found["scores"], "nmse").mean(axis=1).idxmin()
 
 
 def listed(values: Any) -> str:
-    """`0.18, 0.24, 0.36`: along x, y and z."""
+    """Values along x, y and z as text, e.g. `0.18, 0.24, 0.36`."""
     return ", ".join(rounded(value, ".2f") for value in values)
 
 
 def section(files: TaskFiles) -> Section | None:
-    """Section of a task whose samples of the coupling term are compared by representation."""
+    """Section for tasks that compare representations of the coupling term."""
     if not files.has("representations"):
         return None
     found = {name: files.table(f"obstacles/{name}") for name in ("scores", "folds", "phase_worth")}
@@ -139,7 +139,7 @@ def _named(wide: pd.DataFrame) -> pd.DataFrame:
 
 @styled
 def errors_panel(found: Tables) -> Figure:
-    """Error averaged over local axes, with its interval over the blocks; hollow: samples learned from."""
+    """Error averaged over local axes, with its interval over the blocks; hollow: training error."""
     figure, axes = panel("Averaged over three local axes", 3.4, xlabel="NMSE")
     errors, train = (by_axis(found["scores"], name).mean(axis=1) for name in ("nmse", "train"))
     by_fold = found["folds"].groupby(["representation", "inputs", "fold"])["nmse"].mean()

@@ -1,4 +1,4 @@
-"""Page section of reaches past obstacles: models learned from some people, in the scenes of others."""
+"""Page section on reaches past obstacles: models of some people, tested in the scenes of others."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,18 +18,18 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import TaskFiles
 
-# ways of `avoidance.scene_folds`, as text, since drawing does not import what learns
+# ways of `avoidance.scene_folds`, repeated as text so that drawing need not import learning code
 RECORDED, OURS, TEXT, NONE, PLANNED = "recorded", "scene", "text", "none", "planned"
 LOOKS = {RECORDED: Look("recorded", DEMONSTRATION_COLOUR)} | SCENE_WAYS
-WIDTHS = {RECORDED: 3.5, NONE: 1.0, TEXT: 1.3, OURS: 1.8, PLANNED: 1.0}  # of the lines of ways drawn
+WIDTHS = {RECORDED: 3.5, NONE: 1.0, TEXT: 1.3, OURS: 1.8, PLANNED: 1.0}  # line widths of the ways drawn
 TABLES = ("reaches", "errors", "people", "left_out", "paths", "shapes")  # of `SceneResults`
-FIRST = 2  # panels of paths in view; the others are folded
-FEWEST = 20  # reaches, below which the page says that they are few
+FIRST = 2  # number of path panels in view; the others are folded
+FEWEST = 20  # number of reaches below which the page calls them few
 AXES = ["x", "y", "z"]
 
 
 class SceneWays(dict[str, pd.DataFrame]):
-    """`TABLES` by name, and reaches by the way the hand is moved."""
+    """`TABLES` by name, with reaches selected by the way in which the hand is moved."""
 
     def __init__(self, tables: Mapping[str, pd.DataFrame]) -> None:
         super().__init__(tables)
@@ -37,22 +37,22 @@ class SceneWays(dict[str, pd.DataFrame]):
         self.ways = [way for way in SCENE_WAYS if way in tried]
 
     def of(self, way: str, blocked: bool = False) -> pd.DataFrame:
-        """Reaches of one way; `blocked`: only if their straight line meets an obstacle."""
+        """Reaches of one way; `blocked`: only those whose straight line meets an obstacle."""
         its = self["reaches"].query("way == @way")
         return its[its["blocked"]] if blocked else its
 
     def by_person(self, way: str, column: str) -> pd.Series:
-        """Mean of a column for each person."""
+        """Mean of a column by person."""
         return self.of(way).groupby("person")[column].mean()
 
     def share(self, column: str, way: str = OURS, blocked: bool = False) -> Evidence:
-        """Share of the reaches of one way, its interval clustered by person."""
+        """Share of the reaches of one way, with an interval clustered by person."""
         people = self.of(way, blocked).groupby("person")[column]
         return clustered_share(people.sum().to_numpy(int), people.size().to_numpy())
 
 
 def section(files: TaskFiles) -> Section | None:
-    """Section of a task with reaches past obstacles."""
+    """Section for tasks with reaches past obstacles."""
     if not (files.folder / "obstacles/reaches.parquet").exists():
         return None
     found = SceneWays({name: files.table(f"obstacles/{name}") for name in TABLES})
@@ -168,7 +168,7 @@ def scene_pictures(found: SceneWays) -> dict[str, list[Drawing]]:
 
 @styled
 def paths_panel(found: SceneWays, reach: str) -> Figure:
-    """One reach from above: obstacles, walls (pale), the recorded path and those of models."""
+    """One reach from above: obstacles, walls (pale), the recorded path and the models' paths."""
     title = f"From above: {reach.replace('_', ' ')}"
     figure, axes = panel(title, 4.6, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
     for row in found["shapes"].query("reach == @reach").itertuples():
@@ -188,7 +188,7 @@ def paths_panel(found: SceneWays, reach: str) -> Figure:
 
 @styled
 def rates_panel(found: SceneWays) -> Figure:
-    """Share of reaches that touch an obstacle, of all reaches and of the blocked ones."""
+    """Share of reaches that touch an obstacle, among all reaches and among blocked ones."""
     figure, axes = panel("Reaches that touch an obstacle", 3.6, xlabel="share (%)")
     groups = (-0.15, "all reaches", False, "full"), (0.15, "blocked ones", True, "none")
     for offset, label, blocked, fill in groups:
@@ -205,7 +205,7 @@ def rates_panel(found: SceneWays) -> Figure:
 
 @styled
 def distance_panel(found: SceneWays) -> Figure:
-    """Distance from recorded paths, a stroke per person, a dot for the mean; dashed: between two people."""
+    """Distance from recorded paths: a stroke per person, a dot for the mean; dashed: between two people."""
     figure, axes = panel("Distance from the recorded path", 3.6, xlabel="mean of a person (mm)")
     for place, way in enumerate(found.ways):
         means, colour = found.by_person(way, "path_mm"), LOOKS[way].colour

@@ -1,1 +1,1 @@
-"""Touches of a skin: latent space, place, force, servoing."""
+"""Tasks with touch: latent space, contact place and force of a skin, tactile servoing, slides."""

@@ -1,4 +1,4 @@
-"""Page that compares simulated with recorded touch: tables, claims, figures."""
+"""Page that compares simulated with recorded touch: tables, claims and figures."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -22,9 +22,9 @@ from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, WORLDS
 
 PACKAGE = __package__
 PIPELINE = "stages/tasks/dvc.yaml"
-SHOWN = 4  # electrodes of a finger that have a colour; all others are grey
+SHOWN = 4  # electrodes per finger drawn in colour; the others are grey
 
-# of `touch_calibration.comparison`
+# columns of `touch_calibration.comparison`, with their headings
 STATISTICS = {
     "contact_strongest": "contact, strongest electrode (counts)",
     "contact_second": "contact, second strongest (counts)",
@@ -110,7 +110,7 @@ def strongest(electrodes: pd.DataFrame, group: str) -> str:
 def calibration_document(
     stored: Mapping[str, pd.DataFrame], find: Findings, parameters: CalibrationParameters
 ) -> Document:
-    """The page."""
+    """Calibration page: tables, judged claims and figures."""
     claims = read_claims(Path(__file__).with_name("calibration_claims.yaml"))
     facts: dict[str, object] = parameters.model_dump() | {"variance_percent": 100 * parameters.variance}
     judged, stage = judge(claims, find, environment(PACKAGE), facts), f"{PIPELINE}:calibration_report"

@@ -1,7 +1,7 @@
-"""Forces estimated from the channels of a skin at one place, learned from a scale.
+"""Contact force estimated from the channels of a tactile skin, learned from readings of a scale.
 
-A probe goes down and up several times a recording. Channels and scale lag behind the commanded depth, each by
-a time that is found from the recording that is learned from.
+In each recording a probe is pressed into the skin several times at one place. Channels and scale lag behind
+the commanded depth; both lags are estimated from the training recording.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,10 +18,10 @@ from structlearn.tasks.touch.skin_readings import gaussian_process, polynomial
 from structlearn.tasks.touch.touch_names import NEW_PRESSES, NEW_RUN, PRESSURE, PROCESS, QUADRATIC
 from structlearn.tasks.touch.touch_parameters import ForceParameters
 
-PRESSURE_DEGREE = 4  # of the polynomial of the norm
-LAG_STEP_S = 0.02  # grid of the lags; between them a parabola is fitted
-LONGEST_GAP_S = 0.3  # between two readings of the skin; weighings within a longer gap are left out
-INNER_FOLDS = 3  # parts of the presses by which the ridge penalty is chosen
+PRESSURE_DEGREE = 4  # of the polynomial of the channels' norm
+LAG_STEP_S = 0.02  # grid of lags; the best one is refined by a parabola
+LONGEST_GAP_S = 0.3  # between two readings of the skin; scale readings within a longer gap are left out
+INNER_FOLDS = 3  # of the presses, in cross-validation of the ridge penalty
 
 Estimate = Callable[[np.ndarray], np.ndarray]  # forces (N,) of channels (N, E + 1)
 
@@ -38,7 +38,7 @@ class Strokes(NamedTuple):
 
 
 class WeighedPresses(NamedTuple):
-    """Readings of the scale with the channels at the same depth."""
+    """Readings of the scale, each with the channels at the same depth."""
 
     time: np.ndarray  # (N,) s
     channels: np.ndarray  # (N, E + 1), the last is their norm
@@ -46,16 +46,16 @@ class WeighedPresses(NamedTuple):
     press: np.ndarray  # (N,) number of the press
 
     def part(self, kept: np.ndarray) -> "WeighedPresses":
-        """The rows in a mask (N,)."""
+        """Rows selected by a mask (N,)."""
         return WeighedPresses(*(values[kept] for values in self))
 
 
 def force_errors(
     logs: Sequence[TouchLog], parameters: ForceParameters, known: int
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Errors of forces on presses left out and on other recordings; a Gaussian process knows `known` presses.
+    """Force errors on presses held out and on other recordings; the Gaussian process learns `known` presses.
 
-    A recording with too few presses on the scale to leave one out is skipped.
+    Recordings with too few weighed presses to hold one out are skipped.
 
     Returns:
         Errors: `learned_from`, `asked_about`, `new`, `model`, `press`, `rms_n`, `worst_n`. Lags: `run`,
@@ -189,7 +189,7 @@ def _quadratic(training: WeighedPresses, penalties: Sequence[float]) -> Estimate
 def _press_errors(
     asked: WeighedPresses, models: Mapping[str, Estimate]
 ) -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
-    """`model`, `press`, `rms_n`, `worst_n`, and the forces (N,) by model."""
+    """Table of `model`, `press`, `rms_n` and `worst_n`, and the estimated forces (N,) by model."""
     tables, forces = [], {model: estimate(asked.channels) for model, estimate in models.items()}
     for model, force in forces.items():
         error = pd.Series(np.abs(force - asked.force)).groupby(asked.press)

@@ -1,6 +1,6 @@
-"""What is learned from a skin and how it is tested: maps, forces, servoing in a recorded map (II.3, II.4).
+"""Learning from a tactile skin and its tests: maps, forces, servoing on recorded presses (II.3, II.4).
 
-Errors are on blocks of places held out; with separate recordings, models of one are tested on the others too.
+Models are tested on blocks of places held out and, if there are several recordings, on the other ones.
 Servoing is learned from one recording and tried on the table of presses of another (II.3.5).
 """
 
@@ -23,13 +23,13 @@ from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, folds_of
 from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, STRUCTURED, TEXT_SERVO
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
-SPREAD = 0.5  # of likely actions, over which the corrected controller takes slopes
+SPREAD = 0.5  # of the likely actions; range over which the corrected controller takes slopes
 
 
 def learn_touch(
     logs: Sequence[TouchLog], parameters: TouchParameters
 ) -> tuple[dict[str, TrainedTouch], dict[str, pd.DataFrame]]:
-    """Learn from all touches and test on what was left out.
+    """Learn from all touches and test on the data held out.
 
     Recordings with a force are for forces alone: their probe stays at one place.
 
@@ -83,7 +83,7 @@ def _whole(run: Touches) -> TrainedTouch:
 
 
 def servo_trials(work: tuple[TrainedTouch, Touches, Touches]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Closed loops of all controllers, from press to press of another run.
+    """Servoing trials of all controllers, from press to press of another run.
 
     Returns:
         Trials: `learned_from`, `asked_about`, `model`, `controller`, `seed`, `trial`, `arrived`, `left_mm`,
@@ -123,7 +123,7 @@ def servo_trials(work: tuple[TrainedTouch, Touches, Touches]) -> tuple[pd.DataFr
 
 
 def table_of(run: Touches, other: Touches, depth_m: float) -> PressedSkin:
-    """Presses of another run; only those within `depth_m` of the learned depth if there is a single one."""
+    """Presses of another run; if all training touches have one depth, only those within `depth_m` of it."""
     kept = np.full(len(other.counts), True)
     if np.std(run.place[:, PLANE]) < NEVER_VARIES:
         away = np.abs(other.place[:, PLANE] - run.place[:, PLANE].mean())
@@ -134,7 +134,7 @@ def table_of(run: Touches, other: Touches, depth_m: float) -> PressedSkin:
 def controllers(
     learned: TrainedTouch, parameters: TouchParameters
 ) -> Iterator[tuple[bool, str, TactileServo]]:
-    """Structure, name and controller of all that are compared."""
+    """Controllers to compare: whether the latent space is structured, name and controller."""
     chosen = parameters.servo
     assert chosen is not None
     compared: list[tuple[str, InverseModel]] = [*((one, one) for one in TEXT_SERVO), (CORRECTED, "NJ")]

@@ -1,6 +1,6 @@
-"""Estimates of touches by latent spaces and rivals, and their errors (II.3.3, II.4.3).
+"""Estimates of touches by latent spaces and by baselines, and their errors (II.3.3, II.4.3).
 
-Rivals see the same signals: an autoencoder without structure, principal components, a Gaussian process.
+The baselines get the same signals: an unstructured autoencoder, principal components, a Gaussian process.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,22 +19,22 @@ from structlearn.tactile.touch_dataset import TouchUnits
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, learn_skin
 from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_BLOCKS, NEW_RUN, PLAIN, PROCESS, STRUCTURED
 
-DIMENSIONS = 3  # of the latent spaces; as many principal components has the rival
-TUNING_SAMPLES = 400  # presses on which the Gaussian process chooses its length scale and noise
+DIMENSIONS = 3  # of the latent spaces, and number of principal components compared with them
+TUNING_SAMPLES = 400  # presses on which the Gaussian process's length scale and noise are chosen
 
-# from errors of presses to one of their block
+# errors are averaged over the presses of a block
 NMSES = ("map_nmse", "pressure_nmse", "signal_nmse", "worst_nmse", "depth_nmse")
 BY_BLOCK = dict.fromkeys(NMSES, "mean") | dict.fromkeys(("laid_mm", "latent_mm"), "median")
 
-Estimate = Callable[[np.ndarray], np.ndarray]  # of coordinates or signals (N, D), with values (N, K)
+Estimate = Callable[[np.ndarray], np.ndarray]  # coordinates or signals (N, D) to values (N, K)
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Estimates of N presses by one model of `touch_names.SPACES`; NaN where it has no such number."""
+    """Estimates of N presses by one model of `touch_names.SPACES`; NaN for what it does not estimate."""
 
     model: str
-    coordinates: np.ndarray  # (N, D), whose distances are those on the skin
+    coordinates: np.ndarray  # (N, D); their distances are compared with those on the skin
     place: np.ndarray  # (N, 2) m, by regression
     depth: np.ndarray | float  # (N,) m, height of the probe, by regression
     seed: int = 0
@@ -46,15 +46,15 @@ class Reading:
 def place_errors(
     work: tuple[TrainedTouch | None, Touches, Touches | int],
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors of what was learned from one recording on another, or on the blocks of one of its own folds.
+    """Errors of models learned from one recording, on another one or on a fold of the same one.
 
-    `work`: what was learned, or None where it is learned here from all blocks but those of the fold; the
-    recording; another one, or the number of a fold.
+    `work`: the learned models, or None to learn them here without the blocks of the fold; the training
+    recording; the test recording, or the number of the fold.
 
     Returns:
-        `block_scores` with `learned_from` and `asked_about`, names of recordings, and `new` (`NEW_BLOCKS` or
-        `NEW_RUN`). Where these touches lie in the map: `x_m`, `y_m`, `z_m` of touches, `map_x_m`, `map_y_m`
-        of the map laid onto the plate, `pressure`, and the recordings.
+        `block_scores` with the names of both recordings, `learned_from` and `asked_about`, and `new`
+        (`NEW_BLOCKS` or `NEW_RUN`). Positions of the touches: `x_m`, `y_m`, `z_m`; in the map laid onto the
+        plate: `map_x_m`, `map_y_m`; `pressure`, and the names of the recordings.
     """
     learned, run, other = work
     if isinstance(other, Touches):
@@ -72,11 +72,11 @@ def place_errors(
 
 
 def within_runs(logs: Sequence[TouchLog], share: float) -> pd.DataFrame:
-    """Errors of a Gaussian process on the end of each run, after its first share: the skin's authors' test.
+    """Errors of a Gaussian process on the end of each run, learned from its first share (the authors' test).
 
-    Every place and depth recurs in a run, so they are known. A run with other channels than the first one is
-    of two skins, and its force is along them. The input (`SEEN`) is chosen run by run, on the end of the part
-    that is learned from. Returns `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `seen`, `rms`, and the
+    Every place and depth recurs in a run, so none is new. A run whose channels differ from the first run's
+    is of two skins, and its force is a shear force. The input (`SEEN`) is chosen per run, on the end of the
+    training part. Returns `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `seen`, `rms`, and the
     number of `readings` tested on.
     """
     rows = []
@@ -103,7 +103,7 @@ def within_runs(logs: Sequence[TouchLog], share: float) -> pd.DataFrame:
 
 
 def _end_errors(seen: np.ndarray, wanted: np.ndarray, share: float) -> np.ndarray:
-    """Distances of estimates from the end of a run, after its first share, to the true values."""
+    """Estimation errors (norms) on the end of a run, after training on its first share."""
     end = round(share * len(seen))
     signals = (seen - seen[:end].mean(axis=0)) / np.maximum(seen[:end].std(axis=0), NEVER_VARIES)
     read = gaussian_process(signals[:end], wanted[:end], end)
@@ -111,13 +111,13 @@ def _end_errors(seen: np.ndarray, wanted: np.ndarray, share: float) -> np.ndarra
 
 
 def _directions(log: TouchLog) -> np.ndarray:
-    """Counts over their norm, and its logarithm."""
+    """Counts divided by their norm, and the logarithm of the norm."""
     norm = np.maximum(np.linalg.norm(log.counts, axis=1, keepdims=True), 1.0)
     return np.hstack([log.counts / norm, np.log(norm)])
 
 
 def _earlier(log: TouchLog, seconds: float) -> np.ndarray:
-    """Counts some seconds before each reading; before the first, those of the first."""
+    """Counts `seconds` before each reading, held constant before the first."""
     assert log.time is not None
     return np.stack([np.interp(log.time - seconds, log.time, values) for values in log.counts.T], axis=1)
 
@@ -137,8 +137,8 @@ SEEN_OVER_TIME: dict[str, Callable[[TouchLog], np.ndarray]] = {
 def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], asked: PressedSkin) -> list[Reading]:
     """Estimates of touches by all models, from training touches (a recording and its rows).
 
-    Place and depth are read from latent coordinates by polynomials, place from the map alone where there is
-    one. Rivals have no map: their coordinates are scaled to fit the distances between training touches best.
+    Place and depth are polynomials of latent coordinates; place is one of the map alone, if there is a map.
+    Baselines have no map: their coordinates are scaled to best fit the distances between training touches.
     """
     run, rows = known
     training, parameters, degree = run.skin(rows), run.parameters, run.parameters.degree
@@ -146,14 +146,14 @@ def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], asked: Pr
     spaces, units, wanted = learned.models, learned.units, training.place
 
     def space(model: str, known: np.ndarray, new: np.ndarray) -> Reading:
-        """From latent states (N, 3) of a space without a map."""
+        """Reading from latent states (N, 3) of a space without a map."""
         apart = np.linalg.norm(known[pairs.first] - known[pairs.second], axis=1)
         scale = float(apart @ pairs.distance / (apart @ apart))
         read = polynomial(known, wanted, degree)(new)
         return Reading(model, scale * new, read[:, :PLANE], read[:, PLANE])
 
     def map_of(known: np.ndarray, new: np.ndarray) -> Reading:
-        """From latent states (N, 3) whose first two are a map."""
+        """Reading from latent states (N, 3) whose first two coordinates are a map."""
         length, plane = float(units.length), wanted[:, :PLANE]
         flat = length * new[:, :PLANE]
         return Reading(
@@ -195,9 +195,9 @@ def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Estimate:
 
 
 def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Estimate:
-    """Gaussian process with one length scale, the rival that sees all channels and has no map.
+    """Gaussian process with one length scale, a baseline that gets all channels and has no map.
 
-    Columns of `wanted` (N, K) that hardly vary are held at their mean; at most `count` samples, evenly taken,
+    Columns of `wanted` (N, K) that hardly vary are held at their mean. At most `count` evenly spaced samples
     are learned from.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor
@@ -224,10 +224,10 @@ def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Estim
 def block_scores(
     found: Sequence[Reading], units: TouchUnits, about: tuple[Touches, np.ndarray]
 ) -> pd.DataFrame:
-    """Errors of readings of N touches, rows of a recording, by blocks of places.
+    """Errors of readings of N touches (rows of a recording), by blocks of places.
 
-    Errors are normalised by the variance over all touches tested on, so that their mean over blocks of
-    similar size is the NMSE. NaN where a model has no such number, or all touches are equally deep.
+    Errors are divided by the variance over all test touches, so their mean over blocks of similar size is the
+    NMSE. NaN for what a model does not estimate, and for depths if all are equal.
 
     Returns:
         `block`, `presses`, `model`, `seed`; `map_nmse`: of distances to random other touches;
@@ -260,7 +260,7 @@ def block_scores(
 
 
 def _asked_pairs(run: Touches, rows: np.ndarray) -> Pairs:
-    """Pairs among the touches tested on; on a plate each touch is the first of equally many."""
+    """Pairs of test touches; on a plate each touch is the first of equally many pairs."""
     spaces, count = run.parameters.spaces, len(rows)
     rng, each = np.random.default_rng(spaces.training.seed), max(spaces.evaluation_pairs // count, 1)
     if run.along is not None:
@@ -271,7 +271,7 @@ def _asked_pairs(run: Touches, rows: np.ndarray) -> Pairs:
 
 
 def _by_first(errors: np.ndarray, first: np.ndarray, count: int) -> np.ndarray:
-    """(N,) mean error of the pairs that begin with each touch; NaN where there is none."""
+    """Mean error (N,) of the pairs whose first touch is each one; NaN if there is none."""
     order = np.argsort(first, kind="stable")
     each = np.bincount(first, minlength=count)
     if (each == each[0]).all():

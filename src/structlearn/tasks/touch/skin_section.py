@@ -56,27 +56,28 @@ HEADINGS = ERRORS | {
     "force_s": "scale lags (s)",
     "readings": "readings of the scale",
 }
-# of `skin_readings.within_runs`
+# values of `quantity` in `skin_readings.within_runs`
 QUANTITIES = {"place_mm": "place (mm)", "force_n": "normal force (N)", "shear_n": "shear force (N)"}
 HEADLINES = ("map_nmse", "latent_mm", "laid_mm", "laid_cross_run_mm", "force_n", "servo_success")
 KEYS = ["learned_from", "asked_about"]
 ARROW = "\N{RIGHTWARDS ARROW}"
 MISSING = "no runs for it are recorded here"
 
-BOUND_MM = 0.8  # the aim of the claims
-PATHS = 16  # paths that are drawn
-STROKES_S = 120.0  # of the forces that are drawn
+BOUND_MM = 0.8  # bound of the claims
+PATHS = 16  # servoing paths drawn
+STROKES_S = 120.0  # duration of the forces drawn
 
 
 class SkinRuns:
     """Tables of `skin_protocol.learn_touch`; runs are numbered in the order of their names.
 
-    Samples are blocks of places, presses or trials, averaged over seeds: touches of a block lie together, so
-    blocks are the independent units of a run as far as there are any.
+    Samples are blocks of places, presses or trials, averaged over seeds. Touches of a block lie close
+    together, so blocks are the closest to independent units that a run has.
 
     Attributes:
-        tables, tuned_on: tables by name; runs on which constants were tuned.
-        numbers: names of runs on the page: over places, on a scale, and along the skin.
+        tables: tables by name.
+        tuned_on: runs on which constants were tuned.
+        numbers: names of runs on the page: runs over places, on a scale, and of shear.
     """
 
     def __init__(self, tables: Tables, tuned_on: tuple[str, ...]) -> None:
@@ -92,18 +93,18 @@ class SkinRuns:
             self.numbers |= {name: f"shear run {number}" for number, name in enumerate(shear, 1)}
 
     def __getitem__(self, name: str) -> pd.DataFrame:
-        """A table with the runs' numbers."""
+        """A table with run numbers instead of names."""
         table = self.tables[name]
         columns = [column for column in ("run", *KEYS) if column in table]
         return table.assign(**{column: table[column].map(self.numbers) for column in columns})
 
     def pairs(self, name: str) -> list[tuple[tuple[str, str], pd.DataFrame]]:
-        """Numbers of a training and a test run, and their rows of a table."""
+        """Rows of a table by numbers of the training and the test run."""
         groups = self.tables[name].groupby(KEYS)
         return [((self.numbers[first], self.numbers[second]), its) for (first, second), its in groups]
 
     def values(self, table: str, value: str, sample: str, **chosen: str | tuple[str, ...]) -> pd.Series:
-        """Means of some rows by training run, test run and sample; empty if the table is missing."""
+        """Means of the selected rows by training run, test run and sample; empty if the table is missing."""
         if table not in self.tables:
             return pd.Series(dtype=float)
         its = self.tables[table]
@@ -112,9 +113,9 @@ class SkinRuns:
         return its.groupby([*KEYS, sample])[value].mean().dropna()
 
     def errors(self, new: str, error: str, model: str = STRUCTURED) -> pd.Series:
-        """By block of places; blocks of runs used for tuning do not count as held out.
+        """Errors by block of places; of blocks held out, those of runs used for tuning are excluded.
 
-        Depth varies in few runs, so that it is of all of them.
+        Depth varies in few runs, so its errors are of all runs.
         """
         found = self.values("errors", error, "block", new=new, model=model)
         if not len(found) or new != NEW_BLOCKS or error == "depth_nmse":
@@ -122,11 +123,11 @@ class SkinRuns:
         return found[~found.index.get_level_values(0).isin(self.tuned_on)]
 
     def force(self, new: str, model: str = QUADRATIC) -> pd.Series:
-        """N, root mean square of each press."""
+        """Rms force error (N) by press."""
         return self.values("force", "rms_n", "press", new=new, model=model)
 
     def trials(self, value: str, model: str, controllers: tuple[str, ...] = (CORRECTED,)) -> pd.Series:
-        """By trial, mean over controllers."""
+        """Means of a column of `servo` over controllers, by trial."""
         return self.values("servo", value, "trial", model=model, controller=controllers)
 
     def by_pair(self, found: pd.Series) -> dict[str, pd.Series] | None:
@@ -269,7 +270,7 @@ def skin_pictures(runs: SkinRuns) -> dict[str, Drawing | Sequence[Drawing]]:
 
 
 def skin_map(runs: SkinRuns) -> list[Raster]:
-    """Places of touches, and the same in the map learned from another run or other blocks."""
+    """Places of touches on the plate, and in the map learned from another run or other blocks."""
     if "maps" not in runs.tables:
         maps = runs.tables["map"]
         extent = 0.1e3 * np.ptp(maps[["x_m", "y_m"]], axis=0).max()

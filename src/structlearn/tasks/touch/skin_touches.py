@@ -19,23 +19,23 @@ from structlearn.tactile.pressed_skin import PLANE, PressedSkin, drifted, held_o
 from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, touch_units
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
-TOGETHER = "latent"  # name of all recordings when they are learned from together
-WALKS = 200  # chains that give units a scale of velocities where no dynamics are learned
-NEVER_VARIES = 1e-4  # m, standard deviation below which places or depths count as a single one
+TOGETHER = "latent"  # name of the models learned from all recordings together
+WALKS = 200  # chains that set the unit of velocity where no dynamics are learned
+NEVER_VARIES = 1e-4  # m; places or depths with a smaller standard deviation count as one
 
 
 @dataclass(frozen=True)
 class Touches:
-    """Samples of a recording in which something touches."""
+    """Samples of a recording in contact."""
 
     name: str
-    counts: np.ndarray  # (N, E) readings less those at rest
+    counts: np.ndarray  # (N, E), readings minus those at rest
     place: np.ndarray  # (N, 3) m
     parameters: TouchParameters
     along: Geodesics | None = None  # distances along the skin; None: straight ones
 
     def skin(self, rows: np.ndarray) -> PressedSkin:
-        """Some of the touches, without copies."""
+        """Skin of the selected touches, without copies."""
         return _skin(self.counts[rows], self.place[rows], np.full(len(rows), TEST), self.parameters)
 
     def pairs(self, rows: np.ndarray, count: int, rng: np.random.Generator) -> Pairs:
@@ -92,7 +92,7 @@ def gathered(logs: Sequence[TouchLog], parameters: TouchParameters) -> tuple[lis
 
 
 def _thinned(touches: Touches, parameters: TouchParameters) -> Touches:
-    """At most `most_samples` of them, evenly taken, with distances along the skin where those count."""
+    """At most `most_samples` evenly spaced touches, with distances along the skin if places are channels."""
     count, counts, place = len(touches.counts), touches.counts, touches.place
     if count > parameters.most_samples:
         kept = np.linspace(0, count - 1, parameters.most_samples).astype(int)
@@ -102,7 +102,7 @@ def _thinned(touches: Touches, parameters: TouchParameters) -> Touches:
 
 
 def _centroids(log: TouchLog, counts: np.ndarray, parameters: TouchParameters) -> np.ndarray:
-    """(N, 3) m, centroids of the channels that change."""
+    """Centroids (N, 3) of the channels that change, in m."""
     known = parameters.channels_mm
     if known is None or len(known) != len(log.channels):
         raise InputError(
@@ -116,7 +116,7 @@ def _centroids(log: TouchLog, counts: np.ndarray, parameters: TouchParameters) -
 
 
 def folds_of(runs: Sequence[Touches]) -> list[tuple[None, Touches, int]]:
-    """Recordings and their folds, for `place_errors`; raises MissingInputError if nothing can be held out."""
+    """Work for `place_errors`: recordings and their folds; MissingInputError if nothing can be held out."""
     folds = [(run, np.unique(run.blocks()[1])) for run in runs]
     work = [(None, run, int(one)) for run, its in folds for one in its if len(its) > 1]
     if not work:
@@ -129,9 +129,9 @@ def folds_of(runs: Sequence[Touches]) -> list[tuple[None, Touches, int]]:
 
 
 def learn_skin(run: Touches, training: np.ndarray, with_dynamics: bool) -> TrainedTouch:
-    """Train latent spaces, and forward and inverse models if wanted, on a mask of touches `training` (N,).
+    """Train latent spaces, with `with_dynamics` also forward and inverse models, on touches of a mask (N,).
 
-    Raises InputError: a channel or the pressure never changes.
+    Raises InputError if a channel or the pressure never changes.
     """
     parameters = run.parameters
     spaces, servo, seed = parameters.spaces, parameters.servo, parameters.spaces.training.seed

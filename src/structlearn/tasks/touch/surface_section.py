@@ -20,14 +20,14 @@ from structlearn.tasks.touch.touch_parameters import TouchParameters
 Tables = Mapping[str, pd.DataFrame]
 
 TOO_FEW = "it takes two slides over each of two materials"  # to tell materials apart
-FEW = 3  # materials that sentences name; tables have all
+FEW = 3  # materials named in sentences; tables list all
 
 STREAM_UNITS = {"pose": "m", "joint_positions": "rad", "joint_velocities": "rad/s"}
 STREAM_UNITS |= {"joint_torques": "N m", "wrench": "N, N m", "tactile": "counts"}
 
 
 def section(files: TaskFiles) -> Section | None:
-    """Section of a task with slides, of the tables of `surface_traces.learn_surfaces`."""
+    """Section of a task with slides, from the tables of `surface_traces.learn_surfaces`."""
     if files.entry(TouchParameters).surfaces is None:
         return None
     tables = files.tables("touch")

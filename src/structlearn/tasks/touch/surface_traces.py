@@ -62,8 +62,8 @@ def deviations_from_expected(
     """Expected traces from some trials of one material, and deviations of all trials from them.
 
     Returns the expected traces; `demonstration`, `group` (see `trial_groups`), `rms` and `largest` deviation
-    in counts; and over the trials of a group `mean` and `std` of the deviation by `group`, `electrode` and
-    `time_s`. Raises MissingInputError: there is no trial to learn from.
+    in counts; `mean` and `std` of the deviation over the trials of a group, by `group`, `electrode` and
+    `time_s`. Raises MissingInputError if there is no trial to learn from.
     """
     groups = trial_groups([one.name for one in trials], parameters)
     traces = {one.name: without_offset(one.signal("tactile")) for one in trials}
@@ -89,11 +89,11 @@ def deviations_from_expected(
 def leave_one_out(
     trials: Sequence[Demonstration], parameters: SurfaceParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Deviation of every trial from the traces expected from the other trials over its material.
+    """Deviation of every trial from the traces expected from the other trials over the same material.
 
     Returns per trial `demonstration`, `material`, `rms` in counts and `nmse` over all electrodes (1: as good
-    as their means over the trial); and the same also by `channels` (strong or weak ones of the material, or
-    one of the `PLACES`) with the number of these `electrodes`.
+    as their means over the trial); and the same by `channels` (the material's strong or weak ones, or one of
+    `PLACES`), with the number of these `electrodes`.
     """
     dt = trials[0].dt
     whole, parts = [], []
@@ -120,7 +120,10 @@ def leave_one_out(
 
 
 def across_materials(trials: Sequence[Demonstration], parameters: SurfaceParameters) -> pd.DataFrame:
-    """`rms`, `nmse` by material `expected`, and `demonstration` and `material` of trials of the others."""
+    """Errors of each material's expected traces on trials of the other materials.
+
+    Returns `expected` (material), `demonstration` and `material` of the trial, `rms` and `nmse`.
+    """
     by_material, dt, rows = _by_material(trials, parameters), trials[0].dt, []
     for expected, learned in by_material.items():
         primitive = fit_expected_traces(list(learned.values()), dt, parameters.smoothing_hz)
@@ -141,7 +144,7 @@ def trial_groups(names: Sequence[str], parameters: SurfaceParameters) -> dict[st
 
 
 def _errors(left: np.ndarray, trace: np.ndarray) -> tuple[float, float]:
-    """Root mean square of a deviation, and its square over that from the electrodes' means."""
+    """Rms of a deviation, and its sum of squares divided by that of the trace about the electrodes' means."""
     own = np.sum((trace - trace.mean(axis=0)) ** 2)
     return np.sqrt(np.mean(left**2)), np.sum(left**2) / own
 
@@ -149,7 +152,7 @@ def _errors(left: np.ndarray, trace: np.ndarray) -> tuple[float, float]:
 def _by_material(
     trials: Sequence[Demonstration], parameters: SurfaceParameters
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Traces (T, E) by material and trial, without trials never learned from."""
+    """Traces (T, E) by material and trial, without the trials in `left_out`."""
     found: dict[str, dict[str, np.ndarray]] = {}
     for one in trials:
         if one.name not in parameters.left_out:

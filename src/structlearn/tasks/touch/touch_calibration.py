@@ -1,7 +1,7 @@
-"""Statistics of simulated and of recorded touch, finger by finger.
+"""Statistics of simulated and recorded touch per finger, to calibrate the simulated sensor.
 
-Every statistic takes the counts (T, E) of one finger at a constant rate, as the sensor gave them: neither
-smoothed nor interpolated, which would remove noise.
+Every statistic takes the counts (T, E) of one finger at a constant rate, neither smoothed nor interpolated:
+either would remove noise.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,10 +16,10 @@ from structlearn.core.params import Parameters
 from structlearn.readers.demonstration import Recording
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, SCRAPING, SLIDES, UNSCREWING
 
-RANGE_QUANTILES = (0.005, 0.995)  # so that single spikes do not count as range
-NOISE_WINDOW_S = 0.5  # noise is that of the median window: quick motion is not noise
+RANGE_QUANTILES = (0.005, 0.995)  # exclude single spikes from the range
+NOISE_WINDOW_S = 0.5  # noise is that of the median window, so that quick motion does not count
 FINGERS = ("left", "right")
-ELECTRODES = 19  # of one finger
+ELECTRODES = 19  # per finger
 CONTACT_COUNTS = 100.0  # contact moves a few electrodes of a finger by more than this, the others by far less
 RANKS = {"strongest": 0, "second": 1, "fourth": 3}  # electrodes of a finger in decreasing order, from 0
 # bands of the strongest electrode's spectrum in Hz: motion, quick motion, noise
@@ -27,7 +27,7 @@ BANDS = {"power_slow": (0.4, 2.0), "power_middle": (2.0, 10.0), "power_fast": (1
 
 
 class CalibrationParameters(Parameters):
-    """Parameters of the comparison."""
+    """Parameters of the comparison of simulated with recorded touch."""
 
     rate_hz: float = Field(gt=0)
     settling_s: float = Field(ge=0)
@@ -55,12 +55,12 @@ class FingerTrace:
 
     @property
     def moving(self) -> np.ndarray:
-        """The part in contact, (T', 19)."""
+        """Counts in contact, (T', 19)."""
         return self.counts[self.contact or 0 :]
 
 
 def in_sets(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
-    """Recordings called SET/NAME by their set; each is then called NAME."""
+    """Group recordings named SET/NAME by set; each is renamed NAME."""
     found: dict[str, list[Recording]] = {}
     for one in recordings:
         name, _, rest = one.name.partition("/")
@@ -110,7 +110,7 @@ def calibration_traces(
 ) -> list[FingerTrace]:
     """Traces of the recorded sets, keyed by name, and of simulated scraping.
 
-    Raises MissingInputError: no scraping execution is recorded.
+    Raises MissingInputError if no scraping execution is recorded.
     """
     if not recorded.get(SCRAPING):
         raise MissingInputError("no scraping execution is recorded")
@@ -124,9 +124,9 @@ def calibration_traces(
 
 
 def contact_change(counts: np.ndarray, contact: int, average: int) -> np.ndarray:
-    """Change of every electrode by contact: mean of the samples before `contact` less that of the first.
+    """Change of every electrode at contact: mean just before sample `contact` minus mean at the start.
 
-    Raises MissingInputError: the trace ends before the contact is made, or both means overlap.
+    Raises MissingInputError if the trace ends before contact is made, or if both means overlap.
     """
     if not 2 * average <= contact <= len(counts):
         raise MissingInputError(
@@ -258,11 +258,11 @@ def trace_table(traces: Sequence[FingerTrace], parameters: CalibrationParameters
 
 
 def comparison(fingers: pd.DataFrame, spectra: pd.DataFrame, factor: float) -> pd.DataFrame:
-    """Simulated beside recorded scraping, statistic by statistic.
+    """Compare simulated with recorded scraping, by statistic.
 
-    Returns `statistic`; of both sets the median over runs and fingers with its range, `recorded`,
-    `recorded_low`, ...; `ratio` of the medians, simulated to recorded (NaN for nothing over nothing), and
-    `agrees`. A band of the spectrum has no range: its amplitude in counts is the root of its power.
+    Returns `statistic`; the median over runs and fingers and its range for each set, `recorded`,
+    `recorded_low`, ...; `ratio` of the medians, simulated to recorded (NaN if both are zero), and `agrees`.
+    A band of the spectrum has no range: its amplitude in counts is the root of its power.
     """
     both = []
     for name, group in (("recorded", REFERENCE), ("simulated", CALIBRATED)):

@@ -64,13 +64,13 @@ WORLDS = {REFERENCE: BLACK, CALIBRATED: ORANGE, "unscrewing, recorded": PINK, "s
 
 
 def shown_map(maps: pd.DataFrame, tuned_on: Sequence[str]) -> pd.DataFrame:
-    """The map of the skin that is shown: the first one tested on a run not used for tuning."""
+    """Map of the skin to show: the first tested on a run not used for tuning."""
     untouched = maps[~maps["asked_about"].isin(tuned_on)]
     maps = untouched if len(untouched) else maps
     return of_pair(maps, maps)
 
 
 def of_pair(table: pd.DataFrame, first: pd.DataFrame) -> pd.DataFrame:
-    """Rows of a table with the training and test run of the first row of another one."""
+    """Rows of a table whose training and test run are those of the first row of `first`."""
     keys = ["learned_from", "asked_about"]
     return table[(table[keys] == first[keys].iloc[0]).all(axis=1)]

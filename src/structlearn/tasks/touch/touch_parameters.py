@@ -60,7 +60,7 @@ class TransferParameters(Parameters):
 
 
 class TouchParameters(SourceParameters):
-    """Touches of a skin at known places, or with `surfaces` or `transfer` those of a finger over time."""
+    """Touches of a skin at known places; with `surfaces` or `transfer`, touches of a finger over time."""
 
     kind = "touch"
 

@@ -1,13 +1,13 @@
 """Latent spaces of recorded touch, and transfer between simulated and recorded touch (II.4).
 
 Sets of BioTac touches, slides over materials and logs of unscrewing, are compared with simulated touches of a
-handle. The same code learns from each set; whole trials are left out. Then what was learned from one set is
-tested on its partner, each standardised by itself, with principal components as the simple rival.
+handle. The same code learns from each set and is tested on whole trials held out. Models of one set are then
+tested on its partner, with each set standardised by its own statistics and principal components as baseline.
 
-Counts differ in meaning. In the logs of unscrewing they rise under pressure: the contact force in a log rises
-with their mean (correlation 0.98 and more), so their sign is turned. The slides were published as magnitudes
-of change, none below zero: the direction of a change is lost, so each electrode counts as pressed, and
-magnitudes are compared with magnitudes.
+Counts differ in meaning. In the logs of unscrewing they rise under pressure (their mean correlates with the
+contact force at 0.98 and more), so their sign is inverted. The slides were published as magnitudes of change,
+none below zero: the direction of a change is lost, so each electrode counts as pressed, and magnitudes are
+compared with magnitudes.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -62,7 +62,7 @@ class TouchSet:
     groups: tuple[str, ...]
 
     def without(self, trials: Sequence[int] | np.ndarray) -> TouchDataset:
-        """The samples with these trials as the test split and all others as the training split."""
+        """Samples with the given trials as test split and all others as training split."""
         return replace(self.samples, split=np.where(np.isin(self.samples.trial, trials), TEST, TRAIN))
 
 
@@ -89,7 +89,7 @@ def held_touch(demonstrations: Sequence[Demonstration], skin: Skin, cutoff_hz: f
 
 
 def magnitudes(samples: TouchDataset, skin: Skin) -> TouchDataset:
-    """The same touches without the directions of the changes: every electrode counts as pressed."""
+    """Samples without the sign of the changes: every electrode counts as pressed."""
     found = -np.abs(samples.signals)
     points = contact_points(found, skin).astype(np.float32)
     return replace(samples, signals=found, pressure=-found.mean(axis=1), contact_point=points)
@@ -103,10 +103,10 @@ def touch_sets(
     left_out: Collection[str],
     parameters: GeodesicParameters,
 ) -> list[TouchSet]:
-    """Recorded sets of several trials, and their partners, with their distances on the skin.
+    """Recorded sets with several trials and their simulated partners, with distances on the skin.
 
-    A set is skipped with its partner if it has too few samples, or patches too far apart, for distances.
-    Raises MissingInputError: no set is left.
+    A set is skipped with its partner if it has too few samples for distances, or patches too far apart.
+    Raises MissingInputError if no set is left.
     """
     found = {}
     for name, trials in recorded.items():
@@ -159,9 +159,9 @@ def compare_sets(
 def learn_transfer(
     sets: Sequence[TouchSet], skin: Skin, parameters: TouchParameters
 ) -> dict[str, pd.DataFrame]:
-    """Learn from every set, and test on what was left out and on its partner.
+    """Learn from every set, and test on the trials held out and on the partner set.
 
-    Of the simulated sets, whose many trials are alike, only the first part of the trials is left out.
+    Trials of a simulated set are many and alike, so only their first part is held out.
 
     Returns:
         `errors` per `learned_from` and `asked_about` (sets), `new` (what is new in the samples), `part` (its
@@ -209,7 +209,7 @@ def parts_left_out(touches: TouchSet, folds: int) -> dict[str, list[np.ndarray]]
 def _errors(
     work: tuple[TouchSet, TouchSet, str, int, np.ndarray, LatentSpaceParameters],
 ) -> pd.DataFrame:
-    """Errors of all models that learned from one part of a set."""
+    """Errors of all models learned from a set without one part of its trials."""
     from sklearn.decomposition import PCA
 
     source, partner, new, part, trials, parameters = work

@@ -1,4 +1,4 @@
-"""Recordings of touch for the viewer: presses and their map, servoing, forces; slides and deviations."""
+"""Rerun views of touch: presses and their map, servoing, forces; slides and deviations."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -30,9 +30,9 @@ from structlearn.viewer.rrd import (
     send_notes,
 )
 
-PRESS_MM, PROBE_MM, MARGIN_MM = 0.3, 0.7, 2.5  # radii of dots; about the plate
-TRIALS = 12  # paths that follow each other, one step a second
-IN_FRONT = 30.0  # order of drawing
+PRESS_MM, PROBE_MM, MARGIN_MM = 0.3, 0.7, 2.5  # radii of dots; margin around the plate
+TRIALS = 12  # paths shown one after the other, a step per second
+IN_FRONT = 30.0  # drawing order
 
 NOTE = f"""A probe pressed a skin at known places; all of it is recorded. A press has the same colour on the
 plate and in the latent map, which was learned from another run and is only turned and shifted onto the plate.
@@ -45,7 +45,7 @@ skin by another run.
 
 
 def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
-    """Write the recording of a skin: its map, if there are several runs, and forces if it was weighed."""
+    """Write the view of a skin: its map if there are several runs, and forces if there is a scale."""
     with recording(path, "A skin and its map") as stream:
         views: list[rrb.Container | rrb.View] = []
         if "maps" in tables:
@@ -94,7 +94,7 @@ def _send_forces(stream: rr.RecordingStream, traces: pd.DataFrame) -> None:
 def write_slides(
     path: Path, trials: Sequence[Demonstration], expected: VectorPrimitive, parameters: SurfaceParameters
 ) -> None:
-    """Write the slides, with the electrodes' deviations from the expected traces."""
+    """Write the view of slides, with the electrodes' deviations from the expected traces."""
     groups = trial_groups([trial.name for trial in trials], parameters)
     materials = dict.fromkeys(material_of(trial.name) for trial in trials)
     learned = next(material_of(name) for name, group in groups.items() if group == "learned")

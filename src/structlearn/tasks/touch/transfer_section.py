@@ -1,4 +1,4 @@
-"""Touch in a latent space: recorded sets, and what carries over between them and simulated touch."""
+"""Section on touch in a latent space: recorded sets, and transfer between them and simulated touch."""
 
 from collections.abc import Mapping
 
@@ -27,7 +27,7 @@ KEYS = ["learned_from", "asked_about", "new", "model"]
 
 
 def section(files: TaskFiles) -> Section | None:
-    """Section of a task with sets of touches, of the tables of `touch_transfer.learn_transfer`."""
+    """Section of a task with sets of touches, from the tables of `touch_transfer.learn_transfer`."""
     if files.entry(TouchParameters).transfer is None:
         return None
     tables = files.tables("touch")
@@ -52,13 +52,13 @@ def section(files: TaskFiles) -> Section | None:
 
 
 def partners(tables: Tables) -> dict[str, str]:
-    """Recorded sets that exist here, and the simulated ones that they are compared with."""
+    """Simulated partner of each recorded set that exists here."""
     there = set(tables["sets"]["set"])
     return {name: names.PARTNERS[name] for name in (SLIDES, names.UNSCREWING) if name in there}
 
 
 def touch_scores(tables: Tables) -> pd.DataFrame:
-    """Mean errors of latent spaces and their `..._std`, by an entry of `ASKED` and `model`."""
+    """Mean errors of latent spaces and their `..._std`, by entry of `ASKED` and `model`."""
     by = tables["errors"].groupby(KEYS)[["reconstruction", "distances", "pressure"]]
     scores = by.mean().join(by.std().add_suffix("_std")).sort_index()
     return scores[[key[:3] in names.ASKED for key in scores.index]]
