@@ -1,4 +1,4 @@
-"""Repeat a run of each testbed with a moving arm in PyBullet, and hold the compiled engine against it."""
+"""Repeat one run of each testbed with a moving arm in PyBullet, and compare the compiled engine with it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,7 +30,7 @@ from structlearn.testbeds.scraping.world.scraping_world import World, load
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 COMPARED_S = 8.0
-"""First part of a joint log; in it all joints move, some turn back."""
+"""Duration of the compared part of a joint log: all joints move in it, some reverse."""
 
 
 def main() -> None:
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def corrected_execution() -> pd.DataFrame:
-    """One execution on the steepest board while a person corrects."""
+    """Compare the engines on one execution corrected by a person on the steepest board."""
     settings = stage_parameters("record_corrections", ExecutionParameters).settings_deg
     testbed = stage_parameters("testbed", TestbedParameters)
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
@@ -49,7 +49,7 @@ def corrected_execution() -> pd.DataFrame:
 
 @contextmanager
 def in_pybullet(world: World) -> Iterator[Advance]:
-    """What `scraping_world.advance` does, with PyBullet integrating the motion."""
+    """Context that yields `scraping_world.advance` with PyBullet integrating the motion."""
     robot = scraping_robot.whole()
     with BulletArm(robot.tree, robot.inertias, np.zeros(len(world.q)), world.dt) as arm:
         arm.place(world.q, world.v)
@@ -64,7 +64,7 @@ def in_pybullet(world: World) -> Iterator[Advance]:
 
 
 def stand_in_on_sines() -> pd.DataFrame:
-    """A robot with friction, ripple and latency that picks up a payload."""
+    """Compare the engines on a robot with friction, ripple and latency that picks up a payload."""
     parameters = stage_parameters("record_motion", RecordMotionParameters)
     motion = stage_parameters("arm_motion", ArmMotionParameters).used.cut(COMPARED_S)
     stand_in = stage_parameters("stand_in", StandInParameters)

@@ -1,4 +1,4 @@
-"""The front page: what came out, in words, from the claims that reports judged."""
+"""Front page: the findings in words, from the claims judged by the reports."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Read the logs of joints: the only stage that opens these recordings (III.4)."""
+"""Import the joint logs: the only stage that decodes these recordings (III.4)."""
 
 from pathlib import Path
 

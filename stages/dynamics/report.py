@@ -1,4 +1,4 @@
-"""The report of the dynamics testbed: figures, tables, findings and the page that shows them."""
+"""Report of the dynamics testbed: figures, tables, findings and their page."""
 
 import pandas as pd
 
@@ -44,10 +44,10 @@ PARAMETERS = {
 }
 COMPARED = {
     "kuka_iiwa/model.urdf": (),
-    "franka_panda/panda.urdf": ("panda_finger_joint2",),  # it follows the other finger
+    "franka_panda/panda.urdf": ("panda_finger_joint2",),  # mimics the other finger
     "xarm/xarm6_robot.urdf": (),
 }
-"""Robots of pybullet_data, with the joints that are locked."""
+"""Robots of pybullet_data compared with Pinocchio, and their locked joints."""
 
 FRICTION_MODELS = ("cov", f"cov{COULOMB}")
 

@@ -1,4 +1,4 @@
-"""The report of the obstacle testbed: figures, tables, findings and the page that shows them."""
+"""Report of the obstacle testbed: figures, tables, findings and their page."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.core.artefacts import read_table

@@ -1,4 +1,4 @@
-"""Read the corrected demonstrations: the only stage that opens these recordings (IV.9.1.3, iii)."""
+"""Import the corrected demonstrations: the only stage that decodes these recordings (IV.9.1.3, iii)."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Read the nominal demonstrations: the only stage that opens these recordings (IV.9.1.3, step i)."""
+"""Import the nominal demonstrations: the only stage that decodes these recordings (IV.9.1.3, step i)."""
 
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import read_demonstrations

@@ -1,4 +1,4 @@
-"""Draw the loop of the front page: the same run on the tilted board without and with feedback (IV.9.3.5)."""
+"""Animation of the front page: one run on the tilted board without and with feedback (IV.9.3.5)."""
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters

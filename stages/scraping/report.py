@@ -1,4 +1,4 @@
-"""The report of the scraping testbed: three pages with their figures, tables and findings."""
+"""Report of the scraping testbed: three pages with figures, tables and findings."""
 
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
@@ -48,7 +48,7 @@ PARAMETERS = {
         "compare_search": ComparisonParameters,
     },
 }
-"""By page, what its results were made with."""
+"""Parameters that the results of each page were made with."""
 
 
 def main() -> None:

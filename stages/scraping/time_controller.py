@@ -1,4 +1,4 @@
-"""Time the runtime controller and a simulated run on this machine; no stage depends on the result."""
+"""Time the runtime controller and a simulated run on this machine; no other stage uses the result."""
 
 from structlearn.core.artefacts import write_metrics
 from structlearn.core.stage import run, stage_parameters

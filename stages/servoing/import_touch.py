@@ -1,4 +1,4 @@
-"""Read the demonstrations of touch: the only stage that opens these recordings (II.4.1.1)."""
+"""Import the demonstrations of touch: the only stage that decodes these recordings (II.4.1.1)."""
 
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import read_demonstrations

@@ -1,4 +1,4 @@
-"""A cell of a study: the stages of a testbed for other people or robots, and what is kept of its report."""
+"""One cell of a study: run a testbed's stages for other people or robots, and keep the report's tables."""
 
 import sys
 from pathlib import Path

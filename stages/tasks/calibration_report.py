@@ -1,4 +1,4 @@
-"""The report that sets simulated touch beside recorded touch."""
+"""Report that compares simulated with recorded touch."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Hold a skill against the robot that is to run it."""
+"""Check a skill against the robot that is to run it."""
 
 from structlearn.core.artefacts import publish
 from structlearn.feedback.skill_file import read_skill
