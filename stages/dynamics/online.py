@@ -1,4 +1,4 @@
-"""Learn online: once through the sines without shuffling (figure III.2), and payloads picked up mid-way."""
+"""Learn online: one unshuffled pass through the sines (figure III.2), and payloads picked up mid-way."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""Record arms on sines: as in the URDF, stand-ins, and with a payload (III.4)."""
+"""Record arms on sines: the URDF's arm, stand-ins, and stand-ins that pick up a payload (III.4)."""
 
 from functools import partial
 from operator import call
@@ -25,7 +25,7 @@ def main() -> None:
     stand_ins = stage_parameters("stand_in", StandInParameters)
     arm = stage_parameters("arm", ArmParameters)
     robot = arm.read()
-    # the first in this process, which compiles the arm once; each worker would do so again
+    # the first log is made in this process, which compiles the arm once instead of once per worker
     made = {f"{IDEAL}/{IDEAL}": ideal_log(robot, motion)}
     logs = {}
     for seed in stage_parameters("dynamics_robots", Population).test:

@@ -1,4 +1,4 @@
-"""Let the arm and the stand-ins follow sines and reaches with every model (tables III.1 and III.2)."""
+"""Track sines and reaches with the arm and the stand-ins under every model (tables III.1 and III.2)."""
 
 from collections.abc import Sequence
 from functools import cache

@@ -1,4 +1,4 @@
-"""Learn inverse dynamics from sines: all models, forms, seeds and robots (tables III.1, III.2)."""
+"""Learn inverse dynamics from sines: all models, forms, seeds and robots (tables III.1 and III.2)."""
 
 import pandas as pd
 

@@ -1,4 +1,4 @@
-"""Learn unhindered reaches, and what hands do about obstacles as supervised data (IV.8.1, eq. IV.23)."""
+"""Learn unhindered reaches, and turn reaches past obstacles into supervised data (IV.8.1, eq. IV.23)."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""Search the open-loop policy by PI2-CMA and by CMA-ES with the same budget of rollouts (IV.7.2)."""
+"""Search for the open-loop policy with PI2-CMA and CMA-ES on equal budgets of rollouts (IV.7.2)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -43,7 +43,7 @@ def searches(
     refined: BoardRefinementParameters,
     parameters: ComparisonParameters,
 ) -> pd.DataFrame:
-    """Both searches for every primitive that is refined, from what its model before refinement does."""
+    """Trials of both searches per refined primitive, from the policy of its model before refinement."""
     tables = []
     for name in [one.name for one in board.skill.primitives if one.name in refined.exploration]:
         own, exploration = board.of(name, after), refined.exploration[name]

@@ -1,4 +1,4 @@
-"""Sensor deviations and the coupling terms that people asked for, as supervised data (IV.6.2, IV.9.1.3)."""
+"""Supervised data for feedback: sensor deviations and coupling terms of corrections (IV.6.2, IV.9.1.3)."""
 
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters

@@ -1,4 +1,4 @@
-"""Execute the nominal primitives on the flat board and learn what the fingers should feel (IV.9.1.3, ii)."""
+"""Execute the nominal primitives on the level board and learn expected sensor traces (IV.9.1.3, ii)."""
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
@@ -27,9 +27,8 @@ def main() -> None:
     runs, skill = nominal_runs(parameters.runs + parameters.level_runs), ReactiveSkill(primitives)
     executed = executions(skill, runs, testbed)
     with publish("data/raw/scraping/unrolls") as folder:
-        write_recordings(
-            executed[: parameters.runs], folder
-        )  # on the sensors' own clocks, as calibrate needs
+        # on the sensors' own clocks, as stages/tasks/calibrate.py needs
+        write_recordings(executed[: parameters.runs], folder)
     level = [synchronise(one, **clock.model_dump()) for one in executed]
     unrolls = level[: parameters.runs]
     write_runs(unrolls, "data/runs/scraping/unrolls.parquet")

@@ -1,4 +1,4 @@
-"""How the cuts suffer from noise, and from down-sampling the alignment (dissertation IV.5, appendix C)."""
+"""Cut errors under noise and under down-sampling of the alignment (dissertation IV.5, appendix C)."""
 
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters

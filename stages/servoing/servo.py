@@ -1,4 +1,4 @@
-"""Servo simulated fingers to random contacts in closed loop with all controllers (II.4.6)."""
+"""Servo simulated fingers to random contacts in closed loop with every controller (II.4.6)."""
 
 import pandas as pd
 

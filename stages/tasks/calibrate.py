@@ -1,4 +1,4 @@
-"""Measure the same statistics of touch on recordings and on the simulated robot's nominal executions."""
+"""Touch statistics of recordings and of the simulated robot's nominal executions, to compare both."""
 
 from pathlib import Path
 

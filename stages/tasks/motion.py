@@ -1,6 +1,6 @@
-"""Identify the arm of a task from logs of its joints (dissertation III.4).
+"""Identify the arm of a task from its joint logs (dissertation III.4).
 
-What loads slowly is imported where it is needed: of a public set that is not here there are no logs.
+Slow imports are inside `main`: it is not called for a public set that has not been fetched.
 """
 
 from shutil import rmtree

@@ -1,4 +1,4 @@
-"""Learn from the reaches of a task past obstacles, and try what was learned in scenes left out (IV.8)."""
+"""Learn from a task's reaches past obstacles, and test in scenes held out (IV.8)."""
 
 import pandas as pd
 
