@@ -33,9 +33,6 @@ RUNS = {
 }
 """Kinds of executions, in order."""
 
-PRIMITIVES = ("down", "turn", "scrape")
-"""The dissertation's primitives 1, 2 and 3."""
-
 REPRESENTATIONS = {
     "pmnn_100": Look("PMNN, 100 nodes", BLUE),
     "pmnn_6": Look("PMNN, 6 nodes", LIGHT_BLUE),
