@@ -116,7 +116,7 @@ def test_round_trip(segmentation, tmp_path):
     assert read.primitives == ["down", "turn", "scrape"]
     assert read.cuts.equals(segmentation.cuts)
     assert read.pairs.equals(segmentation.pairs)
-    (tmp_path / "cuts/reference.parquet").write_bytes((tmp_path / "cuts/doubts.parquet").read_bytes())
+    (tmp_path / "cuts/reference.parquet").write_bytes((tmp_path / "cuts/warnings.parquet").read_bytes())
     with pytest.raises(InputError, match=r"reference\.parquet: has no column reference: another table"):
         read_segmentation(tmp_path / "cuts")
     write_table(pd.DataFrame({"reference": pd.Series(dtype=str)}), tmp_path / "cuts/reference.parquet")

@@ -5,9 +5,9 @@
 over the corresponding samples that dynamic time warping found. Pairs at near-zero velocity are ambiguous and
 dropped; pairs of incompatible velocities are probably wrong and count exponentially less.
 
-Nobody looks at every cut, so poor ones are flagged (`doubts`): the crossing disagrees with the alignment, the
-aligned movement with the reference's, or the choice with what was expected. The bounds lie above all values
-of good cuts of the simulated task, and below those of wrong ones.
+Nobody looks at every cut, so poor ones are flagged (`cut_warnings`): the crossing disagrees with the
+alignment, the aligned movement with the reference's, or the choice with what was expected. The bounds lie
+above all values of good cuts of the simulated task, and below those of wrong ones.
 """
 
 from collections.abc import Iterator, Mapping
@@ -158,7 +158,7 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
     return Refined(reference, own, pairs, weights, alignments, len(part) * len(own_part))
 
 
-DOUBT_COLUMNS = ["demonstration", "primitive", "reason", "number"]  # the number is beyond its bound
+WARNING_COLUMNS = ["demonstration", "primitive", "reason", "number"]  # the number is beyond its bound
 
 APART = 0.2
 """Largest distance of an end by crossing from the same end by alignment, in durations of the reference's."""
@@ -177,10 +177,10 @@ RESTED_S = 0.35
 """Longest rests within a primitive that count as hesitations; a pause between primitives is longer."""
 
 
-def doubts(
+def cut_warnings(
     demonstration: str, refined: Mapping[str, Refined], reference: bool
 ) -> list[tuple[str, str, str, float]]:
-    """Cut warnings of one demonstration, rows of `DOUBT_COLUMNS`; most demonstrations have none.
+    """Cut warnings of one demonstration, rows of `WARNING_COLUMNS`; most demonstrations have none.
 
     `refined`: by primitive with an axis. `reference`: whether it is the reference, which has no comparison.
     """

@@ -98,7 +98,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "condition": excitation["condition"],
         "base_parameters": int(excitation["parameters"]),
         "unsure": len(results["base"].query("low < 0 < high")),
-        "doubted": [
+        "lacks_gravity": [
             name for word in ("no", "doubtful") for name in chosen(results["gravity"], holds=word)["name"]
         ],
         "networks": [

@@ -1,4 +1,4 @@
-"""Recordings of a task and their cuts: rates, gaps, primitives in time, what is left out or doubtful."""
+"""Recordings of a task and their cuts: rates, gaps, primitives in time, what is left out or has a warning."""
 
 from typing import Any
 
@@ -60,7 +60,7 @@ def cuts_section(files: TaskFiles) -> Section:
     """Where each primitive lies in each demonstration."""
     own, segmentation = files.entry(MovementEntry), files.segmentation()
     demonstrations = files.runs("demonstrations")
-    by_name, flagged = {one.name: one for one in demonstrations}, set(segmentation.doubts["demonstration"])
+    by_name, flagged = {one.name: one for one in demonstrations}, set(segmentation.warnings["demonstration"])
     cut = [name for name in by_name if name in set(segmentation.cuts["demonstration"])]
     drawn = sorted(cut, key=lambda name: name not in flagged)[:DRAWN] if own.given is None else []
     points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
@@ -72,15 +72,15 @@ def cuts_section(files: TaskFiles) -> Section:
         "reference": segmentation.reference,
         "onsets": own.segment is not None and own.segment.at_onsets,
         "left_out": len(segmentation.left_out),
-        "doubts": len(segmentation.doubts),
-        "doubtful": [name for name in cut if name in flagged],
+        "warnings": len(segmentation.warnings),
+        "flagged": [name for name in cut if name in flagged],
         "kept": own.keep_doubtful,
         "true": any(one.true_segments is not None for one in demonstrations),
     }
     tables = {
         "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
         "left_out": Table(segmentation.left_out),
-        "doubts": Table(segmentation.doubts, {"number": ".2f"}),
+        "warnings": Table(segmentation.warnings, {"number": ".2f"}),
     }
     if own.given is None:  # how well each demonstration was made, the best first; outliers stand out
         made = quality(demonstrations, segmentation.results, own.fit.smoothing_hz)
@@ -96,7 +96,7 @@ def cuts_section(files: TaskFiles) -> Section:
         "cuts",
         "Cuts",
         facts=facts,
-        find=Findings.of_metrics(metrics, ("cuts_demonstrations", "cuts_doubtful")),
+        find=Findings.of_metrics(metrics, ("cuts_demonstrations", "cuts_warnings")),
         tables=tables,
         pictures={"cuts": [speed_panel(by_name[name], segmentation) for name in drawn]} if drawn else {},
     )
