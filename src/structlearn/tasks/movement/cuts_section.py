@@ -34,9 +34,9 @@ CASES = {  # claims about the cuts of movements between rests: methods whose err
 }
 
 
-def came_in_section(files: TaskFiles) -> Section:
+def recordings_section(files: TaskFiles) -> Section:
     """Sets of recordings with their files, rates and gaps."""
-    table, clock = files.table("recorded/came_in"), files.entry(MovementEntry).clock
+    table, clock = files.table("recorded/recordings"), files.entry(MovementEntry).clock
     sets = table.groupby("set", sort=False).agg(
         files=("recording", "size"),
         shortest_s=("duration_s", "min"),
@@ -53,7 +53,7 @@ def came_in_section(files: TaskFiles) -> Section:
         repeats = files.table("recorded/repeats")
         tables["repeats"] = shown(repeats.rename(columns=words), **dict.fromkeys(ENDS, ".2f"))
         facts |= {"repeats": len(repeats), "repeated": repeats["recording"].nunique()}
-    return Section("came_in", "What came in", facts=facts, tables=tables)
+    return Section("recorded", "Recordings", facts=facts, tables=tables)
 
 
 def cuts_section(files: TaskFiles) -> Section:
