@@ -65,8 +65,8 @@ PHASE_PATHS = {
 SCENE_WAYS = {
     "none": Look("baseline alone", BLACK),
     "human_inspired": Look("human-inspired (Rai et al.)", OCHRE),
-    "text": Look("17 features, as published", ORANGE),
-    "text_ensemble": Look("17 features, our training", PINK),
+    "published": Look("17 features, as published", ORANGE),
+    "nearest": Look("17 features, our training", PINK),
     "scene": Look("look ahead at the scene", BLUE),
     "planned": Look("planned path, followed", GREEN),
 }

@@ -30,10 +30,11 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 
-NONE, HUMAN_INSPIRED, TEXT = "none", "human_inspired", "text"
-ENSEMBLE, SCENE, PLANNED = "text_ensemble", "scene", "planned"
-"""The baseline alone; Rai et al.; the text's features with the text's network; the same features with our
-training; the scene's features with the same network and training; the planned way itself."""
+NONE, HUMAN_INSPIRED, PUBLISHED = "none", "human_inspired", "published"
+NEAREST, SCENE, PLANNED = "nearest", "scene", "planned"
+"""The baseline alone; Rai et al.; the published features of the nearest obstacle with the published network;
+the same features with our training; the scene's features with the same network and training; the planned way
+itself."""
 
 PLANNED_STEP_M, PLANNED_MOST_M = 0.005, 2.0  # spacing and greatest length of a planned way
 TAU = canonical.time_constant(1.0)  # time constant in durations
@@ -126,7 +127,7 @@ def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> Avoidanc
 
 
 def samples_of_nearest(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
-    """The states with the text's features of the obstacle that is nearest at each of them."""
+    """The states with the published features of the obstacle that is nearest at each of them."""
     return _samples(states, lambda b, x, v: nearest_seen(x, v, scenes.clouds[b : b + 1])[0])
 
 
@@ -148,7 +149,7 @@ def _samples(states: SceneStates, see: Callable[..., np.ndarray]) -> AvoidanceDa
 def nearest_seen(
     position: np.ndarray, scaled_velocity: np.ndarray, clouds: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The text's features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m.
+    """The published features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m.
 
     One scene's clouds (1, O, P, 3) serve all states.
     """
@@ -233,7 +234,7 @@ Lessons = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
 def _lessons(
     reaches: Sequence[SceneReach], scenes: Scenes, number: int, parameters: SceneLearningParameters
 ) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, Lessons]]:
-    """Baseline, samples of the text's features, and training data by kind of network of the n-th set."""
+    """Baseline, samples of the published features, and training data by kind of network of the n-th set."""
     baseline = straight_baseline(reaches, parameters.straight_share)
     states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
     ensemble, ahead = parameters.network, parameters.look_ahead.ahead_m
@@ -247,8 +248,8 @@ def _lessons(
     every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
     every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
     networks: dict[str, Lessons] = {
-        TEXT: (parameters.text_network, nearest, [nearest]),
-        ENSEMBLE: (ensemble, every_near, near),
+        PUBLISHED: (parameters.text_network, nearest, [nearest]),
+        NEAREST: (ensemble, every_near, near),
         SCENE: (ensemble, every_far, far),
     }
     return baseline, nearest, networks
@@ -289,7 +290,7 @@ Feedback = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 def _feedback(
     model: CouplingModel, kind: str, scenes: Scenes, parameters: SceneLearningParameters
 ) -> Feedback:
-    """A model in the loop: of the scene, or of the nearest obstacle with the text's post-processing."""
+    """A model in the loop: of the scene, or of the nearest obstacle with the published post-processing."""
     phase = canonical.phase(np.linspace(0.0, 1.0, parameters.reaches.samples), TAU)
     ahead = parameters.look_ahead.ahead_m
 
