@@ -197,7 +197,7 @@ def test_each_rule_of_stopping_has_its_own_rows():
         claim.evidence: claim.by
         for claim in read_claims(Path(module.__file__).with_name("feedback_claims.yaml"))
     }
-    assert {claims[name] for name in (*text[:3], "phase_helps")} == {"text"}
+    assert {claims[name] for name in (*text[:3], "phase_helps")} == {"published"}
     assert {by for name, by in claims.items() if name.endswith("_validated")} == {"ours"}
 
 
