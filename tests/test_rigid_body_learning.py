@@ -254,11 +254,13 @@ def trained():
 def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated(trained):
     models, errors, outcomes = trained
     ours = ("mlp", "mlp_scaled", "delan", "cov")
-    text = ("mlp", "delan", "cov")  # the scaled perceptron is no model of the text
-    forms = [*product((protocol.TEXT,), text), *product((protocol.OURS,), ours)]
+    published = ("mlp", "delan", "cov")  # the scaled perceptron has no published form
+    forms = [*product((protocol.PUBLISHED,), published), *product((protocol.OURS,), ours)]
     expected = {f"{motion}/{form}/{kind}" for motion, (form, kind) in product(MOTIONS, forms)}
     expected |= {
-        f"stand_in/{robot}/{form}/cov_coulomb" for robot in ROBOTS for form in (protocol.TEXT, protocol.OURS)
+        f"stand_in/{robot}/{form}/cov_coulomb"
+        for robot in ROBOTS
+        for form in (protocol.PUBLISHED, protocol.OURS)
     }
     assert set(models) == expected
     for name, learned in models.items():

@@ -25,7 +25,7 @@ from structlearn.testbeds.dynamics.page.findings import (
 from structlearn.testbeds.dynamics.page.page import dynamics_page
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.protocol.trainings import (
-    TEXT,
+    PUBLISHED,
     DynamicsTrainingParameters,
     OnlineParameters,
 )
@@ -59,7 +59,7 @@ def main() -> None:
     for name, log in files.read_logs(ROBOT).items():
         seed, motion = int(name), files.as_motion(log, chosen["train_dynamics"].smoothing_hz)
         true = stand_in(robot.tree, robot.inertias, chosen["stand_in"], seed)
-        learned = files.read_robot_models(seed, FRICTION_MODELS, TEXT)
+        learned = files.read_robot_models(seed, FRICTION_MODELS, PUBLISHED)
         known.append(known_errors(robot, true, motion).assign(seed=seed))
         friction.append(friction_table(learned, true).assign(seed=seed))
         if not residuals:

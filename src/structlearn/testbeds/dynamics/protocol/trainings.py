@@ -46,14 +46,17 @@ ROBOT_FRICTIONS = {"mlp": ("none",), "mlp_scaled": ("none",), "delan": ("viscous
 
 STRUCTURE_FRICTIONS = ("viscous", "coulomb")  # of all structures, on robots' logs
 
-Form = Literal["text", "ours"]
-TEXT, OURS = get_args(Form)
-LOSSES: Mapping[Form, Loss] = {TEXT: "raw", OURS: "normalised"}
+Form = Literal["published", "ours"]
+PUBLISHED, OURS = get_args(Form)
+FORMS: Mapping[str, Form] = {"text": PUBLISHED, "ours": OURS}
+"""By their names in `params.yaml`, which the digests of the study were made from."""
+
+LOSSES: Mapping[Form, Loss] = {PUBLISHED: "raw", OURS: "normalised"}
 
 STACKED: tuple[NetworkKind, ...] = ("mlp", "delan")
 """Kinds that learn robots' logs as one stack: alone, small networks spend their time between the steps."""
 
-BEYOND_THE_TEXT = ("mlp_scaled",)  # kinds without a published form
+UNPUBLISHED = ("mlp_scaled",)  # kinds without a published form
 
 DIVERGED = 1e6  # NMSE above which one model is as bad as another
 
@@ -71,7 +74,7 @@ class DynamicsTrainingParameters(Parameters):
     """Parameters of the trainings."""
 
     models: tuple[Kind, ...]
-    forms: tuple[Form, ...]
+    forms: tuple[Literal["text", "ours"], ...]
     seeds: Seeds
     learning: LearningParameters
     ours: AdamParameters
@@ -82,7 +85,7 @@ class DynamicsTrainingParameters(Parameters):
 
     def of(self, form: Form) -> LearningParameters:
         """How models learn in a form."""
-        if form == TEXT:
+        if form == PUBLISHED:
             return self.learning
         return self.learning.model_copy(update={"networks": self.ours, "structures": self.ours})
 
@@ -126,8 +129,8 @@ class Training:
 def trainings(robots: Sequence[int], parameters: DynamicsTrainingParameters) -> list[Training]:
     """All trainings: on the arm's motion, and on the log of each robot."""
     found = []
-    for kind, form in product(parameters.models, parameters.forms):
-        if form == TEXT and kind in BEYOND_THE_TEXT:
+    for kind, form in product(parameters.models, map(FORMS.__getitem__, parameters.forms)):
+        if form == PUBLISHED and kind in UNPUBLISHED:
             continue
         found.append(Training(IDEAL, kind, "none", form, parameters.seeds))
         found += [
@@ -251,7 +254,8 @@ def _train_one(training: Training, lesson: Lesson, parameters: DynamicsTrainingP
     models = learner(training.kind, lesson, LOSSES[training.form], training.seeds, learning)
     if training.arm == ROBOT:
         return learn_in_epochs(models, 0.0, parameters.epochs.robot)
-    futility = parameters.futility_epochs if training.form == TEXT and training.kind in NETWORKS else None
+    futile = training.form == PUBLISHED and training.kind in NETWORKS
+    futility = parameters.futility_epochs if futile else None
     return learn_in_epochs(
         models, learning.threshold, parameters.epochs.simulation, parameters.stride, futility
     )
