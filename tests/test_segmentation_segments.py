@@ -43,7 +43,7 @@ def test_known_cut_points_are_found(two_move_demonstrations, segmentation):
 def test_stretched_copies_align_exactly(two_move_demonstrations, segmentation):
     """Equation IV.15 holds for stretched copies, so all cuts fall on the same fraction of it."""
     for primitive, place in (("down", 0), ("scrape", 2)):
-        cuts = segmentation.result(primitive, "wls_text")
+        cuts = segmentation.result(primitive, "wls_published")
         for demonstration in two_move_demonstrations:
             start, end = demonstration.true_segments[place]
             found = cuts.loc[demonstration.name, ["start_s", "end_s"]].to_numpy(dtype=float)

@@ -49,10 +49,10 @@ METHOD_NAMES = {
     "zvc": "zero-velocity crossing",
     "dtw": "time warping",
     "ls": "least squares",
-    "wls_text": "weighted, as printed",
+    "wls_published": "weighted, as printed",
     "wls": "weighted, with crossings",
 }
-METHOD_COLOURS = {"zvc": GREY, "dtw": OCHRE, "ls": LIGHT_BLUE, "wls_text": PINK, "wls": BLUE}
+METHOD_COLOURS = {"zvc": GREY, "dtw": OCHRE, "ls": LIGHT_BLUE, "wls_published": PINK, "wls": BLUE}
 
 PHASE_PATHS = {
     "nominal": Look("nominal primitive", BLUE),

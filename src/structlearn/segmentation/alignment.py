@@ -20,9 +20,9 @@ from structlearn.segmentation.crossings import Crossing
 from structlearn.segmentation.dtw import correspondences
 from structlearn.segmentation.parameters import SegmentParameters
 
-METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
+METHODS = ("zvc", "dtw", "ls", "wls_published", "wls")
 RESULT = "wls"  # The method whose cuts are used; the others are kept to be compared
-AS_PRINTED = "wls_text"  # The dissertation's
+AS_PRINTED = "wls_published"  # The dissertation's
 
 
 @dataclass(frozen=True)
@@ -149,11 +149,11 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
     )
     ends = np.array([[one.start for one in crossings], [one.end for one in crossings]])
     tolerance = parameters.crossing_tolerance_s / reference.dt
-    text = least_squares(pairs, weights)
+    published = least_squares(pairs, weights)
     alignments = {
         "ls": least_squares(pairs),
-        "wls_text": text,
-        "wls": with_crossings(text, pairs, weights, ends, parameters.crossing_weight, tolerance),
+        "wls_published": published,
+        "wls": with_crossings(published, pairs, weights, ends, parameters.crossing_weight, tolerance),
     }
     return Refined(reference, own, pairs, weights, alignments, len(part) * len(own_part))
 
@@ -202,7 +202,7 @@ def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float
     if reference:
         return
     duration = max(crossing.end - crossing.start, 1)
-    apart = np.abs(one.ends("zvc") - one.ends("wls_text")).max() / duration
+    apart = np.abs(one.ends("zvc") - one.ends("wls_published")).max() / duration
     yield "crossing and alignment lie apart (durations)", float(apart), APART
     times = np.arange(crossing.start, crossing.end + 1)
     aligned = np.interp(times, times[[0, -1]], one.ends(RESULT))

@@ -3,8 +3,9 @@
 One demonstration is the reference, cut by zero-velocity crossing. The others are guessed in the same way and
 then refined by aligning them with the reference. All estimates are kept for comparison: the crossing alone
 (`zvc`), the samples that time warping assigns to the reference's ends (`dtw`), ordinary (`ls`) and weighted
-(`wls_text`) least squares as printed, and the result, weighted least squares with the crossings as further
-correspondences (`wls`). Tasks on recorded data take extrapolated onsets (`onsets`) in place of all crossings.
+(`wls_published`) least squares as printed, and the result, weighted least squares with the crossings as
+further correspondences (`wls`). Tasks on recorded data take extrapolated onsets (`onsets`) in place of all
+crossings.
 """
 
 from collections.abc import Sequence

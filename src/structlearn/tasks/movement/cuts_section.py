@@ -27,8 +27,8 @@ from structlearn.tasks.task_files import TaskFiles
 DRAWN = 12  # demonstrations whose speed is drawn; of more, the flagged ones first
 ENDS = ["start_s", "end_s"]
 CASES = {  # claims about the cuts of movements between rests: methods whose errors are compared
-    "printed_over_crossing": ("zvc", "wls_text"),
-    "printed_over_least_squares": ("ls", "wls_text"),
+    "printed_over_crossing": ("zvc", "wls_published"),
+    "printed_over_least_squares": ("ls", "wls_published"),
     "ours_over_crossing": ("zvc", "wls"),
     "ours_over_warping": ("dtw", "wls"),
 }
