@@ -23,7 +23,7 @@ from structlearn.testbeds.dynamics.protocol.trainings import (
     OnlineParameters,
 )
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, StandInParameters
+from structlearn.testbeds.dynamics.world.joint_logs import PerturbedRobotParameters, RecordMotionParameters
 
 SEEDS, JOINTS = (11, 12, 13), 7
 """Of models in simulation, and of robots."""
@@ -177,7 +177,7 @@ def dynamics_results() -> DynamicsResults:
         friction=friction_rows(),
         residuals=residual_table(),
         chosen={
-            "stand_in": committed(StandInParameters, "stand_in"),
+            "stand_in": committed(PerturbedRobotParameters, "stand_in"),
             "arm_motion": committed(ArmMotionParameters, "arm_motion"),
             "train_dynamics": committed(DynamicsTrainingParameters, "train_dynamics", seeds=SEEDS),
             "online": committed(OnlineParameters, "online", seeds=SEEDS),

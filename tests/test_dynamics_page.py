@@ -18,7 +18,7 @@ from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.page import findings as page_findings
 from structlearn.testbeds.dynamics.page.page import dynamics_page, tables
 from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
-from structlearn.testbeds.dynamics.world.joint_logs import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
 
 
 @pytest.fixture(scope="module")
@@ -152,9 +152,11 @@ def test_a_payload_is_settled_when_its_mass_stays_right(results):
 
 
 def test_what_is_known_explains_a_log_made_with_it():
-    """A motion whose torques are those of the stand-in's links and friction."""
+    """A motion whose torques are those of the perturbed robot's links and friction."""
     arm, rng = iiwa(), np.random.default_rng(3)
-    mechanics = stand_in(arm.tree, arm.inertias, committed(StandInParameters, "stand_in"), 3)
+    mechanics = perturbed_mechanics(
+        arm.tree, arm.inertias, committed(PerturbedRobotParameters, "stand_in"), 3
+    )
     states = [rng.normal(0.0, 1.0, (60, 7)) for _ in range(3)]
     terms = ("viscous", "coulomb")
     state = {

@@ -511,15 +511,15 @@ def dynamics(monkeypatch, tmp_path):
     motion = rubbing_motion(arm()).part(slice(0, 300))
     data = {
         "iiwa": sine_motion(arm(), 200),
-        "stand_in/11": motion,
-        "stand_in/12": motion.part(slice(100, 300)),
+        "perturbed/11": motion,
+        "perturbed/12": motion.part(slice(100, 300)),
     }
 
     def learn(motions):
         models = train(trainings((11, 12), parameters), motions, arm().tree, parameters)[0]
         return {name: its for name, its in models.items() if "/12/" not in name}
 
-    changed = [data | {name: pushed(data[name], slice(None))} for name in ("stand_in/12", "stand_in/11")]
+    changed = [data | {name: pushed(data[name], slice(None))} for name in ("perturbed/12", "perturbed/11")]
     return Case(learn, data, *changed)
 
 

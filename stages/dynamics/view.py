@@ -37,9 +37,9 @@ def main() -> None:
     with publish("reports/rerun/dynamics") as folder:
         folder.mkdir()
         write_reaches(folder / "reaches.rrd", urdf, names, reaches[IDEAL], "Dynamics: reaches (simulated)")
-        title = "Dynamics: reaches of the stand-in (simulated)"
+        title = "Dynamics: reaches of the perturbed robot (simulated)"
         write_reaches(folder / "robot_reaches.rrd", urdf, names, reaches[ROBOT], title)
-        title, tool_m = "Dynamics: torques of the stand-in (simulated)", tracking.reaching.tool_m
+        title, tool_m = "Dynamics: torques of the perturbed robot (simulated)", tracking.reaching.tool_m
         write_torques(folder / "torques.rrd", urdf, robot, motion, dt, models, tool_m, chosen, title)
         title, path = "Dynamics: a payload picked up (simulated)", folder / "payload.rrd"
         write_payload(path, urdf, robot.tree, picking_up, learned, carried, chosen, title)

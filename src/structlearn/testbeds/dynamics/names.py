@@ -13,7 +13,7 @@ from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
 SINE, REACH = "sine", "reach"  # tasks
 SHOWN_FORM = OURS  # of the models whose reaches and torques are shown: networks learn best in it
 
-ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-ins (simulated)"}
+ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "Perturbed robots (simulated)"}
 FORM_TITLES = {PUBLISHED: "As published", OURS: "Our training"}
 LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised per joint"}
 

@@ -30,7 +30,7 @@ from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, PUBLI
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
-    "log": Source("data/runs/dynamics/stand_in.parquet", "dynamics_import_logs"),
+    "log": Source("data/runs/dynamics/perturbed.parquet", "dynamics_import_logs"),
     "models": Source("data/dynamics/models", "dynamics_train"),
     "scores": Source("data/dynamics/tracking", "dynamics_track"),
     "online": Source("data/dynamics/online", "dynamics_online"),

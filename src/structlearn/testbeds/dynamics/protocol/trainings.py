@@ -104,7 +104,7 @@ class OnlineParameters(Parameters):
 class Training:
     """One training of the models of a kind."""
 
-    motion: str  # name of the motion: that of the arm, or of the robot below it (`stand_in/11`)
+    motion: str  # name of the motion: that of the arm, or of the robot below it (`perturbed/11`)
     kind: Kind
     friction: str  # a key of `FRICTIONS`
     form: Form
