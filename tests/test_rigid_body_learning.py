@@ -39,7 +39,9 @@ def motion():
 
 
 def start(kind, motion, seeds=(0, 1), friction=(), loss="raw"):
-    return training.learner(kind, training.Lesson(arm().tree, motion, friction), loss, seeds, PARAMETERS)
+    return training.learner(
+        kind, training.TrainingData(arm().tree, motion, friction), loss, seeds, PARAMETERS
+    )
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)

@@ -160,7 +160,7 @@ def test_segments_are_those_commanded_or_else_cut(two_move_demonstrations, known
 
 def test_one_run_without_them_or_a_reference_elsewhere_and_all_are_cut_alike(two_move_demonstrations):
     runs = unknown(two_move_demonstrations)
-    elsewhere = CUTTING.model_copy(update={"reference": "taught_by_hand_3"})
+    elsewhere = CUTTING.model_copy(update={"reference": "guided_by_hand_3"})
     alike = execution_cuts(runs, NAMES, CUTTING)
     for given, parameters in (([*two_move_demonstrations[:-1], runs[-1]], CUTTING), (runs, elsewhere)):
         for name, table in execution_cuts(given, NAMES, parameters).items():

@@ -84,10 +84,10 @@ def judge_folds(
     scenes = scene_models.reach_scenes(reaches, parameters)
     person = np.array([reach.person for reach in reaches])
     tests = [np.flatnonzero(np.isin(person, people)).tolist() for people in folds]
-    lessons = [np.flatnonzero(~np.isin(person, people)).tolist() for people in folds]
+    training_parts = [np.flatnonzero(~np.isin(person, people)).tolist() for people in folds]
     scored, errors = [], []
     unrolled: dict[tuple[str, str], np.ndarray] = {}
-    for fold, learned in enumerate(scene_models.learn(reaches, scenes, lessons, parameters)):
+    for fold, learned in enumerate(scene_models.learn(reaches, scenes, training_parts, parameters)):
         own, its = [reaches[place] for place in tests[fold]], scenes.take(tests[fold])
         errors.append(_errors(learned, own, its, parameters).assign(fold=fold))
         for way in WAYS:

@@ -16,7 +16,7 @@ import numpy as np
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, concatenated
 from structlearn.avoidance.avoidance_network import averaged
 from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel, features
-from structlearn.avoidance.levenberg_marquardt import LESSON
+from structlearn.avoidance.levenberg_marquardt import SEEN
 from structlearn.avoidance.look_ahead import CostToGo, cost_to_go, mirror_signs, scene_features
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, stacked, trained
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
@@ -101,7 +101,7 @@ def displaced_states(
     states: SceneStates, parameters: EnsembleParameters, stiffness: float, stream: Sequence[int]
 ) -> SceneStates:
     """States that one member of an ensemble sees: some reaches, each sample as it was and once displaced."""
-    rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
+    rng = np.random.default_rng([parameters.training.seed, *stream, SEEN])
     chosen = rng.permutation(np.unique(states.scene))[: parameters.demonstrations]
     seen = states.where(np.isin(states.scene, chosen))
     off, faster = rng.standard_normal((2, len(seen.time), 3))
@@ -206,14 +206,14 @@ def learn(
 ) -> list[Learned]:
     """Learn from each of some sets of reaches, given by their places; all networks over processes."""
     sets = [
-        _lessons([reaches[place] for place in places], scenes.take(places), number, parameters)
+        _training_sets([reaches[place] for place in places], scenes.take(places), number, parameters)
         for number, places in enumerate(parts)
     ]
     work = [
         (whole, network, (number, member), seen)
         for number, (_, _, networks) in enumerate(sets)
-        for network, whole, lessons in networks.values()
-        for member, seen in enumerate(lessons)
+        for network, whole, by_member in networks.values()
+        for member, seen in enumerate(by_member)
     ]
     layers = iter(parallel_map(trained, work, "networks of reaches through scenes"))
     learned = []
@@ -221,19 +221,19 @@ def learn(
         models: dict[str, CouplingModel] = {
             HUMAN_INSPIRED: fit_human_inspired(nearest.features, nearest.target)
         }
-        for kind, (network, whole, lessons) in networks.items():
-            models[kind] = stacked([averaged([next(layers) for _ in lessons])], [whole], network)
+        for kind, (network, whole, by_member) in networks.items():
+            models[kind] = stacked([averaged([next(layers) for _ in by_member])], [whole], network)
         learned.append(Learned(baseline, models))
     return learned
 
 
-Lessons = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
+TrainingSets = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
 """How a network is trained, all of its samples, and what each member sees of them."""
 
 
-def _lessons(
+def _training_sets(
     reaches: Sequence[SceneReach], scenes: Scenes, number: int, parameters: SceneLearningParameters
-) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, Lessons]]:
+) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, TrainingSets]]:
     """Baseline, samples of the published features, and training data by kind of network of the n-th set."""
     baseline = straight_baseline(reaches, parameters.straight_share)
     states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
@@ -247,7 +247,7 @@ def _lessons(
     signs = mirror_signs(parameters.look_ahead)
     every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
     every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
-    networks: dict[str, Lessons] = {
+    networks: dict[str, TrainingSets] = {
         PUBLISHED: (parameters.text_network, nearest, [nearest]),
         NEAREST: (ensemble, every_near, near),
         SCENE: (ensemble, every_far, far),

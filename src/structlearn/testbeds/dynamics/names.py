@@ -11,7 +11,7 @@ from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, I
 from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
 
 SINE, REACH = "sine", "reach"  # tasks
-SHOWN_FORM = OURS  # of the models whose reaches and torques are shown: networks learn best in it
+SHOWN_TRAINING = OURS  # of the models whose reaches and torques are shown: networks learn best in it
 
 ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "Perturbed robots (simulated)"}
 FORM_TITLES = {PUBLISHED: "As published", OURS: "Our training"}

@@ -22,7 +22,7 @@ from structlearn.testbeds.dynamics.names import (
     REFERENCE,
     ROBOT,
     ROBOT_TITLES,
-    SHOWN_FORM,
+    SHOWN_TRAINING,
     colour,
     look,
 )
@@ -61,7 +61,7 @@ def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
     robots = [robot for robot in ROBOT_TITLES if results.tracked(robot)]
     tables = results.paths, results.scores
     reaches = {
-        ROBOT_TITLES[robot]: tracked_reaches(*tables, robot, SHOWN_FORM, SHOWN_REACHES[robot])
+        ROBOT_TITLES[robot]: tracked_reaches(*tables, robot, SHOWN_TRAINING, SHOWN_REACHES[robot])
         for robot in robots
     }
     return {

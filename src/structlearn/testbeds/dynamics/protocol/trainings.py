@@ -25,8 +25,8 @@ from structlearn.rigid_body.dynamics_training import (
     Kind,
     Learned,
     LearningParameters,
-    Lesson,
     Loss,
+    TrainingData,
     error_table,
     learn_in_epochs,
     learn_online,
@@ -212,17 +212,17 @@ def learn_once_through(
     kinds: dict[str, list[Kind]] = {}
     for kind in sorted(parameters.models, key=lambda kind: kind != "delan"):  # it takes longest
         kinds.setdefault("symmetric" if kind in STRUCTURES and kind != "nostr" else kind, []).append(kind)
-    run = partial(_once_through, lesson=Lesson(tree, motion), parameters=parameters, learning=learning)
+    run = partial(_once_through, data=TrainingData(tree, motion), parameters=parameters, learning=learning)
     return pd.concat(parallel_map(run, kinds.values(), "online learning"), ignore_index=True)
 
 
 def _once_through(
-    kinds: Sequence[Kind], lesson: Lesson, parameters: OnlineParameters, learning: LearningParameters
+    kinds: Sequence[Kind], data: TrainingData, parameters: OnlineParameters, learning: LearningParameters
 ) -> pd.DataFrame:
     tables, seeds = [], np.array(parameters.seeds)
     with one_thread():
         for kind, loss in product(kinds, parameters.losses):
-            models = learner(kind, lesson, loss, parameters.seeds, learning)
+            models = learner(kind, data, loss, parameters.seeds, learning)
             table = error_table(learn_online(models, parameters.stride), "batch")
             tables.append(table.assign(model=kind, loss=loss, seed=seeds[table["seed"]]))
     return pd.concat(tables, ignore_index=True)
@@ -237,8 +237,8 @@ def _train_together(
     first, terms = work[0], FRICTIONS[work[0].friction]
     with one_thread():
         if first.kind not in STACKED or first.arm != ROBOT:
-            lesson = Lesson(tree, motions[first.motion], terms)
-            return [_train_one(training, lesson, parameters) for training in work]
+            data = TrainingData(tree, motions[first.motion], terms)
+            return [_train_one(training, data, parameters) for training in work]
         learning, logs = parameters.of(first.form), [motions[training.motion] for training in work]
         weights = np.stack([loss_weights(LOSSES[first.form], log) for log in logs])
         generators = [seeded(*training.seeds) for training in work]
@@ -249,9 +249,9 @@ def _train_together(
         return [learned.part(place) for place in range(len(work))]
 
 
-def _train_one(training: Training, lesson: Lesson, parameters: DynamicsTrainingParameters) -> Learned:
+def _train_one(training: Training, data: TrainingData, parameters: DynamicsTrainingParameters) -> Learned:
     learning = parameters.of(training.form)
-    models = learner(training.kind, lesson, LOSSES[training.form], training.seeds, learning)
+    models = learner(training.kind, data, LOSSES[training.form], training.seeds, learning)
     if training.arm == ROBOT:
         return learn_in_epochs(models, 0.0, parameters.epochs.robot)
     futile = training.form == PUBLISHED and training.kind in NETWORKS
