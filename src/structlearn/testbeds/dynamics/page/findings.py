@@ -240,7 +240,7 @@ def findings(results: DynamicsResults) -> Findings:
     """All of the page.
 
     `epochs`: to the threshold on every joint in simulation, `epochs_limit` where it was not reached;
-    geometric means, as the claims compare models by ratio.
+    geometric means, as claims compare models by ratio.
     `ee_velocity_nmse`: of the tool's velocity in reaches; a run that had to be stopped counts at least 1, and
     as one of the `unstable` runs, sines and reaches. `robot_...`: the same of robots; `robot_nmse` on their
     logs, mean over joints. `online_nmse`: on the whole motion after one pass. `payload_settling_s_...`: over

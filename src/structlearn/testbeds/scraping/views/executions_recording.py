@@ -149,7 +149,7 @@ def _notes(text: str, executions: Sequence[Execution]) -> str:
     """A panel's text: what is shown, its origin, the colours of the runs, and how to read the rest."""
     colours = rrd.legend({one.look.name: one.look.colour for one in executions})
     origin = rrd.origin_sentence([one.run for one in executions])
-    return f"{text}\n**{origin}**\n\n{colours}\n\n{FINGERS}"
+    return f"{text}\n{colours}\n\n**{origin}**\n\n{FINGERS}"
 
 
 def _send_setting(
