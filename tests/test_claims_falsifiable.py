@@ -103,7 +103,7 @@ def servoing(results: Any) -> list[Any]:
     working = replace(
         results,
         loops=test_servoing_page.comparison(every),
-        skin_tables=test_servoing_page.skin_tables(text=12, ours=12),
+        skin_tables=test_servoing_page.skin_tables(published=12, ours=12),
         study=study,
     )
     return [working, results]
