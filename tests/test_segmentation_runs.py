@@ -145,7 +145,7 @@ def test_moves_in_space_are_told_apart_by_their_order(moves):
     assert errors.mean() < 0.04
     assert errors.max() < 0.15
     assert segmentation.primitives == [f"move_{place + 1}" for place in range(moves)]
-    assert segmentation.doubts.empty
+    assert segmentation.warnings.empty
 
 
 def test_a_move_that_is_not_made_is_named_with_the_runs_and_the_thresholds():
@@ -164,10 +164,10 @@ def test_a_move_that_is_not_made_is_named_with_the_runs_and_the_thresholds():
 
 def test_too_few_primitives_leave_motion_that_is_told_of(tmp_path):
     segmentation = segmentation_of(takes(1, 3), 2)
-    assert set(segmentation.doubts["demonstration"]) == {f"0{number + 1}" for number in range(6)}
-    assert segmentation.doubts["reason"].str.contains("belongs to no primitive").all()
+    assert set(segmentation.warnings["demonstration"]) == {f"0{number + 1}" for number in range(6)}
+    assert segmentation.warnings["reason"].str.contains("belongs to no primitive").all()
     write_segmentation(segmentation, tmp_path / "cuts")
-    assert read_segmentation(tmp_path / "cuts").doubts.equals(segmentation.doubts)
+    assert read_segmentation(tmp_path / "cuts").warnings.equals(segmentation.warnings)
 
 
 def test_one_that_can_be_cut_does_not_speak_for_all():

@@ -95,7 +95,7 @@ def verdict(margin: float) -> str:
 
 
 def overall(verdicts: pd.Series) -> str:
-    """The worst of several: a no, else a doubt; what is not tested is a doubt."""
+    """The worst of several: a no, else doubtful; what is not tested counts as doubtful."""
     found = set(verdicts)
     return NO if NO in found else DOUBTFUL if found & {DOUBTFUL, NOT_TESTED} else YES
 

@@ -15,7 +15,7 @@ from structlearn.viewer.rrd import entity, rgba
 LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
     way: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer's ground is black
     for way, look in SCENE_WAYS.items()
-    if way in ("none", "text", "scene", "planned")  # all six would hide each other
+    if way in ("none", "published", "scene", "planned")  # all six would hide each other
 }
 
 # from the middle of a scene to the eye: behind the person, from above, so that gaps are visible
