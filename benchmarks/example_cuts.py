@@ -63,7 +63,7 @@ def of_takes(seed: int, moves: int, kind: str, ends: str) -> pd.DataFrame:
     rows = []
     flagged = set(zip(found.warnings["demonstration"], found.warnings["primitive"], strict=True))
     for take, demonstration in zip(made, demonstrations, strict=True):
-        shift = take.segments[0, 0] - demonstration.true_segments[0, 0]
+        shift = take.planned[0, 0] - demonstration.true_segments[0, 0]
         for place, name in enumerate(found.primitives):
             times = found.result(name, method).loc[take.name, ["start_s", "end_s"]].to_numpy(float)
             off = [1e3 * np.abs(times + shift - true[place]) for true in (take.planned, take.segments)]
@@ -84,7 +84,7 @@ def of_session(seed: int, ends: str) -> pd.DataFrame:
     row = {"seed": seed, "made": repeats, "found": len(parts)}
     if len(parts) != repeats:
         return pd.DataFrame([row | {"fault": f"{len(parts)} repeats, not {repeats}"}])
-    by_repeat = (take.planned - take.segments[0, 0] + recorded.true_segments[0, 0]).reshape(-1, moves, 2)
+    by_repeat = recorded.true_segments.reshape(-1, moves, 2)
     inside = (table["start_s"] <= by_repeat[:, 0, 1]) & (table["end_s"] >= by_repeat[:, -1, 0])
     found, since = cut(parts, cutting(moves, chosen)), table.set_index("demonstration")["start_s"]
     rows = []
