@@ -126,7 +126,8 @@ def make(given: argparse.Namespace) -> None:
     if not stages:
         raise InputError(f"{project.entry_files()[-1]}: has no task")
     _dvc(Path(), "repro", "--keep-going", *stages)
-    print(f"reports/tasks/{given.task or '*'}/index.html is up to date")
+    names = dict.fromkeys(stage.rpartition("@")[2] for stage in stages)
+    print(*(f"{TaskFiles(name).report}/index.html is up to date" for name in names), sep="\n")
 
 
 def check(given: argparse.Namespace) -> None:

@@ -46,7 +46,7 @@ VALIDATION_SHARE = 0.15  # with `validation`, of the training demonstrations or 
 SLOW_STEPS, TOLERANCE = 3, 1e-4
 """Training stops after so many steps in a row that gain less than this share of the error."""
 
-WEIGHTS, SPLIT, LESSON = 0, 1, 2  # last number of a network's streams of random numbers
+WEIGHTS, SPLIT, SEEN = 0, 1, 2  # last number of a network's streams of random numbers
 VALIDATION, EVIDENCE = "validation", "evidence"
 FIRST_DECAY = 0.01  # of `evidence` before the first estimate, in units of the precision
 

@@ -16,7 +16,7 @@ import numpy as np
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, concatenated
 from structlearn.avoidance.avoidance_network import averaged
 from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel, features
-from structlearn.avoidance.levenberg_marquardt import LESSON
+from structlearn.avoidance.levenberg_marquardt import SEEN
 from structlearn.avoidance.look_ahead import CostToGo, cost_to_go, mirror_signs, scene_features
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, stacked, trained
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
@@ -30,10 +30,11 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 
-NONE, HUMAN_INSPIRED, TEXT = "none", "human_inspired", "text"
-ENSEMBLE, SCENE, PLANNED = "text_ensemble", "scene", "planned"
-"""The baseline alone; Rai et al.; the text's features with the text's network; the same features with our
-training; the scene's features with the same network and training; the planned way itself."""
+NONE, HUMAN_INSPIRED, PUBLISHED = "none", "human_inspired", "published"
+NEAREST, SCENE, PLANNED = "nearest", "scene", "planned"
+"""The baseline alone; Rai et al.; the published features of the nearest obstacle with the published network;
+the same features with our training; the scene's features with the same network and training; the planned way
+itself."""
 
 PLANNED_STEP_M, PLANNED_MOST_M = 0.005, 2.0  # spacing and greatest length of a planned way
 TAU = canonical.time_constant(1.0)  # time constant in durations
@@ -100,7 +101,7 @@ def displaced_states(
     states: SceneStates, parameters: EnsembleParameters, stiffness: float, stream: Sequence[int]
 ) -> SceneStates:
     """States that one member of an ensemble sees: some reaches, each sample as it was and once displaced."""
-    rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
+    rng = np.random.default_rng([parameters.training.seed, *stream, SEEN])
     chosen = rng.permutation(np.unique(states.scene))[: parameters.demonstrations]
     seen = states.where(np.isin(states.scene, chosen))
     off, faster = rng.standard_normal((2, len(seen.time), 3))
@@ -126,7 +127,7 @@ def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> Avoidanc
 
 
 def samples_of_nearest(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
-    """The states with the text's features of the obstacle that is nearest at each of them."""
+    """The states with the published features of the obstacle that is nearest at each of them."""
     return _samples(states, lambda b, x, v: nearest_seen(x, v, scenes.clouds[b : b + 1])[0])
 
 
@@ -148,7 +149,7 @@ def _samples(states: SceneStates, see: Callable[..., np.ndarray]) -> AvoidanceDa
 def nearest_seen(
     position: np.ndarray, scaled_velocity: np.ndarray, clouds: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The text's features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m.
+    """The published features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m.
 
     One scene's clouds (1, O, P, 3) serve all states.
     """
@@ -205,14 +206,14 @@ def learn(
 ) -> list[Learned]:
     """Learn from each of some sets of reaches, given by their places; all networks over processes."""
     sets = [
-        _lessons([reaches[place] for place in places], scenes.take(places), number, parameters)
+        _training_sets([reaches[place] for place in places], scenes.take(places), number, parameters)
         for number, places in enumerate(parts)
     ]
     work = [
         (whole, network, (number, member), seen)
         for number, (_, _, networks) in enumerate(sets)
-        for network, whole, lessons in networks.values()
-        for member, seen in enumerate(lessons)
+        for network, whole, by_member in networks.values()
+        for member, seen in enumerate(by_member)
     ]
     layers = iter(parallel_map(trained, work, "networks of reaches through scenes"))
     learned = []
@@ -220,20 +221,20 @@ def learn(
         models: dict[str, CouplingModel] = {
             HUMAN_INSPIRED: fit_human_inspired(nearest.features, nearest.target)
         }
-        for kind, (network, whole, lessons) in networks.items():
-            models[kind] = stacked([averaged([next(layers) for _ in lessons])], [whole], network)
+        for kind, (network, whole, by_member) in networks.items():
+            models[kind] = stacked([averaged([next(layers) for _ in by_member])], [whole], network)
         learned.append(Learned(baseline, models))
     return learned
 
 
-Lessons = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
+TrainingSets = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
 """How a network is trained, all of its samples, and what each member sees of them."""
 
 
-def _lessons(
+def _training_sets(
     reaches: Sequence[SceneReach], scenes: Scenes, number: int, parameters: SceneLearningParameters
-) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, Lessons]]:
-    """Baseline, samples of the text's features, and training data by kind of network of the n-th set."""
+) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, TrainingSets]]:
+    """Baseline, samples of the published features, and training data by kind of network of the n-th set."""
     baseline = straight_baseline(reaches, parameters.straight_share)
     states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
     ensemble, ahead = parameters.network, parameters.look_ahead.ahead_m
@@ -246,9 +247,9 @@ def _lessons(
     signs = mirror_signs(parameters.look_ahead)
     every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
     every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
-    networks: dict[str, Lessons] = {
-        TEXT: (parameters.text_network, nearest, [nearest]),
-        ENSEMBLE: (ensemble, every_near, near),
+    networks: dict[str, TrainingSets] = {
+        PUBLISHED: (parameters.text_network, nearest, [nearest]),
+        NEAREST: (ensemble, every_near, near),
         SCENE: (ensemble, every_far, far),
     }
     return baseline, nearest, networks
@@ -289,7 +290,7 @@ Feedback = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 def _feedback(
     model: CouplingModel, kind: str, scenes: Scenes, parameters: SceneLearningParameters
 ) -> Feedback:
-    """A model in the loop: of the scene, or of the nearest obstacle with the text's post-processing."""
+    """A model in the loop: of the scene, or of the nearest obstacle with the published post-processing."""
     phase = canonical.phase(np.linspace(0.0, 1.0, parameters.reaches.samples), TAU)
     ahead = parameters.look_ahead.ahead_m
 

@@ -1,1 +1,1 @@
-"""Common ground: rotations, frames, signals, parameters, artefacts, processes, errors."""
+"""What all packages share: rotations, frames, signals, parameters, artefacts, processes, errors."""

@@ -5,9 +5,9 @@
 over the corresponding samples that dynamic time warping found. Pairs at near-zero velocity are ambiguous and
 dropped; pairs of incompatible velocities are probably wrong and count exponentially less.
 
-Nobody looks at every cut, so poor ones are flagged (`doubts`): the crossing disagrees with the alignment, the
-aligned movement with the reference's, or the choice with what was expected. The bounds lie above all values
-of good cuts of the simulated task, and below those of wrong ones.
+Nobody looks at every cut, so poor ones are flagged (`cut_warnings`): the crossing disagrees with the
+alignment, the aligned movement with the reference's, or the choice with what was expected. The bounds lie
+above all values of good cuts of the simulated task, and below those of wrong ones.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,9 +20,9 @@ from structlearn.segmentation.crossings import Crossing
 from structlearn.segmentation.dtw import correspondences
 from structlearn.segmentation.parameters import SegmentParameters
 
-METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
+METHODS = ("zvc", "dtw", "ls", "wls_published", "wls")
 RESULT = "wls"  # The method whose cuts are used; the others are kept to be compared
-AS_PRINTED = "wls_text"  # The dissertation's
+AS_PRINTED = "wls_published"  # The dissertation's
 
 
 @dataclass(frozen=True)
@@ -149,16 +149,16 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
     )
     ends = np.array([[one.start for one in crossings], [one.end for one in crossings]])
     tolerance = parameters.crossing_tolerance_s / reference.dt
-    text = least_squares(pairs, weights)
+    published = least_squares(pairs, weights)
     alignments = {
         "ls": least_squares(pairs),
-        "wls_text": text,
-        "wls": with_crossings(text, pairs, weights, ends, parameters.crossing_weight, tolerance),
+        "wls_published": published,
+        "wls": with_crossings(published, pairs, weights, ends, parameters.crossing_weight, tolerance),
     }
     return Refined(reference, own, pairs, weights, alignments, len(part) * len(own_part))
 
 
-DOUBT_COLUMNS = ["demonstration", "primitive", "reason", "number"]  # the number is beyond its bound
+WARNING_COLUMNS = ["demonstration", "primitive", "reason", "number"]  # the number is beyond its bound
 
 APART = 0.2
 """Largest distance of an end by crossing from the same end by alignment, in durations of the reference's."""
@@ -177,10 +177,10 @@ RESTED_S = 0.35
 """Longest rests within a primitive that count as hesitations; a pause between primitives is longer."""
 
 
-def doubts(
+def cut_warnings(
     demonstration: str, refined: Mapping[str, Refined], reference: bool
 ) -> list[tuple[str, str, str, float]]:
-    """Cut warnings of one demonstration, rows of `DOUBT_COLUMNS`; most demonstrations have none.
+    """Cut warnings of one demonstration, rows of `WARNING_COLUMNS`; most demonstrations have none.
 
     `refined`: by primitive with an axis. `reference`: whether it is the reference, which has no comparison.
     """
@@ -202,7 +202,7 @@ def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float
     if reference:
         return
     duration = max(crossing.end - crossing.start, 1)
-    apart = np.abs(one.ends("zvc") - one.ends("wls_text")).max() / duration
+    apart = np.abs(one.ends("zvc") - one.ends("wls_published")).max() / duration
     yield "crossing and alignment lie apart (durations)", float(apart), APART
     times = np.arange(crossing.start, crossing.end + 1)
     aligned = np.interp(times, times[[0, -1]], one.ends(RESULT))

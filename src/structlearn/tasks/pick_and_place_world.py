@@ -135,7 +135,7 @@ def session(
 
 
 def as_recording(take: Take) -> Recording:
-    """Recording by motion capture alone; true segments count from the first pose."""
+    """Recording by motion capture alone; true segments are the planned ones, counted from the first pose."""
     captured = _captured(take)
     late_s = 1e-9 * float(captured.stamps[0] - _start_ns(take))
     provenance = {
@@ -145,7 +145,7 @@ def as_recording(take: Take) -> Recording:
         "seed": str(take.seed),
         "what": f"an arm is led: {', '.join(take.moves)}",
     }
-    return Recording(take.name, (captured,), take.segments - late_s, provenance)
+    return Recording(take.name, (captured,), take.planned - late_s, provenance)
 
 
 def write_takes(made: Sequence[Take], folder: Path) -> None:

@@ -83,9 +83,9 @@ def load_panel(results: MotionResults, log: str) -> Figure:
     its, true = chosen(results["carried"], log=log), load.known_kg
     top = 1.25 * max(true, its["mass_kg"].max())
     for stage, part in its.groupby("stage", sort=False):
-        words, ground = STAGES[stage]
+        words, background = STAGES[stage]
         start, end = part["time_s"].iloc[0] - part["since_s"].iloc[0], part["time_s"].iloc[-1]
-        axes.axvspan(start, end, color=ground, alpha=0.6, linewidth=0)
+        axes.axvspan(start, end, color=background, alpha=0.6, linewidth=0)
         axes.text(0.5 * (start + end), 0.97 * top, words, ha="center", va="top", fontsize=8)
         if stage == CARRYING:
             axes.fill_between([start, end], 0.95 * true, 1.05 * true, color=GREY, alpha=0.35, linewidth=0)

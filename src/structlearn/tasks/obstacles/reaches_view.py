@@ -15,7 +15,7 @@ from structlearn.viewer.rrd import entity, rgba
 LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
     way: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer is black
     for way, look in SCENE_WAYS.items()
-    if way in ("none", "text", "scene", "planned")  # all six would hide each other
+    if way in ("none", "published", "scene", "planned")  # all six would hide each other
 }
 
 # eye position relative to the middle of a scene: behind the person and above, so that gaps are visible

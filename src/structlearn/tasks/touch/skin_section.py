@@ -24,10 +24,10 @@ from structlearn.tasks.touch.touch_names import (
     PLAIN,
     PRESSURE,
     PROCESS,
+    PUBLISHED_SERVO,
     QUADRATIC,
     SPACES,
     STRUCTURED,
-    TEXT_SERVO,
     shown_map,
 )
 from structlearn.tasks.touch.touch_parameters import PublishedParameters, TouchParameters
@@ -172,7 +172,7 @@ def find_skin(runs: SkinRuns) -> Findings:
     rows["force_new_presses_n"] = runs.force(NEW_PRESSES)
     rows["force_n_process"] = runs.force(NEW_RUN, PROCESS)
     rows["force_n_pressure"] = runs.force(NEW_RUN, PRESSURE)
-    for name, controllers in (("servo_structure", TEXT_SERVO), ("servo_structure_ours", (CORRECTED,))):
+    for name, controllers in (("servo_structure", PUBLISHED_SERVO), ("servo_structure_ours", (CORRECTED,))):
         ours, rival = (runs.trials("arrived", model, controllers) for model in (STRUCTURED, PLAIN))
         rows[name] = (ours - rival).dropna()
     rows["servo_success"] = runs.trials("arrived", STRUCTURED)

@@ -8,13 +8,13 @@ from typing import Any
 
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, WHITE
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
 
 SINE, REACH = "sine", "reach"  # tasks
-SHOWN_FORM = OURS  # training form of the models in pictures: the one in which networks learn best
+SHOWN_TRAINING = OURS  # training form of the models in pictures: the one in which networks learn best
 
-ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-ins (simulated)"}
-FORM_TITLES = {TEXT: "As published", OURS: "Our training"}
+ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "Perturbed robots (simulated)"}
+FORM_TITLES = {PUBLISHED: "As published", OURS: "Our training"}
 LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised per joint"}
 
 REFERENCE = WHITE  # references, drawn wide: desired paths, measured torques, carried masses

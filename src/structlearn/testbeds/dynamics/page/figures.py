@@ -22,13 +22,13 @@ from structlearn.testbeds.dynamics.names import (
     REFERENCE,
     ROBOT,
     ROBOT_TITLES,
-    SHOWN_FORM,
+    SHOWN_TRAINING,
     colour,
     look,
 )
 from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach, tracked_reaches
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters, sine_path
 
 HIGHEST_NMSE = 1e6  # upper axis limit for diverged models
@@ -41,7 +41,7 @@ SHOWN_REACHES = {
 }
 """Models whose reaches are drawn, by robot."""
 
-FORM_MARKERS = {TEXT: "o", OURS: "s"}
+FORM_MARKERS = {PUBLISHED: "o", OURS: "s"}
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
 SHOWN_JOINTS = (1, 2, 4, 6)  # joints whose friction is drawn: large and small ones
 WIDE: dict[str, Any] = {"color": REFERENCE, "linewidth": 4.0}  # references
@@ -61,7 +61,7 @@ def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
     robots = [robot for robot in ROBOT_TITLES if results.tracked(robot)]
     tables = results.paths, results.scores
     reaches = {
-        ROBOT_TITLES[robot]: tracked_reaches(*tables, robot, SHOWN_FORM, SHOWN_REACHES[robot])
+        ROBOT_TITLES[robot]: tracked_reaches(*tables, robot, SHOWN_TRAINING, SHOWN_REACHES[robot])
         for robot in robots
     }
     return {
@@ -135,7 +135,8 @@ def _tracking(results: DynamicsResults, robot: str) -> Figure:
             if known and form == OURS:
                 continue
             runs = results.runs(robot, model, REACH, form)
-            offsets = (0.0 if known else -0.17 if form == TEXT else 0.17) + np.linspace(-0.1, 0.1, len(runs))
+            middle = 0.0 if known else -0.17 if form == PUBLISHED else 0.17
+            offsets = middle + np.linspace(-0.1, 0.1, len(runs))
             for offset, run in zip(offsets, runs.itertuples(), strict=True):
                 fill = "none" if run.stopped else "full"
                 panel.plot(
@@ -181,7 +182,7 @@ def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
     """Learned against true inertial parameters for each structure, first seed."""
     figure, panel = _panel(3.3, title, "of the arm", "learned")
     first = table["seed"] == table["seed"].min()
-    its = table[(table["form"] == TEXT) & first].set_index("model")
+    its = table[(table["form"] == PUBLISHED) & first].set_index("model")
     for model, marker in MARKERS.items():
         rows = its[its.index == model]
         marked: dict[str, Any] = {"marker": marker, "fillstyle": "none", "linestyle": "", "markersize": 5}

@@ -1,6 +1,6 @@
-"""Joint logs of simulated arms: an arm as its URDF describes it, and stand-ins for the dissertation's robot.
+"""Joint logs of simulated arms: an arm as in its URDF, and perturbed robots in place of the real one.
 
-A stand-in has effects that the models of III.4.2 lack: its links differ from the URDF, its joints have
+A perturbed robot has effects that the models of III.4.2 lack: its links differ from the URDF, its joints have
 friction, its drives have ripple, its torque sensors are noisy, and torques act one tick after the command.
 Drive effects scale with the rated torque, because larger gears have more friction and ripple. No number was
 chosen to fit an outcome:
@@ -34,8 +34,8 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, run
 
 
-class StandInParameters(Parameters):
-    """The stand-in robots; the module's docstring gives the reasons."""
+class PerturbedRobotParameters(Parameters):
+    """The perturbed robots; the module's docstring gives the reasons."""
 
     log_s: float = Field(gt=0)
     latency_ticks: int = Field(ge=0, le=20)
@@ -64,10 +64,10 @@ class RecordMotionParameters(Parameters):
     payload: PayloadParameters
 
 
-def stand_in(
-    tree: KinematicTree, default: LinkInertias, parameters: StandInParameters, seed: int
+def perturbed_mechanics(
+    tree: KinematicTree, default: LinkInertias, parameters: PerturbedRobotParameters, seed: int
 ) -> Mechanics:
-    """Mechanics of a stand-in robot; the seed selects its true inertias.
+    """Mechanics of a perturbed robot; the seed selects its true inertias.
 
     A link heavier than in the URDF is denser: its inertia scales with its mass and stays physically
     consistent. Raises InputError: too few rated torques.
@@ -95,21 +95,22 @@ def ideal_log(robot: Robot, motion: SineParameters) -> JointLog:
     return _sine_log("sine", arm, motion, {"arm": "as in its URDF"})
 
 
-def stand_in_log(
+def perturbed_robot_log(
     robot: Robot,
-    parameters: StandInParameters,
+    parameters: PerturbedRobotParameters,
     seed: int,
     motion: SineParameters,
     payload: PayloadParameters | None = None,
     pybullet: bool = False,
 ) -> JointLog:
-    """Log of sines of a stand-in, tracked with the URDF's model, with torque noise (III.4.2).
+    """Log of sines of a perturbed robot, tracked with the URDF's model, with torque noise (III.4.2).
 
     The controller does not know about the payload, which is picked up on the way.
     """
     motion = motion.cut(parameters.log_s)
-    arm = SimulatedArm(robot, stand_in(robot.tree, robot.inertias, parameters, seed), 1.0 / motion.rate_hz)
-    remark = {"arm": "stand-in with friction, ripple, latency and other inertias", "seed": str(seed)}
+    mechanics = perturbed_mechanics(robot.tree, robot.inertias, parameters, seed)
+    arm = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz)
+    remark = {"arm": "perturbed robot with friction, ripple, latency and other inertias", "seed": str(seed)}
     if payload is None:
         log = _sine_log("sine", arm, motion, remark, pybullet)
     else:

@@ -19,7 +19,7 @@ from structlearn.avoidance.avoidance_dataset import baseline_axes, to_local
 from structlearn.avoidance.avoiding_unroll import AvoidancePaths, GoalChange, no_coupling, unroll
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
-from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
+from structlearn.avoidance.postprocessing import PUBLISHED_ONLY, PostprocessingParameters
 from structlearn.avoidance.shapes import (
     CLOUD_COUNT,
     SHAPES,
@@ -216,7 +216,7 @@ def evaluate(
     rules = {LIMITED: parameters.postprocessing}
     if situation.protocol in (TRAINED, UNSEEN):
         published = {"passed_decay_per_m2": parameters.postprocessing.passed_decay_per_m2}
-        rules[PUBLISHED] = TEXT_ONLY.model_copy(update=published)
+        rules[PUBLISHED] = PUBLISHED_ONLY.model_copy(update=published)
     bare = unrolled(situation, no_coupling, learner.baseline, parameters, parameters.postprocessing)
     tables, paths = [], []
     for contender in contenders(learner, situation):

@@ -15,14 +15,14 @@ from structlearn.core.metrics import matching
 from structlearn.palette import GREY
 from structlearn.simulation.touch import Handle
 from structlearn.tactile.electrodes import Skin
-from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, LATENT, OURS, TEXT, TRUE
+from structlearn.testbeds.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, LATENT, OURS, TRUE
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 from structlearn.testbeds.servoing.views import servoing_scene as scene
 from structlearn.viewer.rrd import colour_words, entity, layout, recording, rgba, send_curve, send_notes
 
 TITLE = "Touch: closed loops"
 
-SHOWN = {FORM_NAMES[variant.form]: variant for variant in (TEXT, OURS)}
+SHOWN = {FORM_NAMES[variant.form]: variant for variant in (AS_PUBLISHED, OURS)}
 """Controllers shown side by side."""
 
 PLOTS = {
