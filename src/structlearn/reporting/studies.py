@@ -166,4 +166,6 @@ def provenance(study: Study) -> str:
 
 def rests_on(name: str, study: Study | None) -> str:
     """A sentence on the provenance of a study, for the head of a table of verdicts; empty if not run."""
-    return "" if study is None else f"Verdicts over populations rest on the study {name}, {provenance(study)}."
+    return (
+        "" if study is None else f"Verdicts over populations rest on the study {name}, {provenance(study)}."
+    )

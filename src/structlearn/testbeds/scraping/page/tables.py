@@ -413,7 +413,7 @@ WORDS: Mapping[str, Mapping[Any, str]] = {
     column: {key: look.name for key, look in LOOKS.items()}
     for column in ("method", "model", "baseline", "representation", "better", "worse", "kind")
 } | {
-    "left_out": {False: "all", True: "all but the one compared"},
+    "left_out": {False: "all", True: "all but the held-out one"},
     "seen": {True: "learned from", False: "never learned from"},
     "stopping": {"validation": "validation", "generalization": "the held-out demonstration"},
 }
