@@ -239,7 +239,7 @@ def test_people_are_judged_where_they_were_studied():
     for text in texts.values():
         assert words_in_view(text) <= 1000
         head = text[text.index(">Verdicts</a></h2>") : text.index('<table class="claims">')]
-        assert "rest on the study scraping/people, made by unknown code, not run again." in head
+        assert "rest on the study scraping/people, made by unknown code, not repeated since." in head
     assert "Over 5 people" in texts["feedback"]
 
 

@@ -264,7 +264,7 @@ def test_the_page_says_what_its_verdicts_rest_on_and_on_which_contacts_models_we
 ):
     results = with_people(results, everything()) if studied else results
     text = render(document(results, findings(results)), reporting_verdicts.AnyFigure())
-    assert ("rest on the study servoing/people, made by unknown code, not run again." in text) == studied
+    assert ("rest on the study servoing/people, made by unknown code, not repeated since." in text) == studied
     count = 3 * (400 - 3 * 31)  # of 30 contacts, those with 7 as last digit
     assert f"(0 in 0 contacts of rotation, {count} in 3 contacts of translation)" in text
 

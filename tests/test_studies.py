@@ -226,10 +226,10 @@ def test_a_study_says_by_whose_code_each_cell_was_made_and_which_was_run_again(c
     again = None if check is None else CHECK.model_copy(update=check)
     origins = {str(number): origin for number, origin in enumerate(cells, 1)}
     study = Study({}, Made(parameters={}, seeds=[], cells=origins, check=again))
-    told = f"; cell 3 run again by 0a1b2c3: 70 numbers, {outcome}" if outcome else ", not run again"
+    told = f"; cell 3 repeated by 0a1b2c3: 70 numbers, {outcome}" if outcome else ", not repeated since"
     words = f"made by commit {made}{told}"
     assert provenance(study) == words
-    assert rests_on(NAME, study) == f"Rows over people rest on the study toy/people, {words}."
+    assert rests_on(NAME, study) == f"Verdicts over populations rest on the study toy/people, {words}."
     assert rests_on(NAME, None) == ""
 
 

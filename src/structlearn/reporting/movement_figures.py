@@ -275,7 +275,7 @@ def noise_figure(
     halves = comparison.assign(half_ms=comparison["high_ms"] - comparison["difference_ms"])
     _draw_methods(differences, halves, places, "difference_ms", "half_ms", close)
     differences.axhline(0.0, color=METHOD_COLOURS[RESULT], linewidth=1.4)
-    differences.set(title=f"Error more than “{METHOD_NAMES[RESULT]}”", ylabel=f"difference, {pair} (ms)")
+    differences.set(title=f"Error minus that of “{METHOD_NAMES[RESULT]}”", ylabel=f"difference, {pair} (ms)")
     for panel in (errors, differences):
         panel.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
         panel.set_xlabel(noise)

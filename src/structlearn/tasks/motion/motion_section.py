@@ -56,7 +56,7 @@ def section(files: TaskFiles) -> Section:
     if not parameters.structures:
         return Section(
             "motion",
-            "Torques beside the URDF",
+            "Torques compared with the URDF",
             "torque_check.html.jinja",
             lead="torque_check_lead.html.jinja",
             facts={"origin": first.provenance},

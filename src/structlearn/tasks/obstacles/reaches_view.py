@@ -24,8 +24,8 @@ EXTENT, PLACE = ["width_m", "depth_m", "height_m"], ["x_m", "y_m", "z_m"]
 
 
 NOTE = (
-    "Obstacles and the hand called *recorded* were recorded. The other hands are computed: models that "
-    "learned from other people move them through this scene, in the time that the person took. Obstacles are "
+    "The obstacles and the hand called *recorded* are recordings. The other hands are computed: models "
+    "trained on other people move them through this scene, with the duration of this person. Obstacles are "
     "filled, walls are outlined; a square of the floor is 0.1 m wide."
 )
 

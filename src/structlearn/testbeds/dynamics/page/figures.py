@@ -151,14 +151,14 @@ def _tracking(results: DynamicsResults, robot: str) -> Figure:
         Line2D([], [], label=FORM_TITLES[form], marker=marker, **mark)
         for form, marker in FORM_MARKERS.items()
     ]
-    handles.append(Line2D([], [], label="had to be stopped", marker="o", fillstyle="none", **mark))
+    handles.append(Line2D([], [], label="stopped", marker="o", fillstyle="none", **mark))
     figure.legend(handles=handles, loc="outside upper left", ncols=3)
     return figure
 
 
 def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
     """Distance of the tool from its reference over time."""
-    figure, panel = _panel(2.4, title, "time (s)", "tool off by (mm)")
+    figure, panel = _panel(2.4, title, "time (s)", "tool error (mm)")
     for reach in reaches:
         panel.plot(reach.time, np.maximum(reach.off_mm, 1e-2), label=reach.label, **look(reach.model))
     panel.set(yscale="log", ylim=(8e-3, 3e3))
@@ -213,7 +213,7 @@ def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
 def _payload(results: DynamicsResults) -> Figure:
     """Learned mass and first moment of a payload relative to the truth, one thin line per robot."""
     payload, carried = results.payload, results.chosen["record_motion"].payload
-    figure, panel = _panel(2.5, "Learned of the payload", "time (s)", "share of the truth")
+    figure, panel = _panel(2.5, "Learned payload", "time (s)", "share of the truth")
     truth = carried.mass_kg * np.linalg.norm(carried.point_m)
     time = payload["time_s"].drop_duplicates()
     panel.plot(time, np.where(time < results.pick_up_s, 0.0, 1.0), label="carried", **WIDE)

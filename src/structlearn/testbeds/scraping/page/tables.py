@@ -219,7 +219,7 @@ def nmse_beside_published(errors: pd.DataFrame, stored: Stored, published: Mappi
         for stopping, rule in (("generalization", ", as published"), ("validation", "")):
             error = errors.loc[(name, "pmnn_100", stopping)]
             cells = {part: with_spread(error[f"{part}_mean"], error[f"{part}_std"], ".3f") for part in PARTS}
-            which = f"here, step best for {WORDS['stopping'][stopping]}{rule}"
+            which = f"here, best step for {WORDS['stopping'][stopping]}{rule}"
             rows.append({"primitive": title, "which": which} | cells)
     return pd.DataFrame(rows)
 
@@ -412,9 +412,9 @@ WORDS: Mapping[str, Mapping[Any, str]] = {
     column: {key: look.name for key, look in LOOKS.items()}
     for column in ("method", "model", "baseline", "representation", "better", "worse", "kind")
 } | {
-    "left_out": {False: "all", True: "all but the one compared"},
+    "left_out": {False: "all", True: "all but the held-out one"},
     "seen": {True: "learned from", False: "never learned from"},
-    "stopping": {"validation": "validation", "generalization": "the one left out"},
+    "stopping": {"validation": "validation", "generalization": "the held-out demonstration"},
 }
 """Displayed text for each key, by column; the same names as in figures and recordings."""
 

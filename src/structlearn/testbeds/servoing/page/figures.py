@@ -317,7 +317,7 @@ def _progress(results: ServoingResults) -> list[Figure]:
         handles=_patches(names.INVERSE_COLOURS)
         + _lines({line: names.FORM_NAMES[form] for form, line in DASHES.items()})
     )
-    title = "Length of successes, resting controller"
+    title = "Path length of successes, resting controller"
     four, length = _panel(title, "shortest on the skin (mm)", "travelled (mm)")
     reached = rows_of(loops["trials"], names.OURS).query("success")
     longest = 1.05 * reached["path_mm"].max() if len(reached) else 1.0
