@@ -1,1 +1,1 @@
-"""Common ground: rotations, frames, signals, parameters, artefacts, processes, errors."""
+"""Shared basics: rotations, frames, signals, parameters, artefacts, processes, errors."""

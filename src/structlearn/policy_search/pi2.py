@@ -236,7 +236,7 @@ def _check_shapes(
 
 
 def normalised(costs: np.ndarray) -> np.ndarray:
-    """Normalise finite costs (K, T) at every time step from [lowest, highest] to [0, 1]; 0 if all are equal."""
+    """Normalise finite costs (K, T) per time step from [lowest, highest] to [0, 1]; 0 if all are equal."""
     lowest, highest = costs.min(axis=0), costs.max(axis=0)
     # halved, because the difference of two finite numbers may overflow
     half_range = highest / 2 - lowest / 2

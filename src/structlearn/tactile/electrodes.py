@@ -136,7 +136,7 @@ def sphere() -> Skin:
 def _over_core(
     name: str, low: np.ndarray, high: np.ndarray, radius: float, grid: Sequence[np.ndarray], beyond: float
 ) -> Skin:
-    """Skin that extends `beyond` past its core; electrodes are `DEPTH` below a grid of surface coordinates."""
+    """Skin that extends `beyond` past its core; electrodes lie `DEPTH` below a grid of coordinates."""
     along, across = ((start - beyond, end + beyond) for start, end in zip(low[:2], high[:2], strict=True))
     none = np.empty((0, 3))
     bare = Skin(name, none, none, low, high, radius, along, across)

@@ -323,7 +323,7 @@ def _by_prediction(
 def _along_chains(
     models: LatentModels, data: LatentData, samples: int | None = None
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Latent states (C + 1, M, 3, B), actions (C, M, 6, B) and time steps (B,) of chains, cut to `samples`."""
+    """Latent states (C + 1, M, 3, B), actions (C, M, 6, B) and time steps (B,) of chains up to `samples`."""
     rows = data.chains[:, :samples]
     latents = encoded(models, data.signals, rows.expand(len(models.seeds), -1, -1))
     actions = data.actions[:, : rows.shape[1] - 1].permute(1, 2, 0)[:, None]
