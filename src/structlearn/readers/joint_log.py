@@ -44,7 +44,7 @@ UNITS = {
     "inertial": "N m",
     "coriolis": "N m",
     "gravity": "N m",
-}  # of the signals of revolute joints
+}  # for revolute joints
 
 MOST_JOINTS = 1000  # of a topic or a robot; humanoids with both hands have a hundred
 
