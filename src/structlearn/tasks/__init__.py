@@ -1,1 +1,1 @@
-"""Recorded data, public or a lab's own: one protocol for each kind of data."""
+"""Recorded data, public or a lab's own: one protocol per kind of data."""

@@ -1,11 +1,10 @@
-"""An invented task as somebody might have recorded it: an arm is led from a part to a tray and back.
+"""A synthetic task as a lab might record it: an arm is guided from a part to a tray and back.
 
-Each demonstration is a few moves in space with pauses between them, by a person who leads a Franka Panda:
-durations, starts, goals and paths differ from one to the next. Motion capture sees the gripper, the arm
-reports its joints, the gripper its fingers, the wrist the weight that it carries, each on a clock of its own.
+Each demonstration is a few moves in space with pauses between them, by a person guiding a Franka Panda.
+Durations, starts, goals and paths vary from one to the next. Motion capture tracks the gripper, the arm
+reports its joints, the gripper its fingers, the wrist the weight that it carries, each on its own clock.
 
-What differs on purpose can be asked for: a twitch that belongs to no move, a hesitation within a move, a
-move that is not made.
+Deviations can be requested: a twitch that belongs to no move, a hesitation within a move, a missing move.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +23,7 @@ from structlearn.readers.messages import joint_messages, to_messages
 from structlearn.simulation.arm import urdf_path
 from structlearn.simulation.hand_noise import hand_noise
 
-# Places of the fingertips in the arm's base frame, m, with the scatter of each (std per axis).
+# Positions of the fingertips in the arm's base frame, m, and their scatter (std per axis)
 HOME = np.array([0.40, 0.00, 0.45])
 PART = np.array([0.50, -0.22, 0.13])
 TRAY = np.array([0.45, 0.25, 0.14])
@@ -35,70 +34,70 @@ YAW_DEG = {"home": 0.0, "part": 25.0, "tray": -20.0, "above part": 25.0, "above 
 YAW_SCATTER_DEG = 3.0
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # the fingers point down
 
-# Moves of the task, by their number, and where each ends; all begin at home.
+# Moves of the task by their number, and where each ends; all begin at home
 MOVES = {
     2: {"reach": "part", "retreat": "home"},
     3: {"reach": "part", "carry": "tray", "retreat": "home"},
     5: {"reach": "part", "lift": "above part", "carry": "above tray", "lower": "tray", "retreat": "home"},
 }
 
-GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}  # after how many moves the gripper closes and opens
+GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}  # number of moves after which the gripper closes and opens
 
 
 @dataclass(frozen=True)
 class Hand:
-    """How a person leads the arm: a move of d metres takes about `seconds + seconds_per_m * d`."""
+    """How a person guides the arm: a move of d metres takes about `seconds + seconds_per_m * d`."""
 
     seconds: float
     seconds_per_m: float
-    tempo_spread: float  # std of the duration's logarithm, shared by all moves of a demonstration
-    move_spread: float  # likewise, of each move
+    tempo_spread: float  # std of the log duration, common to all moves of a demonstration
+    move_spread: float  # std of the log duration, per move
     sway_mm: float  # std per axis
 
 
-# Briskly led, the arm keeps its limits from and to the corners of the workspace (`make check TASK=pick`).
+# Fast guiding; the arm keeps its limits from and to the corners of the workspace (`make check TASK=pick`)
 BRISK = Hand(1.0, 2.0, 0.08, 0.08, 0.3)
 SLOW = Hand(2.0, 4.0, 0.04, 0.04, 1.0)
 
 # Pace
-SKEW, WAVES = 0.5, 0.15  # std of the exponents of the pace: early or late, and faster and slower in turns
+SKEW, WAVES = 0.5, 0.15  # std of the exponents of the pace: skewed, and alternating in speed
 PAUSE_S, REST_S = (0.3, 1.0), (0.5, 1.2)  # between moves; before the first and after the last
-HESITATION_S, HESITATION_DEPTH = (0.05, 0.10), (0.85, 1.0)  # std of a dip of the pace, and its depth
-TWITCH_M, TWITCH_S = (0.006, 0.02), (0.25, 0.45)  # there and back again
-ONSET_SPEED = 0.05  # a move is seen while its speed is above this part of its peak
+HESITATION_S, HESITATION_DEPTH = (0.05, 0.10), (0.85, 1.0)  # width (std) and depth of a dip of the pace
+TWITCH_M, TWITCH_S = (0.006, 0.02), (0.25, 0.45)  # out and back
+ONSET_SPEED = 0.05  # a move is visible while its speed is above this share of its peak
 
-# Space: paths are bowed upwards and a little to some side, by so much of their length.
+# Space: paths are bowed upwards and slightly sideways, relative to their length
 RISE, BOW_SPREAD = 0.15, 0.05
 
 # Devices
 GRID_HZ = 600.0
 POSE_EVERY, JOINTS_EVERY, GRIPPER_EVERY = 5, 6, 20  # 120, 100 and 30 Hz
-CAPTURE_MM, CAPTURE_DEG = (0.2, 0.5), 0.1  # std per axis of a reading of motion capture
+CAPTURE_MM, CAPTURE_DEG = (0.2, 0.5), 0.1  # noise of motion capture, std per axis
 JITTER_S = 0.001
-OPEN_M, CLOSED_M, GRIPPER_S = 0.04, 0.015, 0.2  # of each finger; how long it takes
-PART_KG, FORCE_N = 0.6, 0.15  # std of the wrist's reading per axis
+OPEN_M, CLOSED_M, GRIPPER_S = 0.04, 0.015, 0.2  # opening per finger; duration of closing
+PART_KG, FORCE_N = 0.6, 0.15  # mass of the part; noise of the wrist sensor, std per axis
 EPOCH_NS, BETWEEN_NS = 1_609_459_200_000_000_000, 60_000_000_000
 
 URDF, TIP = "franka_panda/panda.urdf", "panda_grasptarget"
-ELBOW_RAD = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.8, 0.0, 0.0])  # where the search for angles starts
+ELBOW_RAD = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 1.9, 0.8, 0.0, 0.0])  # initial guess of inverse kinematics
 
 
 @dataclass(frozen=True)
 class Take:
-    """One demonstration before anything records it, on T points of a grid at `GRID_HZ`."""
+    """One demonstration before measurement, on T points of a grid at `GRID_HZ`."""
 
     name: str  # "01", "02", ...
-    moves: tuple[str, ...]  # names of those that are made
+    moves: tuple[str, ...]  # names of the moves made
     time: np.ndarray  # (T,) s
     position: np.ndarray  # (T, 3) m of the fingertips
     orientation: np.ndarray  # (T, 4) w, x, y, z
-    opening: np.ndarray  # (T,) m of each finger
-    load: np.ndarray  # (T,) kg that is carried
-    segments: np.ndarray  # (P, 2) s, between which each move is seen (`ONSET_SPEED`)
-    planned: np.ndarray  # (P, 2) s, between which it is made; it begins and ends slower than anybody sees
+    opening: np.ndarray  # (T,) m per finger
+    load: np.ndarray  # (T,) kg carried
+    segments: np.ndarray  # (P, 2) s, visible start and end of each move (`ONSET_SPEED`)
+    planned: np.ndarray  # (P, 2) s, actual start and end, where the speed is too low to be visible
     seed: int  # of the set
-    capture: np.random.SeedSequence  # of the noise of motion capture
-    arm: np.random.SeedSequence  # of that of the other devices
+    capture: np.random.SeedSequence  # for the noise of motion capture
+    arm: np.random.SeedSequence  # for the noise of the other devices
 
 
 def takes(
@@ -111,10 +110,10 @@ def takes(
     without: Mapping[str, str] | None = None,
     hand: Hand = BRISK,
 ) -> list[Take]:
-    """Demonstrations of one person, of 2, 3 or 5 moves (`MOVES`).
+    """Demonstrations by one person, with 2, 3 or 5 moves (`MOVES`).
 
-    `twitch`: one idle twitch in each, in one of its rests or pauses; `hesitation`: one of the moves of each
-    nearly comes to a halt on its way; `without`: moves left out by demonstration, e.g. `{"04": "carry"}`.
+    `twitch`: adds one twitch to each, during a rest or pause; `hesitation`: one move of each nearly stops on
+    its way; `without`: moves left out by demonstration, e.g. `{"04": "carry"}`.
     """
     found, skipped = [], without or {}
     for number, source in enumerate(np.random.SeedSequence([seed, moves]).spawn(count), 1):
@@ -127,7 +126,7 @@ def takes(
 def session(
     seed: int, moves: int, repeats: int, name: str = "01", *, twitch: bool = False, hesitation: bool = False
 ) -> Take:
-    """Several repeats in one recording, with pauses between them as between moves. Arguments: as `takes`."""
+    """Several repeats in one recording, with pauses between them as between moves; arguments as `takes`."""
     source = np.random.SeedSequence([seed, moves, repeats])
     closes, opens = GRASP[moves]
     grasps = [(closes + done, opens + done) for done in range(0, moves * repeats, moves)]
@@ -135,7 +134,7 @@ def session(
 
 
 def as_recording(take: Take) -> Recording:
-    """A take as motion capture alone saw it; its true segments count from the first pose."""
+    """A take as seen by motion capture alone; its true segments count from the first pose."""
     captured = _captured(take)
     late_s = 1e-9 * float(captured.stamps[0] - _start_ns(take))
     provenance = {
@@ -156,10 +155,10 @@ def write_takes(made: Sequence[Take], folder: Path) -> None:
 
 @dataclass(frozen=True)
 class _Move:
-    """One move: when it is made, and which part of the way is done."""
+    """One move: its time, and the share of the path covered."""
 
     start: float  # s
-    grid: np.ndarray  # (N,) s since then
+    grid: np.ndarray  # (N,) s since the start
     progress: np.ndarray  # (N,) 0 -> 1
 
     @property
@@ -173,7 +172,7 @@ class _Move:
         return self.start + float(moving[0]), self.start + float(moving[-1])
 
     def at(self, time: np.ndarray) -> np.ndarray:
-        """(T, 1) part of the way that is done at times in s."""
+        """(T, 1) share of the path covered at times in s."""
         return np.interp(time - self.start, self.grid, self.progress)[:, None]
 
 
@@ -249,11 +248,11 @@ def _take(
 
 
 def _move(start: float, duration: float, hesitates: bool, rng: np.random.Generator) -> _Move:
-    """Least jerk at a pace that is not even, nor the same twice."""
+    """Minimum-jerk move at a random, uneven pace."""
     skew, waves = np.array([SKEW, WAVES]) * rng.standard_normal(2)
     angle = rng.uniform(0, 2 * np.pi)
     centre, width, depth = rng.uniform(0.35, 0.65), rng.uniform(*HESITATION_S), rng.uniform(*HESITATION_DEPTH)
-    duration += hesitates * depth * width * np.sqrt(2 * np.pi)  # the rest of the move is not hurried
+    duration += hesitates * depth * width * np.sqrt(2 * np.pi)  # so that the rest of the move is not faster
     grid = np.linspace(0.0, duration, int(duration * GRID_HZ) + 2)
     s = grid / duration
     pace = np.exp(skew * (s - 0.5) + waves * np.cos(4 * np.pi * s + angle))
@@ -263,7 +262,7 @@ def _move(start: float, duration: float, hesitates: bool, rng: np.random.Generat
 
 
 def _bow(way: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(3,) m, by which the middle of a path lies off the straight line, at right angles to it."""
+    """(3,) m, offset of a path's middle from the straight line, perpendicular to it."""
     off = RISE * UP + BOW_SPREAD * rng.standard_normal(3)
     along = way / np.linalg.norm(way)
     return np.linalg.norm(way) * (off - (off @ along) * along)
@@ -302,9 +301,9 @@ def _topics(take: Take) -> dict[str, RawMessages]:
 
 
 def _stamps(take: Take, every: int, rng: np.random.Generator) -> np.ndarray:
-    """(N,) ns of a device that samples every so many points of the grid and has a clock of its own."""
+    """(N,) ns of a device with its own clock that samples every n-th point of the grid."""
     time = take.time[::every]
-    bound = 0.4 * every / GRID_HZ  # no stamp overtakes the next
+    bound = 0.4 * every / GRID_HZ  # keeps stamps in order
     jitter = np.clip(JITTER_S * rng.standard_normal(len(time)), -bound, bound)
     jitter[0] = abs(jitter[0])
     return _start_ns(take) + np.round(1e9 * (time + jitter)).astype(np.int64)
@@ -317,7 +316,7 @@ def _start_ns(take: Take) -> int:
 def _joint_angles(position: np.ndarray, orientation: np.ndarray) -> tuple[list[str], np.ndarray]:
     """Names of the arm's joints, and their angles (N, 7) in rad at poses of the fingertips.
 
-    Each search starts at the pose before, so that angles do not jump.
+    Each search starts from the previous solution, so that angles do not jump.
     """
     import pinocchio
 

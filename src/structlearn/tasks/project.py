@@ -1,7 +1,7 @@
-"""Files of the project in the working directory: a clone of structlearn, or a lab's folder of its own.
+"""Project files in the working directory: a clone of structlearn, or a lab's own folder.
 
-A lab's folder, as `structlearn new` makes it, has the entries of its tasks in `structlearn.yaml` and a
-`dvc.yaml` that runs the stages of the installed package; defaults come from the package. In a clone they lie
+A lab's folder, created by `structlearn new`, has the entries of its tasks in `structlearn.yaml` and a
+`dvc.yaml` that runs the stages of the installed package; defaults come from the package. In a clone they are
 in `stages/tasks`, which is the folder `stages` of this package.
 """
 
@@ -22,7 +22,7 @@ PACKAGED = Path(__file__).parent / "stages"
 DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
 CODE = "data/code/tasks"
 
-# Stages that need the simulated testbeds, or a clone's sources.
+# Stages that need the simulated testbeds, or a clone's sources
 FOR_CLONES = ("code", "calibrate", "calibration_report", "recorded_report")
 
 
@@ -32,14 +32,14 @@ def is_lab() -> bool:
 
 
 def folder() -> Path:
-    """Folder of the pipeline of tasks. Raises InputError: the working directory is no project."""
+    """Folder of the tasks' pipeline. Raises InputError: the working directory is no project."""
     if not is_lab() and not CLONE.is_dir():
         raise InputError(f"{LAB}: no such file here; `structlearn new` makes a project")
     return Path() if is_lab() else CLONE
 
 
 def entry_files(clone: Path | None = None) -> tuple[Path, ...]:
-    """Files with the entries of tasks, of the project here or of a clone's folder; the last is the user's."""
+    """Files with task entries, of this project or of a clone's folder; the last one is the user's."""
     if clone is None and is_lab():
         return (LAB,)
     clone = clone or folder()
@@ -47,7 +47,7 @@ def entry_files(clone: Path | None = None) -> tuple[Path, ...]:
 
 
 def defaults_file(clone: Path | None = None) -> Path:
-    """File with the defaults of all kinds of data: the package's, but of a clone its own."""
+    """File with the defaults of all kinds of data: the package's or, in a clone, the clone's."""
     return (PACKAGED if clone is None and (is_lab() or not CLONE.is_dir()) else clone or CLONE) / DEFAULTS
 
 
@@ -59,7 +59,7 @@ def pipeline() -> str:
 def lab_pipeline() -> dict[str, Any]:
     """Contents of a lab's `dvc.yaml`: the stages of a clone, run from the package.
 
-    A stage depends on the code that it uses by the list that `code` writes, as in a clone.
+    A stage depends on the list of its code that `code` writes, as in a clone.
     """
     stages = read_values(PACKAGED / "dvc.yaml")["stages"].items()
     packaged = {name: _from_package(stage) for name, stage in stages if name not in FOR_CLONES}
@@ -68,7 +68,7 @@ def lab_pipeline() -> dict[str, Any]:
 
 
 def _from_package(stage: dict[str, Any]) -> dict[str, Any]:
-    """A stage of all tasks of a kind, without what only a clone has."""
+    """A stage for all tasks of a kind, without parts that only a clone has."""
     body = {key: value for key, value in stage["do"].items() if key != "wdir"}
     body["cmd"] = re.sub(r"^python stages/tasks/(\w+)\.py", rf"python -m {PACKAGE}.stages.\1", body["cmd"])
     body["deps"] = [path for path in body["deps"] if not path.startswith(CLONE.as_posix())]
@@ -78,7 +78,7 @@ def _from_package(stage: dict[str, Any]) -> dict[str, Any]:
 
 
 def list_code() -> None:
-    """List the code that each stage of a lab uses, with digests: another version reruns what it changes."""
+    """List the code of each stage of a lab, with digests, so that another version reruns what changed."""
     with publish(CODE) as target:
         SourceTree(Path(__file__).parents[2]).write(sorted(PACKAGED.glob("*.py")), target)
 

@@ -1,4 +1,4 @@
-"""The page over all public sets: their verdicts side by side, and of each a sentence and its main figure."""
+"""Index page of all public sets: their verdicts side by side, with a sentence and main figure for each."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -18,7 +18,7 @@ REPORT, QUOTED = Path("reports/recorded"), CLONE / "recorded.yaml"
 
 
 def publish_index() -> None:
-    """Publish the page with the verdicts on all public sets. Raises InputError: a set's page was not made."""
+    """Publish the index page. Raises InputError: a set's page is missing."""
     names = [name for name, one in read_entries().items() if one.file.name == OF_PUBLIC]
     quoted: Mapping[str, Mapping[str, Any]] = read_values(QUOTED)
     sets = [{"name": name} | said_of(TaskFiles(name), quoted.get(name, {})) for name in names]
@@ -37,7 +37,7 @@ def publish_index() -> None:
 
 
 def said_of(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
-    """`title`, `says`: a sentence, `figure`: files, `opening`: captions by file, `absent`, and `left_out`."""
+    """Quote of a task: `title`, `says` (a sentence), `figure` (files), `opening`, `absent`, `left_out`."""
     quoted = {} if files.absent else quoted
     says = environment(PACKAGE).from_string(quoted.get("says", ""))
     return {
@@ -51,7 +51,7 @@ def said_of(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def judged_again(name: str, title: str) -> list[Judged]:
-    """Claims about a set with the verdicts that its page has, and those of simulated testbeds on the like."""
+    """Claims about a set with the verdicts of its page, and those of the corresponding simulated testbeds."""
     path = CLONE / "claims" / f"{name}.yaml"
     if not path.exists():
         return []
@@ -80,7 +80,7 @@ def judged_again(name: str, title: str) -> list[Judged]:
 
 
 def headlines(quoted: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> Findings:
-    """Key figures that were found on some sets."""
+    """Key figures from some sets."""
     find = Findings()
     for task in (task for task in quoted if task in names):
         table = read_findings(TaskFiles(task).report / "findings.csv")

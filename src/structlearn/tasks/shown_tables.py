@@ -1,10 +1,10 @@
-"""How the tables of the recorded data are written: headings and formats follow from the names of columns."""
+"""Formatting of tables of recorded data: headings and number formats follow from the column names."""
 
 import pandas as pd
 
 from structlearn.reporting.document import Table
 
-# By the end of a column's name: what is written instead in its heading, and how its numbers are written.
+# By suffix of a column's name: its replacement in the heading, and the number format
 UNITS = {
     "_n_m": (" (N m)", ".2f"),
     "_mm": (" (mm)", ".2f"),
@@ -19,12 +19,12 @@ UNITS = {
     "": ("", ".3g"),
 }
 
-# Of columns' names, that a heading writes otherwise.
+# Words of column names that headings replace
 WORDS = {"way": "model", "max": "largest", "nmse": "NMSE", "rms": "RMS"}
 
 
 def shown(frame: pd.DataFrame, strong: frozenset[int] = frozenset(), /, **formats: str) -> Table:
-    """A table whose headings and formats follow from the names of its columns; `formats` are exceptions."""
+    """A table with headings and formats from its column names; `formats` are exceptions."""
     headings, found = {}, {}
     for name in frame:
         ending = next(ending for ending in UNITS if str(name).endswith(ending))

@@ -1,4 +1,4 @@
-"""Entries of tasks in the files of `project.entry_files`, merged over the defaults of their kind.
+"""Task entries in the files of `project.entry_files`, merged with the defaults of their kind.
 
     defaults:            in params.yaml, every constant once
       movement:
@@ -8,7 +8,7 @@
         source: ~/demonstrations
         topics: {pose: /end_effector/pose}
 
-A part that an entry does not name (`PARTS`) is null, whatever its defaults are.
+A part (`PARTS`) that an entry does not mention is null, whatever its defaults are.
 """
 
 import itertools
@@ -32,7 +32,7 @@ from structlearn.tasks.obstacles.coupling_representations import RepresentationP
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
-# Keys that a task has only if its entry names them.
+# Keys that are set only if the entry mentions them
 PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representations")
 
 
@@ -46,14 +46,14 @@ class ObstacleEntry(SourceParameters, SceneLearningParameters):
     representations: RepresentationParameters | None
 
 
-# Kinds of data, as entries are grouped.
+# Kinds of data, under which entries are grouped
 KINDS: dict[str, type[SourceParameters]] = {
     entry.kind: entry for entry in (MovementEntry, MotionParameters, TouchParameters, ObstacleEntry)
 }
 
 
 class Entry(NamedTuple):
-    """An entry as it is written."""
+    """An entry as written."""
 
     file: Path
     kind: str
@@ -61,9 +61,9 @@ class Entry(NamedTuple):
 
 
 def read_entries(clone: Path | None = None) -> dict[str, Entry]:
-    """All entries by name, of the project here or of a clone's folder.
+    """All entries by name, of this project or of a clone's folder.
 
-    Raises InputError: a file is not readable, has an unknown kind, or a name stands twice or is none.
+    Raises InputError: a file is unreadable or has an unknown kind, or a name is duplicate or invalid.
     """
     found: dict[str, Entry] = {}
     for file in project.entry_files(clone):
@@ -86,7 +86,7 @@ def read_entries(clone: Path | None = None) -> dict[str, Entry]:
 
 
 def read_task(name: str, clone: Path | None = None) -> Any:
-    """The parameters of one task, as of its kind.
+    """Parameters of one task, validated as those of its kind.
 
     Raises InputError: as `read_entries`; there is no such task, or a value is missing, unknown or out of
     range; the message names file and key.
@@ -105,14 +105,14 @@ def read_task(name: str, clone: Path | None = None) -> Any:
 
 
 def read_checked(path: Path) -> SourceParameters:
-    """What `write_task` published."""
+    """Read the file of `write_task`."""
     if (kind := value_at(path, "kind")) not in KINDS:
         raise InputError(f"{path}: kind: there is no such kind among {', '.join(KINDS)}")
     return checked(value_at(path, "entry"), KINDS[kind], path, "entry")
 
 
 def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:
-    """`file_digests` of all that a task comes from, by what it is for."""
+    """`file_digests` of all sources of a task, by purpose."""
     return {
         name: {file: digest for path in paths for file, digest in file_digests(path).items()}
         for name, paths in task.sources().items()
@@ -133,9 +133,9 @@ def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: P
 
 
 def file_digests(source: str) -> dict[str, str]:
-    """SHA-256 of a file, or of all files below a folder but hidden ones, by their path as it is written.
+    """SHA-256 of a file, or of all but hidden files below a folder, by path as written.
 
-    A public set that is not here has none. Raises InputError: there is no such file or folder.
+    A missing public set has none. Raises InputError: there is no such file or folder.
     """
     path = local_path(source)
     if is_public(source) and not path.exists():
@@ -155,7 +155,7 @@ def file_digests(source: str) -> dict[str, str]:
 
 
 def targets(which: str, name: str = "") -> list[str]:
-    """Stages to ask DVC for, of one task or of all of a file; entries are checked first.
+    """DVC stages of one task or of all tasks in a file; entries are checked first.
 
     Raises InputError: an entry is not valid, or there is no public set.
     """
@@ -169,5 +169,5 @@ def targets(which: str, name: str = "") -> list[str]:
     return [f"{project.pipeline()}:{stage}_{kind}@{one}" for (one, kind), stage in pages]
 
 
-if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none
+if __name__ == "__main__":  # before DVC, whose messages about entries are less specific
     run(lambda: print("\n".join(targets(*sys.argv[1:]))))

@@ -1,4 +1,4 @@
-"""Paths of the files of one task, and typed readers."""
+"""Paths of the files of one task, and typed readers for them."""
 
 import os
 import re
@@ -20,31 +20,31 @@ from structlearn.segmentation.segments import Segmentation, read_segmentation
 DATA, REPORTS = Path("data/tasks"), Path("reports/tasks")
 SKILL, ABSENT, LEFT_OUT = "skill.safetensors", "absent.txt", "left_out.csv"
 
-# A task's name is a folder's, and part of the names of its stages, in which DVC has signs of its own.
+# A task's name is the name of a folder, and part of its stages' names, in which DVC reserves some characters
 NAME_RULE = (
     "a task's name has 1 to 60 lower-case letters, digits, - and _, and begins with a letter or a digit"
 )
-# Environment variable with the folder of public sets, `$DATA` in an entry; where it is if there is none.
+# Environment variable with the folder of public sets, `$DATA` in an entry, and its default
 PUBLIC, PUBLIC_FOLDER = "RECORDED_DATA", "data/public"
 
 
 def is_name(name: object) -> bool:
-    """Whether a task may be called so."""
+    """Whether this is a valid task name."""
     return isinstance(name, str) and re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,59}", name) is not None
 
 
 class TaskFiles:
-    """Outputs of the stages of one task; an InputError where no task may be called so."""
+    """Outputs of a task's stages. Raises InputError: the name is invalid."""
 
     def __init__(self, name: str) -> None:
         if not is_name(name):
             raise InputError(f"{name!r}: {NAME_RULE}")
         self.name = name
         self.folder, self.report = DATA / name, REPORTS / name
-        self.recorded = self.folder / "recorded"  # what was recorded, decoded
+        self.recorded = self.folder / "recorded"  # decoded recordings
         self.parameters = self.folder / "parameters.yaml"  # see `task_entry.write_task`
         self.segments = self.folder / "segments"
-        self.skill = self.folder / "skill" / SKILL  # all that a robot needs
+        self.skill = self.folder / "skill" / SKILL  # everything that a robot needs
 
     @property
     def kind(self) -> str:
@@ -52,16 +52,16 @@ class TaskFiles:
         return value_at(self.parameters, "kind")
 
     def entry(self, model: type[ParametersType], key: str = "") -> ParametersType:
-        """All parameters of the task, or those of one part that it has."""
+        """All parameters of the task, or those of one of its parts."""
         return read_parameters(self.parameters, f"entry.{key}".rstrip("."), model)
 
     def has(self, key: str) -> bool:
-        """Whether the task has a part, by its key."""
+        """Whether the task has a part, given by its key."""
         return value_at(self.parameters, f"entry.{key}") is not None
 
     @property
     def absent(self) -> str:
-        """Why there is nothing of the task: a public set that is not here, or not readable; else empty."""
+        """Why the task has no data (a public set that is missing or unreadable), or empty."""
         path = self.recorded / ABSENT
         return path.read_text(encoding="utf-8").strip() if path.exists() else ""
 
@@ -85,7 +85,7 @@ class TaskFiles:
         return read_segmentation(self.segments)
 
     def primitives(self) -> list[PosePrimitive]:
-        """In order of time."""
+        """Primitives in order of time."""
         return read_primitives(self.folder / "primitives/primitives.safetensors")
 
     def tables(self, part: str) -> dict[str, pd.DataFrame]:
@@ -93,38 +93,38 @@ class TaskFiles:
         return {path.stem: read_table(path) for path in sorted((self.folder / part).glob("*.parquet"))}
 
     def table(self, name: str) -> pd.DataFrame:
-        """A table by its path below the task's folder, without its ending."""
+        """A table by its path below the task's folder, without suffix."""
         return read_table(self.folder / f"{name}.parquet")
 
 
 def write_tables(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
-    """Write tables as Parquet files by name into a folder."""
+    """Write tables as Parquet files, by name, to a folder."""
     for name, table in tables.items():
         write_table(table, folder / f"{name}.parquet")
 
 
 def leave_out(folder: Path, reason: str) -> None:
-    """Say in a folder why it holds nothing else; about empty ones DVC warns."""
+    """Write the reason why a folder is otherwise empty; DVC warns about empty folders."""
     folder.mkdir(exist_ok=True)
     (folder / ABSENT).write_text(f"{reason}\n", encoding="utf-8")
 
 
 def local_path(path: str) -> Path:
-    """A path as an entry may have it: from the project's folder, `~` or `$DATA`."""
+    """Local path of an entry's path, which may start with `~` or `$DATA`."""
     if is_public(path):
         return Path(os.environ.get(PUBLIC) or PUBLIC_FOLDER) / path.removeprefix("$DATA").lstrip("/")
     return home_path(path)
 
 
 def is_public(path: str) -> bool:
-    """Whether it lies in the folder of public sets, in which some may be missing."""
+    """Whether a path is in the folder of public sets, some of which may be missing."""
     return path.partition("/")[0] == "$DATA"
 
 
 def run_for_task(main: Callable[[TaskFiles], None], out: str = "") -> None:
-    """Run a stage for the task that the command line names, or else DVC: `tasks/dvc.yaml:segment@pick`.
+    """Run a stage for the task named on the command line, or by DVC: `tasks/dvc.yaml:segment@pick`.
 
-    `out`: name of the folder that it writes; where the task is absent, only the reason is written there.
+    `out`: name of its output folder; if the task is absent, only the reason is written there.
     """
 
     def of_task() -> None:

@@ -1,13 +1,13 @@
-"""Recordings of a task, read once with its reader: checked, put on its clock, named by what they are for.
+"""Import of a task's recordings by its reader: checked, synchronised, and named by purpose.
 
-A reader is a module of `structlearn.readers` with a function for each kind of data that it has,
+A reader is a module of `structlearn.readers` with a function for each kind of data that it supports,
 
     read_movement(folder, entry, left_out) -> list[Recording]
     read_motion(folder, entry, left_out) -> list[JointLog] | list[DriveLog]
     read_obstacles(folder, entry, left_out) -> list[Recording], with shapes, and `person` in their provenance
     read_touch(folder, entry, left_out) -> list[TouchLog], or list[Recording] where `entry.over_time`
 
-where `entry` has the task's parameters, and `left_out[file] = reason` names what could not be read.
+where `entry` is the task's parameters, and `left_out[file] = reason` lists what could not be read.
 """
 
 import importlib
@@ -48,17 +48,17 @@ from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
-# Readers elsewhere; `bags`: at the end of this module, for files of any format of `readers.source`.
+# Readers elsewhere; `bags`, at the end of this module, reads files of any format of `readers.source`
 OTHERS = {"bags": __name__, "coupling_samples": "structlearn.tasks.obstacles.coupling_samples"}
 
-LeftOut = dict[str, str]  # why files could not be read, by their names
+LeftOut = dict[str, str]  # reasons why files could not be read, by name
 
 
 def import_task(task: SourceParameters, target: Path) -> None:
-    """Publish what was recorded in a folder, with `left_out.csv`.
+    """Publish the recordings in a folder, with `left_out.csv`.
 
-    Of a public set that is missing or that cannot be read the folder says why, and the pipeline goes on.
-    Raises InputError: recordings of a lab cannot be read or fail their checks.
+    For a public set that is missing or unreadable, the folder states why, and the pipeline continues. Raises
+    InputError: recordings of a lab cannot be read or fail their checks.
     """
     left_out, public = LeftOut(), f"{local_path('$DATA')}/"
     with publish(target) as folder:
@@ -69,7 +69,7 @@ def import_task(task: SourceParameters, target: Path) -> None:
             if not is_public(task.source):
                 raise
             reason = str(error).replace(public, "")
-            shutil.rmtree(folder)  # parts of it
+            shutil.rmtree(folder)  # incomplete output
             leave_out(folder, reason)
             if not isinstance(error, MissingInputError):
                 left_out[""] = reason
@@ -82,7 +82,7 @@ def import_task(task: SourceParameters, target: Path) -> None:
 def reader(task: SourceParameters) -> Callable[[Path, Any, LeftOut], Any]:
     """The function of a task's reader for its kind of data.
 
-    Raises InputError: there is no such reader, or it does not read this kind.
+    Raises InputError: there is no such reader, or it does not support this kind.
     """
     name, function = task.reader, f"read_{task.kind}"
     modules = {one.name: f"{readers.__name__}.{one.name}" for one in iter_modules(readers.__path__)} | OTHERS
@@ -93,9 +93,9 @@ def reader(task: SourceParameters) -> Callable[[Path, Any, LeftOut], Any]:
 
 
 def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
-    """What a task's reader finds in a file or folder.
+    """Read a file or folder by a task's reader.
 
-    Raises MissingInputError: of a public set, there is none. InputError: it cannot be read.
+    Raises MissingInputError: a public set is missing. InputError: it cannot be read.
     """
     path = local_path(source)
     if is_public(source) and not path.exists():
@@ -104,7 +104,7 @@ def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
 
 
 def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
-    """`demonstrations`, `executions`, `corrections/SETTING`, `corrected` (runs), `came_in`, `repeats`."""
+    """Write `demonstrations`, `executions`, `corrections/SETTING`, `corrected`, `came_in`, `repeats`."""
     recordings = {"demonstrations": read_source(task, task.source, left_out)}
     if task.feedback is not None:
         recordings["executions"] = read_source(task, task.feedback.executions, left_out)
@@ -115,7 +115,7 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
         other = task.model_copy(update={"part": task.corrections.part})
         try:
             recordings["corrected"] = read_source(other, task.corrections.source, left_out)
-        except MissingInputError as missing:  # of a public set, whose other movements go on
+        except MissingInputError as missing:  # of a public set; its other movements are still imported
             print(missing)
     for name, its in recordings.items():
         runs = _on_clock(task, its, task.clock, left_out)
@@ -136,7 +136,7 @@ def _logs(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
 
 
 def _touches(task: TouchParameters, folder: Path, left_out: LeftOut) -> None:
-    """`touches`, or of a finger over time `streams`, since touch counts at the sensor's own rate."""
+    """Write `touches` or, for a finger over time, `streams`, since touch is sampled at the sensor's rate."""
     found = read_source(task, task.source, left_out)
     if task.over_time:
         checked = {one.name for one in _on_clock(task, found, None, left_out)}
@@ -146,17 +146,17 @@ def _touches(task: TouchParameters, folder: Path, left_out: LeftOut) -> None:
 
 
 def _reaches(task: ObstacleEntry, folder: Path, left_out: LeftOut) -> None:
-    """`reaches` (runs), or `samples` of the coupling term with their `provenance`."""
+    """Write `reaches` (runs), or `samples` of the coupling term with their `provenance`."""
     found = read_source(task, task.source, left_out)
     if isinstance(found, RecordedSamples):
         write_table(to_table(found.samples), folder / "samples.parquet")
         write_metrics(found.provenance, folder / "provenance.json")
     else:
-        runs = _on_clock(task, found, task.clock, left_out, refuse_jumps=False)  # the protocol names them
+        runs = _on_clock(task, found, task.clock, left_out, refuse_jumps=False)  # reported by the protocol
         write_runs(runs, folder / "reaches.parquet")
 
 
-# By kind: reads with the task's reader, and writes into a folder.
+# By kind: function that reads with the task's reader and writes to a folder
 WRITERS: dict[str, Callable[[Any, Path, LeftOut], None]] = {
     "movement": _movements,
     "motion": _logs,
@@ -172,8 +172,8 @@ def _on_clock(
     left_out: LeftOut,
     refuse_jumps: bool = True,
 ) -> list[Demonstration]:
-    """What fails its checks is left out or an error, see `_goes_on`."""
-    on = clock.model_dump() if clock else {}  # without: the rate of the poses
+    """Synchronised recordings; those that fail their checks are left out or raise, see `_goes_on`."""
+    on = clock.model_dump() if clock else {}  # default: the rate of the poses
     runs = []
     for one in recordings:
         try:
@@ -211,13 +211,13 @@ def read_movement(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording
 
 
 def _goes_on(task: SourceParameters) -> bool:
-    """Whether recordings that fail are left out: of a public set, or as the entry of a movement says."""
+    """Whether failing recordings are left out: those of a public set, or if a movement's entry says so."""
     cutting = task.segment if isinstance(task, MovementEntry) else None
     return is_public(task.source) or (cutting is not None and cutting.skip_failures)
 
 
 def read_motion(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[JointLog]:
-    """Logs of the joints that the entry's URDF has."""
+    """Logs of the joints of the entry's URDF."""
     from structlearn.tasks.motion.joint_motion import arm_of
 
     robot, _ = arm_of(entry)
@@ -228,8 +228,8 @@ def read_motion(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[JointLo
 
 
 def read_obstacles(folder: Path, entry: Any, left_out: LeftOut) -> list[Recording]:
-    """Reaches of a folder, or of its sub-folders, one per person; else each is a person of its own."""
-    people = [path for path in subfolders(folder) if not (path / "metadata.yaml").exists()]  # no bag
+    """Reaches of a folder, or of its sub-folders, one per person; else each reach is by another person."""
+    people = [path for path in subfolders(folder) if not (path / "metadata.yaml").exists()]  # not bags
     found = []
     for one in people or [folder]:
         for reach in read_recordings(one, entry.topics, entry.stamps):
@@ -239,7 +239,7 @@ def read_obstacles(folder: Path, entry: Any, left_out: LeftOut) -> list[Recordin
 
 
 def read_touch(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[TouchLog | Recording]:
-    """Tables of touches, or else bags with a tactile signal and the pose of what touches."""
+    """Tables of touches, or bags with a tactile signal and the pose of the probe."""
     logs = [log for path in touch_tables(folder) for log in read_touch_table(path, entry.channels)]
     if logs:
         return logs
@@ -250,10 +250,9 @@ def read_touch(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[TouchLog
 
 
 def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]:
-    """Folders of a source by the label of their setting: those that are named, then all others.
+    """Folders of a source by the label of their setting: the named ones, then all others.
 
-    Raises InputError: there is no such folder, two of its folders are one setting, or one of those named is
-    missing.
+    Raises InputError: there is no such folder, two folders have the same setting, or a named one is missing.
     """
     source, found = home_path(source), dict[str, Path]()
     if not source.is_dir():
@@ -270,6 +269,6 @@ def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]
 
 
 def subfolders(source: Path) -> list[Path]:
-    """Folders inside a folder but hidden ones, in the order of their names."""
+    """Folders inside a folder, except hidden ones, sorted by name."""
     inside = sorted(source.iterdir()) if source.is_dir() else []
     return [path for path in inside if path.is_dir() and not path.name.startswith(".")]

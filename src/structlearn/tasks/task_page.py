@@ -1,4 +1,4 @@
-"""The page of a task: a section for every part that it has, and the claims about a public set."""
+"""Page of a task: a section for every part that it has, and the claims about a public set."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -41,7 +41,7 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
 
 NAMED = ("primitives", "feedback", "skill", "check", "motion", "touch", "obstacles")
 STAGES = {"recorded": "import_movement", "segments": "segment"} | {name: name for name in NAMED}
-"""By folder of a task's data: the stage that writes it."""
+"""Stage that writes each folder of a task's data."""
 
 
 def publish_page(files: TaskFiles) -> None:
@@ -107,7 +107,7 @@ def command(name: str, public: bool) -> str:
 
 
 def _made(make: Callable[[TaskFiles], Section | None], files: TaskFiles) -> Section | None:
-    """A section, if the task has it, with templates named from the package of tasks."""
+    """A section, if the task has it, with templates prefixed by the package of tasks."""
     section = make(files)
     if section is None:
         return None
@@ -121,7 +121,7 @@ def _made(make: Callable[[TaskFiles], Section | None], files: TaskFiles) -> Sect
 
 
 def judged(name: str, find: Findings, facts: Mapping[str, object]) -> list[Judged]:
-    """Claims about a task, in `claims/NAME.yaml` beside its entry; not tested where there are no data."""
+    """Judged claims of `claims/NAME.yaml` about a task; not tested without data."""
     path = CLONE / "claims" / f"{name}.yaml"
     if not path.exists():
         return []

@@ -1,1 +1,1 @@
-"""What recordings hold, whether they are fit to be learned from, and an entry for them."""
+"""Inspection of recordings: their content, their fitness for learning, and a proposed task entry."""

@@ -1,4 +1,4 @@
-"""Clocks of a topic as it was recorded: rates, gaps, disorder, delays. Disorder is counted, not mended."""
+"""Clocks of a topic as recorded: rates, gaps, disorder, delays. Disorder is counted, not repaired."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,9 +12,9 @@ from structlearn.readers.messages import nanoseconds
 
 @dataclass(frozen=True)
 class Stamps:
-    """One clock; its rate is one over the median step (NaN of a single stamp).
+    """Statistics of one clock; the rate is one over the median step (NaN for a single stamp).
 
-    `repeated` and `backward` messages have the stamp of the one before, or an earlier one.
+    `repeated` and `backward` count stamps equal to, or earlier than, their predecessor.
     """
 
     count: int
@@ -28,12 +28,12 @@ class Stamps:
 
     @property
     def disorder(self) -> float:
-        """Share of stamps that do not come after the one before."""
+        """Share of stamps that are not later than their predecessor."""
         return (self.repeated + self.backward) / self.count
 
 
 class TopicClocks(NamedTuple):
-    """When the recorder got messages, and when they were taken by their headers (None: no header is set)."""
+    """Clock of reception by the recorder, and of the samples by their headers (None: no header is set)."""
 
     log: Stamps
     header: Stamps | None = None
@@ -41,12 +41,12 @@ class TopicClocks(NamedTuple):
 
     @property
     def own(self) -> Stamps:
-        """The clock by which the messages are read: the header's, where it is set."""
+        """The clock that readers use: the headers', if set."""
         return self.header or self.log
 
 
 def topic_clocks(where: str, messages: RawMessages) -> TopicClocks:
-    """Both clocks of a topic with at least one message; of several transforms in one the first's header.
+    """Both clocks of a topic with at least one message; for several transforms in one, the first's header.
 
     Raises InputError: a message cannot be decoded.
     """
@@ -58,7 +58,7 @@ def topic_clocks(where: str, messages: RawMessages) -> TopicClocks:
             headers[group.rows] = nanoseconds(first.header.stamp)
     if not headers.any():
         return TopicClocks(log)
-    delays_s = 1e-9 * (messages.log_times - headers)  # exact: int64 before it is rounded
+    delays_s = 1e-9 * (messages.log_times - headers)  # subtracted as int64 to stay exact
     return TopicClocks(log, stamps_of(headers), float(np.median(delays_s)))
 
 

@@ -1,7 +1,7 @@
-"""Whether demonstrations are fit to be learned from: questions, each with a verdict and its number.
+"""Whether demonstrations are fit for learning: questions, each with a verdict and the number behind it.
 
-Nothing has been configured yet, so bounds are those of the readers and of the method where they have one, and
-else rules of thumb with their reason beside them. A doubtful answer is no obstacle; it says where to look.
+Nothing has been configured yet, so bounds are those of the readers and the method, if any, and otherwise
+rules of thumb with a reason beside them. A doubtful answer does not block anything; it says where to look.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,22 +15,22 @@ from structlearn.tasks.inspection.source_survey import SourceSeen
 
 Verdict = Literal["yes", "doubtful", "no"]
 
-# Bounds: yes from (or to) the first, doubtful from (or to) the second.
-# Demonstrations: one has nothing to be compared with; of fewer than five, the mean error of those that are
-# left out has an interval as wide as itself.
+# Bounds: yes beyond the first, doubtful up to the second.
+# Demonstrations: a single one has nothing to be compared with; below five, the interval of the mean error on
+# left-out ones is as wide as the error.
 ENOUGH = (5, 2)
-EXTENT_M = (0.05, 0.01)  # how far the hand gets: below a centimetre sway and movement are of one size
-RATES_HZ = (50.0, 20.0)  # of poses: people's moves end at 5 Hz, and derivatives want ten samples of that
-# s, by which clocks differ: at 0.5 m/s that is 10 and 50 mm between what two topics say of one moment.
+EXTENT_M = (0.05, 0.01)  # extent of the hand's motion: below a centimetre it is as small as sway
+RATES_HZ = (50.0, 20.0)  # of poses: human motion ends at 5 Hz, and derivatives need ten samples per period
+# s, difference between clocks: at 0.5 m/s, 10 and 50 mm between what two topics report at one time.
 IN_STEP_S = (0.02, 0.1)
-# Share of stamps that do not come after the one before: none, or so few that to drop them harms nothing.
+# Share of stamps that are not later than their predecessor: none, or so few that dropping them is harmless.
 DISORDERED = (0.0, 0.01)
-FARTHEST_M = 10.0  # no arm and no hand that shows it a movement gets so far
-MOST_TURNED = 4.0 * np.pi  # rad, of a joint: only those that wind go further, and all that are in degrees
+FARTHEST_M = 10.0  # beyond the reach of any arm and demonstrator
+MOST_TURNED = 4.0 * np.pi  # rad, of a joint: more is a winding joint, or values in degrees
 
 
 class Answer(NamedTuple):
-    """One question about the recordings, the number its answer rests on, and what to do unless it is yes."""
+    """One question about the recordings, its verdict, the number behind it, and advice unless it is yes."""
 
     question: str
     verdict: Verdict
@@ -39,22 +39,22 @@ class Answer(NamedTuple):
 
 
 def at_least(value: float, bounds: tuple[float, float]) -> Verdict:
-    """NaN is no."""
+    """Verdict on a value that should be large; NaN is no."""
     return "yes" if value >= bounds[0] else "doubtful" if value >= bounds[1] else "no"
 
 
 def at_most(value: float, bounds: tuple[float, float]) -> Verdict:
-    """NaN is no."""
+    """Verdict on a value that should be small; NaN is no."""
     return at_least(-value, (-bounds[0], -bounds[1]))
 
 
 def fitness(
     seen: SourceSeen, hand: Candidate | None, motion: MotionSurvey | None, topics: Sequence[str]
 ) -> Iterator[Answer]:
-    """All questions that can be asked of the files.
+    """All questions that apply to the files.
 
-    `hand`: whose poses are taken for the hand's; `motion`: its runs, None where it does not move; `topics`:
-    which are to be read.
+    `hand`: source of the hand's poses; `motion`: runs of motion, None if the hand does not move; `topics`:
+    the topics to be read.
     """
     count, total = len(seen.files), len(seen.files) + len(seen.damaged)
     readable: Verdict = "doubtful" if seen.damaged else "yes"
@@ -89,7 +89,7 @@ def fitness(
 
 def _no_hand(seen: SourceSeen) -> Answer:
     types = {name for file in seen.files for one in file.topics.values() for name in one.types}
-    foreign = sorted(name for name in types if "[" in name)  # an encoding that is not read, see `bag`
+    foreign = sorted(name for name in types if "[" in name)  # unsupported encodings, see `bag`
     advice = f"convert to ROS 2 messages, or to a table of poses: {'; '.join(foreign)}" if foreign else ""
     for topic, joints in seen.arms()[:1]:
         advice = f"there are joints in {topic} ({', '.join(joints.names)}): name their robot, URDF=..."
@@ -140,7 +140,7 @@ def _of_clocks(seen: SourceSeen, topics: Sequence[str], pose: PoseSource) -> Ite
 
 
 def out_of_step(seen: SourceSeen, topics: Sequence[str]) -> tuple[float, str]:
-    """By how much delays of topics differ in s, and in which file; a delay that all share harms nobody."""
+    """Spread of the topics' delays in s, and the file with the largest; a common delay is harmless."""
     found = [(0.0, "")]
     for file in seen.files:
         delays = [one.delay_s for name, _, one in seen.clocks(topics) if name == file.name and one.header]

@@ -1,8 +1,8 @@
-"""How the hand moves in recordings without an entry: which poses are the hand's, and how many moves it makes.
+"""Motion of the hand in recordings without a task entry: the source of its poses, and its number of moves.
 
-A threshold of the speed that is right for one task is wrong for the next, so those are tried that the cutting
-tries. At each, a demonstration is a row of long and short runs. What most demonstrations show alike is the
-task; short runs count if they, too, stand at the same places.
+No single speed threshold suits all tasks, so the thresholds of the segmentation are tried. At each, a
+demonstration is a sequence of long and short runs. The sequence that most demonstrations share is the task;
+short runs count if they, too, occur at the same positions in it.
 """
 
 from collections import Counter
@@ -20,30 +20,31 @@ from structlearn.rigid_body.urdf import HANDS
 from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
 from structlearn.tasks.inspection.clocks import Stamps, stamps_of
 
-# Hz, low-pass of the positions before they are differentiated: the method's for finding a movement.
+# Hz, low-pass of the positions before differentiation: that of the method for finding movements.
 SPEED_HZ = 2.0
-MOST_TICKS = 10**7  # of a uniform clock; more of them mean that a stamp lies years away from the others
-LEAST_EXTENT_M = 0.01  # how far a hand gets at least: less is sway
+MOST_TICKS = 10**7  # of a uniform clock; more mean that a stamp is years away from the others
+LEAST_EXTENT_M = 0.01  # least extent of a hand's motion; less is sway
 
-# Share of the largest way from which on frames of one tree move alike: then the likeliest name is taken.
+# Share of the longest path above which frames of one tree move alike: then the likeliest name is taken.
 ALIKE = 0.9
 
-# Which threshold is taken where they serve alike: low, so that no slow move is lost, and above the sway.
+# Index of the preferred threshold among equally good ones: low, to keep slow moves, and above the sway.
 PREFERRED = 1
-BRIDGE_S = 0.2  # s; a shorter dip in speed is a hesitation: people who stop on purpose do for longer
+BRIDGE_S = 0.2  # s; shorter dips in speed are hesitations: deliberate stops last longer
 
-# Of the longest run of a demonstration, below which a run is short: idle, unless all have it.
+# Share of a demonstration's longest run below which a run is short: ignored, unless all demonstrations have
+# it.
 SHORT_SHARE = 0.1
 
 PoseSource = str | TransformPose | JointPose
-# Sources of poses, the likeliest for the hand's first; a string is a topic of poses.
+# Types of pose sources, the likeliest first; a string is a topic of poses.
 KINDS = (str, TransformPose, JointPose)
 
 
 class HandPath(NamedTuple):
-    """Positions (T, 3) m and speeds (T,) m/s of one source of poses in one file, on a uniform clock.
+    """Positions (T, 3) m and speeds (T,) m/s from one source of poses in one file, on a uniform clock.
 
-    `orientation` (T, 4) is None where a quaternion has norm 0.
+    `orientation` (T, 4) is None if a quaternion has norm 0.
     """
 
     dt: float
@@ -54,14 +55,14 @@ class HandPath(NamedTuple):
 
     @property
     def extent_m(self) -> float:
-        """Diagonal of the box that holds it."""
+        """Diagonal of the path's bounding box."""
         return float(np.linalg.norm(np.ptp(self.position, axis=0)))
 
 
 def hand_path(stream: Stream) -> HandPath:
-    """The path of a stream of poses; stamps in disorder are sorted, and values that are no numbers left out.
+    """Path of a stream of poses; stamps are sorted, and values that are not finite left out.
 
-    Raises InputError: fewer than three samples are left, or stamps lie too far apart for a clock.
+    Raises InputError: fewer than three samples are left, or stamps are too far apart for a clock.
     """
     finite = np.isfinite(stream.values).all(axis=1)
     stamps, places = np.unique(stream.stamps[finite], return_index=True)
@@ -86,7 +87,7 @@ def hand_path(stream: Stream) -> HandPath:
 
 
 class Candidate(NamedTuple):
-    """A source of poses with its paths by file, the medians of their extents and lengths in m."""
+    """A source of poses with its path per file, and their median extent and length in m."""
 
     source: PoseSource
     paths: dict[str, HandPath]
@@ -95,23 +96,22 @@ class Candidate(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether it is more than sway."""
+        """Whether it moves by more than sway."""
         return self.extent >= LEAST_EXTENT_M
 
 
 def pose_words(source: PoseSource) -> str:
-    """A source of poses in words."""
+    """Description of a source of poses."""
     if isinstance(source, TransformPose):
         return f"{source.parent} -> {source.child} in {source.topic}"
     return source if isinstance(source, str) else f"{source.tip} by the joints in {source.topic}"
 
 
 def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candidate]:
-    """All sources of poses that have a path in some file, the likeliest for the hand's first.
+    """All sources of poses with a path in some file, the likeliest for the hand first.
 
-    One that moves, in most of the files, comes before all others; then topics of poses before transforms and
-    those before joints; then what is in more files; then frames that are called like a hand; then what goes
-    the longer way.
+    Sorted by: moves in most of its files; topics of poses before transforms before joints; occurs in more
+    files; frame named like a hand; longer path.
     """
     every = []
     for source in dict.fromkeys(source for by_source in hands.values() for source in by_source):
@@ -120,7 +120,7 @@ def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candi
         every.append(Candidate(source, paths, *np.median(sizes, axis=0).tolist()))
 
     def rank(one: Candidate) -> tuple:
-        """Small is likely; the order in which sources of one kind were found, by their names, breaks ties."""
+        """Sort key: small is likely; ties keep the order of discovery, by name."""
         kind, way = type(one.source), one.travelled
         farthest = max(other.travelled for other in every if type(other.source) is kind)
         if kind is not str and way >= ALIKE * farthest:
@@ -133,7 +133,7 @@ def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candi
 
 
 class MotionRun(NamedTuple):
-    """Speed above a threshold from start to end (s since the first pose) over a distance in m."""
+    """A run with speed above a threshold: start and end in s since the first pose, and length in m."""
 
     start_s: float
     end_s: float
@@ -142,22 +142,22 @@ class MotionRun(NamedTuple):
 
 
 class MotionSurvey(NamedTuple):
-    """Runs of motion of all demonstrations at the threshold (m/s) at which most agree."""
+    """Runs of motion of all demonstrations, at the threshold (m/s) at which most agree."""
 
     threshold: float
     runs: Mapping[str, Sequence[MotionRun]]
     with_short: bool
     number: int  # of runs in most of the demonstrations
-    agreeing: tuple[str, ...]  # their names
-    turns_deg: tuple[float, ...] = ()  # median turns from one run to the next; none without orientations
+    agreeing: tuple[str, ...]  # names of these demonstrations
+    turns_deg: tuple[float, ...] = ()  # median turns between consecutive runs; empty without orientations
 
     def counted(self, name: str) -> list[MotionRun]:
-        """Runs of a demonstration, without short ones where they do not count."""
+        """Runs of a demonstration, without short ones unless they count."""
         return [run for run in self.runs[name] if self.with_short or not run.short]
 
 
 def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
-    """Runs of motion of demonstrations by name, and the number in which most agree."""
+    """Runs of motion of the named demonstrations, and the number on which most agree."""
     moved = [Motion(path.position, path.speed, path.speed, False) for path in paths.values()]
     choices = []
     for (place, fraction), with_short in product(enumerate(FRACTIONS), (True, False)):
@@ -176,7 +176,7 @@ def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
 
 
 def turns_between(path: HandPath, runs: Sequence[MotionRun]) -> list[float]:
-    """Degrees by which the hand turns from the end of each run to the start of the next."""
+    """Degrees by which the hand turns between the end of each run and the start of the next."""
     if path.orientation is None:
         return []
     ends = np.array([run.end_s for run in runs[:-1]]) / path.dt
@@ -186,7 +186,7 @@ def turns_between(path: HandPath, runs: Sequence[MotionRun]) -> list[float]:
 
 
 def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:
-    """Runs of a path's speed above a threshold, joined across hesitations, in their order."""
+    """Runs of a path's speed above a threshold, joined across hesitations, in order."""
     runs = runs_of_motion(path.speed, threshold, most=len(path.speed))
     if not len(runs):
         return []

@@ -1,6 +1,6 @@
-"""An entry of `stages/tasks/own.yaml` for recordings: what the files tell and the defaults do not.
+"""Proposed entry of `stages/tasks/own.yaml` for recordings: values that the files imply, beyond the defaults.
 
-What was chosen among several, and what may go wrong, is said beside the key that it is about.
+Choices among several candidates, and what may go wrong, are stated beside the key that they concern.
 """
 
 import re
@@ -16,16 +16,16 @@ from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, po
 from structlearn.tasks.inspection.source_survey import SourceSeen
 from structlearn.tasks.task_files import local_path
 
-# What topics of tactile arrays are mostly called; other arrays are commands and the like.
+# Usual names of topics of tactile arrays; other arrays are commands and the like.
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
 
-# Degrees that a hand turns while its position rests, from which on this may be a primitive: sensors are ten
-# times as good.
+# Turn of a hand in degrees while its position rests, above which this may be a primitive; sensors are ten
+# times as accurate.
 TURN_DEG = 3.0
 
 
 class Proposal(NamedTuple):
-    """What to paste below `movement:`, warnings by dotted keys, and the topics that are read then."""
+    """Entry to paste below `movement:`, warnings by dotted key, and the topics that it reads."""
 
     name: str
     entry: Mapping[str, Any]
@@ -36,10 +36,10 @@ class Proposal(NamedTuple):
 def propose(
     seen: SourceSeen, hand: Candidate, others: Sequence[Candidate], motion: MotionSurvey | None
 ) -> Proposal:
-    """The entry for what was seen: the chosen source of poses, others, the likelier first, and its motion."""
+    """Entry for a source, given the chosen source of poses, the others by likelihood, and the motion."""
     source = hand.source
     topics, warnings = _topics(seen, hand, others)
-    read = [source if isinstance(source, str) else source.topic]  # not transforms at rest
+    read = [source if isinstance(source, str) else source.topic]  # static transforms excluded
     read += [topics[kind] for kind in ("joint_states", "wrench") if kind in topics]
     read = list(dict.fromkeys([*read, *topics.get("tactile", [])]))
     entry: dict[str, Any] = {"source": from_home(seen.source), "topics": topics}
@@ -61,14 +61,14 @@ def propose(
 
 
 def task_name(source: str) -> str:
-    """A name for a task whose files lie at a path: lower-case letters, digits and _ of its last part."""
+    """Task name from a path: lower-case letters, digits and _ of its last part."""
     path = local_path(source).absolute()
     words = re.findall(r"[a-z0-9]+", (path.stem if path.is_file() else path.name).lower())
     return "_".join(words)[:60] or "task"
 
 
 def from_home(path: str) -> str:
-    """A path as it can be kept in a file that others read: with `~` for the home folder, else as it is."""
+    """Portable form of a path: with `~` for the home folder, else unchanged."""
     home = Path.home()
     return f"~/{Path(path).relative_to(home)}" if Path(path).is_relative_to(home) else path
 
@@ -105,7 +105,7 @@ def _topics(
 
 
 def _of_types(seen: SourceSeen, types: Collection[str]) -> list[str]:
-    """Topics of such messages that every file has, in the order of their names."""
+    """Topics of these types that every file has, sorted by name."""
     fitting = [
         {name for name, its in file.topics.items() if its.clocks and set(its.types) <= set(types)}
         for file in seen.files
@@ -124,7 +124,7 @@ def _pose_warnings(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate
 
 
 def _stamps(seen: SourceSeen, read: Sequence[str], hand: Candidate) -> tuple[dict[str, str], list[str]]:
-    """How stamps are to be read, and why where this is not the default."""
+    """How to read stamps, and the reasons if this is not the default."""
     off, _ = out_of_step(seen, read)
     by_log = off > IN_STEP_S[1]
     logs = [(name, topic, one.log) for name, topic, one in seen.clocks(read)]
@@ -142,7 +142,7 @@ def _stamps(seen: SourceSeen, read: Sequence[str], hand: Candidate) -> tuple[dic
 
 
 def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
-    """Their number, and what speaks against it."""
+    """Number of primitives, and doubts about it."""
     if motion is None or motion.number == 0:
         none = "no motion was found" if motion is None else "runs of motion do not agree"
         return 1, [f"{none}; how many moves are there?"]
@@ -164,6 +164,6 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
 
 
 def _listed(words: Sequence[str], most: int = 4) -> str:
-    """Words with commas, and how many more there are."""
+    """Words joined by commas, with the number of omitted ones."""
     more = f" and {len(words) - most} more" if len(words) > most else ""
     return ", ".join(words[:most]) + more

@@ -1,6 +1,6 @@
-"""Recordings before anything is configured, in words: `structlearn inspect ~/bags`.
+"""Report on recordings before anything is configured: `structlearn inspect ~/bags`.
 
-Says what the files hold, whether they are fit to be learned from, and proposes an entry of a task.
+States what the files contain and whether they are fit for learning, and proposes a task entry.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,22 +30,22 @@ from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, loo
 FORMATS = {"mcap": "MCAP", "db3": "ROS 2 bag (sqlite3)", "bag": "ROS 1 bag", "table": "table of poses"}
 
 HEADINGS = ("topic", "type", "messages", "rate", "largest gap", "clock", "log - header")
-RIGHT = (2, 3, 4, 6)  # columns of numbers
+RIGHT = (2, 3, 4, 6)  # right-aligned columns
 SECONDS_OF_A_YEAR = 3.2e7
 
 
 class Findings(NamedTuple):
-    """What a source holds, and what follows from it."""
+    """Content of a source, and conclusions."""
 
     seen: SourceSeen
-    sources: Sequence[Candidate]  # of poses; the first is taken for the hand's
-    motion: MotionSurvey | None  # None: it does not move
-    proposal: Proposal | None  # None: nothing could be its pose
+    sources: Sequence[Candidate]  # of poses; the first is taken as the hand
+    motion: MotionSurvey | None  # None: the hand does not move
+    proposal: Proposal | None  # None: there are no poses
     answers: Sequence[Answer]
 
 
 def inspect(source: str, urdf: str | None, output: Path | None) -> None:
-    """Print what a source holds; publish the proposed entry where a file is named for it."""
+    """Print the report on a source; publish the proposed entry if an output file is given."""
     found = find_out(source, urdf)
     print("\n".join(printable(line).rstrip() for line in report(found)))
     if output is not None and found.proposal is not None:
@@ -54,7 +54,7 @@ def inspect(source: str, urdf: str | None, output: Path | None) -> None:
 
 
 def find_out(source: str, urdf: str | None = None) -> Findings:
-    """Look at a source, see `look_at`."""
+    """Inspect a source, see `look_at`."""
     seen = look_at(source, urdf)
     found = candidates({file.name: file.hands for file in seen.files})
     if not found:
@@ -65,7 +65,7 @@ def find_out(source: str, urdf: str | None = None) -> Findings:
 
 
 def report(found: Findings) -> Iterator[str]:
-    """All of it in lines."""
+    """Lines of the report."""
     seen = found.seen
     yield from (f"{seen.source}: {len(seen.files)} recording{'s' if seen.files[1:] else ''}", "")
     for file in seen.files:
@@ -96,9 +96,9 @@ def report(found: Findings) -> Iterator[str]:
 
 
 def as_yaml(proposal: Proposal) -> list[str]:
-    """Lines of an entry below `movement:`, indented as there, each value with its warnings above it."""
+    """Lines of an entry below `movement:`, indented accordingly, with warnings above their values."""
     lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.warnings, "", " " * 4)]
-    return [printable(line) for line in lines]  # a warning that broke its line would become an entry
+    return [printable(line) for line in lines]  # a line break in a warning would become part of the entry
 
 
 def _entry(
@@ -119,7 +119,7 @@ def _file(file: FileSeen) -> Iterator[str]:
     logs = [seen.clocks.log for seen in file.topics.values() if seen.clocks]
     start = min((log.first_s for log in logs), default=0.0)
     end = max((log.last_s for log in logs), default=0.0)
-    known = start > SECONDS_OF_A_YEAR  # else the clock counts from some start of its own
+    known = start > SECONDS_OF_A_YEAR  # otherwise the clock has another epoch
     when = datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if known else f"{start:.2f} s"
     count = sum(log.count for log in logs)
     yield f"{file.name}: {FORMATS[file.format]}, {end - start:.2f} s from {when}, {count} readable messages"
@@ -157,7 +157,7 @@ def _times(runs: Sequence[MotionRun]) -> str:
 
 
 def _aligned(rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
-    """Rows as indented lines whose columns stand below each other."""
+    """Rows as indented lines with aligned columns."""
     columns = [[printable(cell) for cell in column] for column in zip(*rows, strict=True)]
     for place, column in enumerate(columns):
         width = max(map(len, column))

@@ -1,6 +1,6 @@
-"""What the files of a source hold, as far as it matters for learning from them.
+"""Content of the files of a source, as far as it matters for learning.
 
-Files are opened one after another; what cannot be read is remembered by its reason, and the others go on.
+Files are opened one after another; the reasons why some cannot be read are kept, and the others processed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,10 +29,10 @@ from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, 
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path
 
-# Disorder is counted elsewhere and refused by nobody here.
+# Disorder is counted elsewhere, and not refused here.
 AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
 
-# Types whose messages are looked at; of others, such as camera images, only the topic is listed.
+# Types whose messages are read; for others, such as camera images, only the topic is listed.
 KNOWN = {name for types in READERS.values() for name in types}
 
 
@@ -40,15 +40,15 @@ class TopicSeen(NamedTuple):
     """A topic of a file."""
 
     types: tuple[str, ...]
-    clocks: TopicClocks | None  # None: it has no messages that can be read
+    clocks: TopicClocks | None  # None: it has no readable messages
     joints: Sequence[JointSeries] = ()
     links: Sequence[TransformSeries] = ()
-    series: Sequence[Stamps] = ()  # of the joints of whoever publishes the most, else of the topic
+    series: Sequence[Stamps] = ()  # of the joints of the largest publisher, else of the topic
     fault: str = ""  # why joint states or transforms cannot be read
 
 
 class FileSeen(NamedTuple):
-    """A file that could be opened: topics by name, the path of each source of poses, or why it has none."""
+    """A readable file: topics by name, and per source of poses its path or the reason why it has none."""
 
     name: str
     format: str
@@ -58,7 +58,7 @@ class FileSeen(NamedTuple):
 
 
 class SourceSeen(NamedTuple):
-    """All files of a source in natural order; of those that could not be opened the reason."""
+    """All files of a source in natural order, and the reasons why others cannot be opened."""
 
     source: str
     urdf: str | None
@@ -66,7 +66,7 @@ class SourceSeen(NamedTuple):
     damaged: Mapping[str, str]
 
     def on(self, topics: Sequence[str]) -> list[tuple[str, str, TopicSeen]]:
-        """Those of some topics that are there, each with its file and name."""
+        """Existing topics among those given, each with its file and name."""
         every = product(self.files, topics)
         return [(file.name, name, file.topics[name]) for file, name in every if name in file.topics]
 
@@ -75,7 +75,7 @@ class SourceSeen(NamedTuple):
         return [(file, name, seen.clocks) for file, name, seen in self.on(topics) if seen.clocks]
 
     def series(self, topics: Sequence[str], pose: PoseSource) -> list[tuple[str, str, Stamps]]:
-        """Stamps of every series on the topics, with its file and topic; of transforms those of the pose."""
+        """Stamps of every series on the topics, with file and topic; for transforms, those of the pose."""
         of_pose = {file.name: [file.hands[pose].stamps] for file in self.files if pose in file.hands}
         framed = pose.topic if isinstance(pose, TransformPose) else ""
         return [
@@ -90,7 +90,7 @@ class SourceSeen(NamedTuple):
 
 
 def look_at(source: str, urdf: str | None = None) -> SourceSeen:
-    """Open every file of a source; `urdf`: of the robot, to compute poses from joints.
+    """Inspect every file of a source; `urdf`: of the robot, to compute poses from joints.
 
     Raises:
         InputError: the source is missing or empty, none of its files can be opened, or the URDF is no robot.
@@ -98,7 +98,7 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
     if urdf and not local_path(urdf).is_file():
         urdf = _shipped(urdf)
     if urdf:
-        moving_joints(local_path(urdf))  # a wrong file is told of before any bag is opened
+        moving_joints(local_path(urdf))  # reports a wrong file before any bag is opened
     files, damaged = [], {}
     for file in recording_files(source):
         try:
@@ -112,8 +112,8 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
 
 
 def _shipped(urdf: str) -> str:
-    """Path of a file of `pybullet_data`, which entries may name; any other name as it is."""
-    from structlearn.simulation.arm import urdf_path  # loads PyBullet's data alone where it is asked for
+    """Path of a file of `pybullet_data`, which entries may name; other names are unchanged."""
+    from structlearn.simulation.arm import urdf_path  # loads PyBullet's data only when needed
 
     with suppress(InputError):
         return str(urdf_path(urdf))
@@ -121,7 +121,7 @@ def _shipped(urdf: str) -> str:
 
 
 def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
-    """Open one file, or raise an InputError."""
+    """Inspect one file. Raises InputError: it cannot be opened."""
     types = {topic: tuple(map(short_name, names)) for topic, names in open_bag(file, ()).topics.items()}
     messages = open_bag(file, [topic for topic, names in types.items() if KNOWN.issuperset(names)]).messages
     topics = {
@@ -138,7 +138,7 @@ def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
 
 
 def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
-    """Positions of the most joints that share a clock, with their topic."""
+    """Topic and positions of the largest set of joints that share a clock."""
     arms = [(topic, joints) for topic, seen in topics.items() for joints in seen.joints]
     arms = [(topic, joints) for topic, joints in arms if "joint_positions" in joints.values]
     return max(arms, key=lambda arm: len(arm[1].names), default=None)
@@ -167,7 +167,7 @@ def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMes
 
 
 def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[PoseSource]:
-    """Whatever may be the hand's pose: topics of poses, then moving frames, then the tip of the robot."""
+    """All candidates for the hand's pose: topics of poses, moving frames, the tip of the robot."""
     found: list[PoseSource] = [
         topic for topic, seen in topics.items() if len(seen.types) == 1 and seen.types[0] in READERS["pose"]
     ]
@@ -192,8 +192,8 @@ def frame_pairs(
 ) -> list[tuple[str, str]]:
     """Frames at the ends of the tree whose pose in the base changes, each with that base.
 
-    The base is the last frame on the way from the root to which only static links lead: a joint that rests in
-    one recording may move in the next. What a frame that is called like a hand carries is no end.
+    The base is the last frame from the root to which only static links lead, since a joint at rest in one
+    recording may move in the next. Frames carried by a frame named like a hand are not ends.
     """
     parents = {link.child: link.parent for link in (*static, *moving)}
     children = {link.child for link in moving}
@@ -201,7 +201,7 @@ def frame_pairs(
     pairs, above = set(), set()
     for end in parents.keys() - set(parents.values()):
         way = [end]
-        while way[-1] in parents and parents[way[-1]] not in way:  # a circle of frames has no root
+        while way[-1] in parents and parents[way[-1]] not in way:  # a cycle of frames has no root
             way.append(parents[way[-1]])
         hand = next((place for place, frame in enumerate(way) if HANDS.search(frame)), 0)
         if moves.intersection(way[hand:]):

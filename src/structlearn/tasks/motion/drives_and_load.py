@@ -1,4 +1,4 @@
-"""Drives known by motor currents, a load or payload, and intervals of an arm's links."""
+"""Drives with known motor currents, a load or payload, and intervals of an arm's link parameters."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,13 +29,13 @@ from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.tasks.motion import motion_parameters as names
 from structlearn.tasks.motion.motion_parameters import CENTRE, MotionParameters
 
-# Of least squares that look at a log: sensors of torque or current need not be zeroed.
+# For least-squares checks of a log: sensors of torque or current may have an offset.
 FRICTION = FRICTIONS["offset"]
 PAYLOAD_COLUMNS = 4  # mass and first moment of a link
 
 
 def longest_motion(name: str, velocities: np.ndarray, parameters: MotionParameters) -> slice:
-    """Where the longest motion of a log stands on the clock; without a speed of rest it is the whole log."""
+    """Longest motion of a log on the clock; the whole log if no speed of rest is given."""
     if parameters.rest_rad_s is None:
         return slice(0, len(velocities))
     return excited(name, velocities, parameters.rest_rad_s, round(parameters.rest_s * parameters.rate_hz))
@@ -44,19 +44,19 @@ def longest_motion(name: str, velocities: np.ndarray, parameters: MotionParamete
 def drive_tables(
     tree: KinematicTree, logs: Mapping[str, DriveLog], parameters: MotionParameters
 ) -> dict[str, pd.DataFrame]:
-    """Gains from the log at rest, delays of the currents from the training log.
+    """Gains from the log at rest, and delays of the currents from the training log.
 
-    Gains in motion and delays are found on the test log too, to see whether they come back. Returns
-    `drives`: `quantity` (`AT_REST`, ...), `log`, `blocks` it rests on, `joint`, `value` in N m/A or s.
-    `drive_draws`: the same with `draw` of the bootstrap, without `blocks`. `gains`: see `found_gains`.
-    `delay_curves`: `log`, `delay_s`, `joint`, `squares` over the least.
+    Gains in motion and delays are also estimated on the test log, to see whether they are reproducible.
+    Returns `drives`: `quantity` (`AT_REST`, ...), `log`, number of `blocks`, `joint`, `value` in N m/A or s.
+    `drive_draws`: the same with `draw` of the bootstrap instead of `blocks`. `gains`: see `found_gains`.
+    `delay_curves`: `log`, `delay_s`, `joint`, `squares` relative to the least.
     """
     own, drawing = parameters.drives, parameters.drawing
     assert own is not None
     joints, dt = np.arange(1, len(tree.names) + 1), 1.0 / parameters.rate_hz
     first, last = own.delays_s
     delays = first + own.delay_step_s * np.arange(round((last - first) / own.delay_step_s) + 1)
-    # by quantity and log: blocks, values (n,), and draws (D, n)
+    # by quantity and log: number of blocks, values (n,), draws (D, n)
     found: dict[tuple[str, str], tuple[int, np.ndarray, np.ndarray]] = {}
     curves = []
     if own.rest is not None:
@@ -98,11 +98,10 @@ def drive_tables(
 def on_clock(
     log: DriveLog, rate_hz: float, delays_s: np.ndarray, max_gap_s: float = MAX_GAP_S
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A log on one uniform clock (`clock.on_one_clock`), each joint's current put back to when it acted.
+    """A log on one uniform clock (`clock.on_one_clock`), with each joint's current shifted back by its delay.
 
-    `delays_s`: (..., n) by how much each measured current is later than the motion that it belongs to;
-    several assumptions about it share the clock. Returns times (N,) s, positions and velocities (N, n),
-    currents (..., N, n).
+    `delays_s`: (..., n) delays of the measured currents against the motion; several hypotheses share the
+    clock. Returns times (N,) s, positions and velocities (N, n), currents (..., N, n).
     """
     late = np.round(np.asarray(delays_s) * 1e9).astype(np.int64)
     streams = [
@@ -121,7 +120,7 @@ def on_clock(
 def current_motion(
     log: DriveLog, tables: Mapping[str, pd.DataFrame], parameters: MotionParameters
 ) -> tuple[Motion, slice]:
-    """A log's longest motion, with torques by the gains and delays found, and where it is on the clock."""
+    """Longest motion of a log, with torques by the estimated gains and delays, and its place on the clock."""
     late = _of(tables["drives"], names.DELAY, parameters.train).to_numpy()
     _, positions, velocities, currents = on_clock(log, parameters.rate_hz, late)
     torques = currents * tables["gains"][names.FOUND].to_numpy()
@@ -132,14 +131,14 @@ def current_motion(
 
 
 def _of(drives: pd.DataFrame, quantity: str, log: str | None) -> pd.Series:
-    """Values of the joints, by their number."""
+    """Values by joint number."""
     return drives[(drives["quantity"] == quantity) & (drives["log"] == log)].set_index("joint")["value"]
 
 
 def found_gains(drives: pd.DataFrame, parameters: MotionParameters) -> pd.DataFrame:
-    """`joint`, `found` (N m/A at rest, or of the joint that stands in), `assumed` (bool), `quoted`.
+    """`joint`, `found` (N m/A at rest, or from a substitute joint), `assumed` (bool), `quoted`.
 
-    Where a joint shows none at rest and none stands in, it is the gain in the training log's motion.
+    Without a gain at rest and without a substitute, it is the gain in the training log's motion.
     """
     own = parameters.drives
     assert own is not None
@@ -157,9 +156,9 @@ def weighed_loads(
     gains: Mapping[str, np.ndarray],
     parameters: MotionParameters,
 ) -> dict[str, pd.DataFrame]:
-    """The load from every pair and from all, with torques by every set of gains (motions have those found).
+    """The load from every pair of motions and from all, by every set of gains (motions use the found ones).
 
-    Returns `loads`: `pair` (the loaded log or `ALL_PAIRS`), `gains`, `blocks` it rests on, `mass_kg` and
+    Returns `loads`: `pair` (the loaded log or `ALL_PAIRS`), `gains`, number of `blocks`, `mass_kg` and
     `centre_{x,y,z}_m`. `load_draws`: `pair`, `gains`, `draw`, `mass_kg`.
     """
     assert parameters.load is not None
@@ -186,7 +185,7 @@ def weighed_loads(
 
 
 def followed_loads(robot: Robot, motions: Mapping[str, Motion], parameters: MotionParameters) -> pd.DataFrame:
-    """Each load found over time: `log`, `stage` (`LEARNED`, ...), `since_s` its start, of `learn_payload`."""
+    """Each load tracked over time by `learn_payload`: `log`, `stage` (`LEARNED`, ...), start `since_s`."""
     assert parameters.load is not None
     follow = partial(_followed, robot=robot, motions=motions, parameters=parameters)
     found = parallel_map(follow, parameters.load.pairs, "loads carried")
@@ -200,7 +199,7 @@ def followed_loads(robot: Robot, motions: Mapping[str, Motion], parameters: Moti
 def _followed(
     pair: tuple[str, str], robot: Robot, motions: Mapping[str, Motion], parameters: MotionParameters
 ) -> pd.DataFrame:
-    """The load after the motion that the empty arm was learned from, and another one."""
+    """Tracking of the load after the motion that the empty arm was learned from, and after another one."""
     load, dt = parameters.load, 1.0 / parameters.rate_hz
     assert load is not None
     parts = [motions[log] for log in (pair[0], parameters.test, pair[1]) if log is not None]
@@ -219,10 +218,10 @@ def _followed(
 def body_intervals(
     robot: Robot, motion: Motion, model: DynamicsModels, parameters: MotionParameters
 ) -> pd.DataFrame:
-    """Parameters of a model with intervals: of fits to blocks drawn anew, by the t distribution.
+    """Parameters of a model with intervals: t distribution over bootstrap fits.
 
-    Returns `link`, `parameter`, `value`, `half_width` (95 %; NaN without draws), `urdf` (the maker's), in
-    SI units.
+    Returns `link`, `parameter`, `value`, `half_width` (95 %; NaN without draws), `urdf` (the maker's), in SI
+    units.
     """
     from scipy.special import stdtrit
 
@@ -245,13 +244,13 @@ def body_intervals(
 
 
 def _body_columns(model: DynamicsModels) -> dict[str, np.ndarray]:
-    """(M, n) of what `_inertia_columns` has, and of every term of friction."""
+    """(M, n) columns of `_inertia_columns`, and of every friction term."""
     coefficients = np.moveaxis(model.friction_coefficients(), -1, 0)
     return _inertia_columns(model.inertias()) | dict(zip(model.friction, coefficients, strict=True))
 
 
 def _inertia_columns(inertias: LinkInertias[np.ndarray]) -> dict[str, np.ndarray]:
-    """Mass, centre of mass and inertia about it (..., n), in the frame of the joint."""
+    """Mass, centre of mass and inertia about it (..., n), in the joint frame."""
     centre = np.moveaxis(inertias.first_moment / inertias.mass[..., None], -1, 0)
     return {"mass_kg": inertias.mass, **dict(zip(CENTRE, centre, strict=True))} | {
         f"i{'xyz'[row]}{'xyz'[place]}_kg_m2": inertias.inertia[..., row, place]
@@ -260,13 +259,13 @@ def _inertia_columns(inertias: LinkInertias[np.ndarray]) -> dict[str, np.ndarray
 
 
 def payload_check(robot: Robot, motion: Motion) -> dict[str, pd.DataFrame]:
-    """Measured torques beside the URDF's, under both signs, without and with a payload at the last link.
+    """Measured torques and the URDF's, with both signs, without and with a payload at the last link.
 
-    The payload's mass and first moment are fitted by least squares: for motion that is too slow to
-    identify the links, and for its rotational inertia. Forces of contact are neglected. Returns
+    The payload's mass and first moment are fitted by least squares; its rotational inertia is not
+    identifiable from motion that is too slow to identify the links. Contact forces are neglected. Returns
     `payload_torques`: `sign` (1: as recorded, -1: reversed), `payload` (whether one was fitted), `joint`,
-    `measured_n_m` and `model_n_m` (means), `left_n_m` (root mean square of the difference). `payloads`:
-    `sign`, `mass_kg`, `centre_{x,y,z}_m` in the last joint's frame.
+    `measured_n_m` and `model_n_m` (means), `left_n_m` (RMS difference). `payloads`: `sign`, `mass_kg`,
+    `centre_{x,y,z}_m` in the last joint's frame.
     """
     columns = torque_regressor(robot.tree, motion.q, motion.qd, motion.qdd)
     model = columns @ link_parameters(robot.inertias.tensors()).numpy()

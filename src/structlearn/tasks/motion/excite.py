@@ -1,8 +1,8 @@
-"""Design a trajectory to identify an arm from, within the limits of its URDF: `structlearn excite`.
+"""Design of a trajectory to identify an arm, within the limits of its URDF: `structlearn excite`.
 
-A robot moves so before there are logs of it, so this asks for a URDF and for no recordings. It writes into
-`reports/excitation/NAME`: `trajectory.csv`, and a page with the check against the URDF and the gain over
-random trajectories. What stands around the robot is not known here.
+The trajectory is needed before there are logs, so a URDF suffices. Writes to `reports/excitation/NAME`:
+`trajectory.csv`, and a page with checks against the URDF and the gain over random trajectories. Obstacles
+around the robot are not known here.
 """
 
 import re
@@ -43,14 +43,14 @@ from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import local_path
 
 REPORTS = Path("reports/excitation")
-SHRINKS = 0.93 ** np.arange(40)  # factors of ranges and amplitudes that are tried where links come too close
-ALL_BUT = 1.0 - 1e-9  # largest amplitude, as a share of what fits, whose free parameter is finite
-NEAR_M = 0.1  # distance of hulls below which the links' meshes are looked at
+SHRINKS = 0.93 ** np.arange(40)  # factors of ranges and amplitudes to try if links come too close
+ALL_BUT = 1.0 - 1e-9  # largest amplitude, as a share of what fits, with a finite free parameter
+NEAR_M = 0.1  # distance of hulls below which the links' meshes are used
 LOOKED_AT_HZ = 20.0  # samples per second at which distances of links are computed
 
 
 class ExciteParameters(ExcitationParameters):
-    """How a trajectory is designed and compared. Fields: `stages/tasks/params.yaml`, `excite`."""
+    """Design and evaluation of a trajectory. Fields: `stages/tasks/params.yaml`, `excite`."""
 
     clearance_m: float = Field(gt=0)
     compared: int = Field(ge=5)
@@ -59,7 +59,7 @@ class ExciteParameters(ExcitationParameters):
 
 
 def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> None:
-    """Design, write, and say what came out: for the robot of a task, or of a URDF with joints to lock."""
+    """Design, write and summarise a trajectory for a task's robot, or for a URDF with locked joints."""
     parameters = stage_parameters("excite", ExciteParameters, project.defaults_file())
     if task:
         urdf, locked = robot_of(task)
@@ -82,7 +82,7 @@ def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> Non
 
 
 def robot_of(task: str) -> tuple[str, Sequence[str]]:
-    """URDF and locked joints of the robot that a task's entry names; its recordings need not be there."""
+    """URDF and locked joints of the robot in a task's entry; its recordings may be missing."""
     entry = read_task(task)
     robot = entry if isinstance(entry, MotionParameters) else getattr(entry, "robot", None)
     if robot is None or robot.urdf is None:
@@ -93,9 +93,9 @@ def robot_of(task: str) -> tuple[str, Sequence[str]]:
 def space(
     robot: Robot, urdf: Path, locked: Sequence[str], parameters: ExciteParameters
 ) -> tuple[Arena, LinkShapes | None, str]:
-    """What may be used: the largest part of the joints' ranges in which random motion keeps links apart.
+    """Usable space: the largest part of the joints' ranges in which random motion keeps links apart.
 
-    Returns the limits, shapes of the links if the URDF has some, and what is known of collisions.
+    Returns the limits, shapes of the links if the URDF has any, and a note on self-collision.
     """
     its = arena(robot, parameters, FRICTIONS["offset"])
     lower, upper = (np.clip(bound, -np.pi, np.pi) for bound in (robot.tree.lower, robot.tree.upper))
@@ -117,7 +117,7 @@ def space(
 def clear(
     its: Arena, free: np.ndarray, shapes: LinkShapes | None, parameters: ExciteParameters
 ) -> np.ndarray:
-    """Free parameters with amplitudes made smaller until all links keep their distance."""
+    """Free parameters with amplitudes reduced until all links keep their distance."""
     if shapes is None:
         return free
     smaller = free.copy()
@@ -130,13 +130,13 @@ def clear(
 
 
 def least_distance(its: Arena, free: np.ndarray, shapes: LinkShapes) -> float:
-    """Least distance of two links in m, as far as it matters."""
+    """Least distance of two links in m; exact only below `NEAR_M`."""
     _, motion = written(its, free, LOOKED_AT_HZ)
     return float(link_distances(shapes, motion.q, NEAR_M).min())
 
 
 def joint_table(robot: Robot, its: Arena, motion: Motion) -> pd.DataFrame:
-    """What is used of the limits of every joint, and whether each of them is kept."""
+    """Usage of every joint's limits, and whether each limit is kept."""
     tree, torque = robot.tree, np.abs(motion.torque).max(axis=0)
     least, most, fastest = motion.q.min(axis=0), motion.q.max(axis=0), np.abs(motion.qd).max(axis=0)
     kept = (tree.lower <= least) & (most <= tree.upper) & (fastest <= tree.velocity) & (torque <= its.effort)
@@ -149,9 +149,9 @@ def joint_table(robot: Robot, its: Arena, motion: Motion) -> pd.DataFrame:
 def gain_table(
     its: Arena, shapes: LinkShapes | None, times: np.ndarray, motion: Motion, parameters: ExciteParameters
 ) -> pd.DataFrame:
-    """By what factor errors of base parameters are larger after each random trajectory than after this one.
+    """Factor by which errors of base parameters are larger after each random trajectory than after this one.
 
-    The geometric mean over the parameters, of logs of equal length with noise on the torques.
+    Geometric mean over the parameters, from logs of equal length with noise on the torques.
     """
     spread = np.where(np.isfinite(its.effort), its.effort, motion.torque.std(axis=0))
     draw = parameters.noise_share * spread, parameters.draws, parameters.seed
@@ -165,7 +165,7 @@ def gain_table(
 
 
 def trajectory_table(robot: Robot, times: np.ndarray, motion: Motion) -> pd.DataFrame:
-    """`time_s`, then positions, velocities and accelerations of all joints, in rad (m where they slide)."""
+    """`time_s`, then positions, velocities and accelerations of all joints, in rad (m for sliding joints)."""
     columns = {"time_s": times}
     for name, values in (("position", motion.q), ("velocity", motion.qd), ("acceleration", motion.qdd)):
         columns |= {f"{name}_{joint}": values[:, place] for place, joint in enumerate(robot.tree.names)}

@@ -1,4 +1,4 @@
-"""Identify an arm from logs of its joints: models learned from some motion and tested on other (III.4)."""
+"""Identification of an arm from joint logs: models learned from some motion and tested on other (III.4)."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -47,20 +47,20 @@ from structlearn.tasks.motion.motion_parameters import (
 )
 from structlearn.tasks.task_files import is_public, local_path, write_tables
 
-TEST = "test"  # part that is tested on, where it is not a log by its own name
-LOAD = "(?<!un)(?<!no)(?<!no.)load"  # in a log's name; not `unload` nor `no_load`
-CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)  # in the name of a log with something at the flange
+TEST = "test"  # name of the test part, unless it is a log with its own name
+LOAD = "(?<!un)(?<!no)(?<!no.)load"  # in a log's name; excludes `unload` and `no_load`
+CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)  # name of a log with something at the flange
 
-# At the end of a name: it is the load that was weighed, of others the mass is not known.
+# At the end of a name: the load that was weighed; masses of others are unknown.
 THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
 
-Pieces = dict[str, list[tuple[str, Motion]]]  # pieces of motions, each with its log, by part
+Pieces = dict[str, list[tuple[str, Motion]]]  # by part: motions, each with the name of its log
 
 
 def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
-    """The robot with the inertias of its URDF, and the URDF: a path, or a file of `pybullet_data`.
+    """Robot with the inertias of its URDF, and the URDF: a path, or a file of `pybullet_data`.
 
-    A public set may have it in a folder of its own.
+    A public set may have it in a separate folder.
     """
     assert parameters.urdf is not None, "the entry has no URDF"
     path = local_path(parameters.urdf)
@@ -73,21 +73,21 @@ def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
 def learn_motion(
     robot: Robot, logs: Mapping[str, Any], parameters: MotionParameters, source: Path, folder: Path
 ) -> tuple[Models, dict[str, pd.DataFrame]]:
-    """Identify an arm, and write models, its URDF and tables into a folder.
+    """Identify an arm, and write models, its URDF and tables to a folder.
 
-    Without structures nothing is learned: the torques of all logs together are checked against the URDF.
-    `logs`: `JointLog` by name, or `DriveLog` where the parameters name drives; `source`: the robot's URDF.
+    Without structures nothing is learned; the torques of all logs together are checked against the URDF.
+    `logs`: `JointLog` by name, or `DriveLog` if the parameters have drives; `source`: the robot's URDF.
 
     Returns the models by kind and friction, and tables by name; `joint` counts from 1. `motions`: `log`,
-    `part`, `start_s`, `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `blocks`,
-    `norms`, `links`, `traces`, `written`: of `model_comparison`. `gravity`: of `gravity_check`. `base`:
-    `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`; `fitness` and `determined`: of
-    `rigid_body.log_fitness`. `excitation`: one row, `condition` and `parameters`. `choice`: of
-    `choose_networks`. `bodies` and what is found of drives and loads: of `drives_and_load`. Without
-    structures: `gravity`, and those of `drives_and_load.payload_check`.
+    `part`, `start_s`, `end_s` of the kept motion, `length_s`, `learned_s` and `tested_s`. `errors`, `blocks`,
+    `norms`, `links`, `traces`, `written`: from `model_comparison`. `gravity`: from `gravity_check`. `base`:
+    `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`; `fitness` and `determined`: from
+    `rigid_body.log_fitness`. `excitation`: one row, `condition` and `parameters`. `choice`: from
+    `choose_networks`. `bodies` and tables of drives and loads: from `drives_and_load`. Without structures:
+    `gravity`, and those of `drives_and_load.payload_check`.
 
     Raises InputError: a log lacks a joint, is too short, has no motion or a torque that does not vary.
-    MissingInputError: logs are named, and there are no two motions without a load.
+    MissingInputError: logs are named, but there are no two motions without a load.
     """
     logs = {name: in_order(robot.tree, log) for name, log in logs.items()}
     models: Models = {}
@@ -155,7 +155,7 @@ def _identified(
 
 
 def joined_parts(logs: str, pieces: Pieces, parameters: MotionParameters) -> dict[str, Motion]:
-    """Motion of each part, `TRAIN` and then the one that verdicts are about first; InputError: too short."""
+    """Motion of each part, `TRAIN`, then the part that verdicts use. Raises InputError: too short."""
     parts = {name: joined([piece for _, piece in its]) for name, its in pieces.items()}
     learned_s, tested_s = (len(its) / parameters.rate_hz for its in list(parts.values())[:2])
     if min(map(len, list(parts.values())[:2])) < parameters.block:
@@ -169,7 +169,7 @@ def joined_parts(logs: str, pieces: Pieces, parameters: MotionParameters) -> dic
 def fitness_tables(
     robot: Robot, motion: Motion, stamps: Sequence[np.ndarray], parameters: MotionParameters
 ) -> dict[str, pd.DataFrame]:
-    """Base parameters of the motion that is learned from, and whether its logs are fit to learn from."""
+    """Base parameters of the training motion, and whether its logs are fit for learning."""
     base = base_parameters(robot.tree)
     fit = fit_base(robot.tree, base, motion, FRICTION, *parameters.drawing)
     formulas, values = base.formulas(robot.tree), base.values(robot.inertias)
@@ -194,7 +194,7 @@ def in_order(tree: KinematicTree, log: Log) -> Log:
 
 
 def cut_motion(log: JointLog, parameters: MotionParameters) -> tuple[Motion, slice]:
-    """The longest motion of a log, and where it is on the clock."""
+    """The longest motion of a log, and its place on the clock."""
     whole = measured_motion(
         *(log.name, log.time, log.positions, log.velocities, log.torques),
         *(parameters.rate_hz, parameters.smoothing_hz),
@@ -204,18 +204,18 @@ def cut_motion(log: JointLog, parameters: MotionParameters) -> tuple[Motion, sli
 
 
 def moving_logs(logs: Mapping[str, Log], parameters: MotionParameters) -> dict[str, Log]:
-    """Logs in which every joint moves: of one that rests, errors are of nothing."""
+    """Logs in which every joint moves; relative errors of a resting joint are meaningless."""
     slow = parameters.rest_rad_s or 0.0
     return {name: log for name, log in logs.items() if np.abs(log.velocities).max(axis=0).min() > slow}
 
 
 def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -> MotionParameters:
-    """Parameters that name logs which are there, and every pair of logs without and with the load.
+    """Replace names of missing logs in the parameters, and list every pair of logs without and with the load.
 
-    Where the log that is named to learn from is missing, it is the longest motion without a load; the one
-    to test on is the longest of the others. A log with the load belongs to the one of its name without,
-    or to the motion that is learned from. Where the arm never stands still, drives have no log at rest.
-    Raises MissingInputError: there are no two motions without a load.
+    If the named training log is missing, it becomes the longest motion without a load; the test log becomes
+    the longest of the others. A log with the load is paired with the log of the same name without, or with
+    the training motion. If the arm never stands still, drives have no log at rest. Raises MissingInputError:
+    there are no two motions without a load.
     """
     moving = moving_logs(logs, parameters)
     empty = [name for name in moving if not CARRIES.search(name)]
@@ -245,11 +245,11 @@ def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -
 
 
 def held_out(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pieces:
-    """Pieces of motions that are learned from (`TRAIN`) and tested on.
+    """Pieces of motion to learn from (`TRAIN`) and to test on.
 
-    Named logs are parts of their own, also those without a load that no parameter names. Otherwise the last
-    logs are tested on; of a single log, or for `train_share` of the first one, what follows the start that is
-    learned from, or blocks of time.
+    Named logs are separate parts, as are those without a load that no parameter names. Otherwise the last
+    logs are tested on; for a single log, or with `train_share` of the first one, the test part is what
+    follows the training part, or blocks of time.
     """
     names, every = list(motions), parameters.test_every
     if parameters.train is not None:
@@ -290,10 +290,10 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     """Whether measured torques contain the gravity of the URDF's links.
 
     Least squares explain the torque of each joint by gravity, the other torques of the URDF's links, and
-    friction. A share of one is gravity in N m with the expected sign; zero means that the driver
-    compensates gravity, a negative share that its sign is reversed, and any other one suggests another
-    unit. Returns `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`yes`, `no`,
-    `doubtful`; `not tested` where gravity hardly varies), `limit_n_m` (of the URDF).
+    friction. A share of 1 is gravity in N m with the expected sign; 0 means that the driver compensates
+    gravity, a negative share that its sign is reversed, and any other one suggests another unit. Returns
+    `joint`, `name`, `gravity_n_m`, `torque_n_m` (std), `share`, `holds` (`yes`, `no`, `doubtful`;
+    `not tested` if gravity hardly varies), `limit_n_m` (of the URDF).
     """
     still = Motion(motion.q, *np.zeros((3, *motion.q.shape)))
     gravity = rigid_body_torques(robot.tree, robot.inertias, still)
@@ -320,16 +320,16 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
 def choose_networks(
     tree: KinematicTree, motion: Motion, parameters: NetworkChoiceParameters
 ) -> tuple[dict[Kind, NetworkTraining], pd.DataFrame]:
-    """Nodes, rate and epochs of each kind of network: by the end of the motion that they learn the start of.
+    """Choose width, rate and epochs of each kind of network by its error on the end of the training motion.
 
-    Returns the choice by kind; and `kind`, `hidden`, `rate`, `epochs`, `nmse` (mean over joints and seeds
-    on the end of the motion; NaN where there is nothing to choose), `chosen`.
+    Returns the choice by kind; and `kind`, `hidden`, `rate`, `epochs`, `nmse` (mean over joints and seeds on
+    the end of the motion; NaN if there is nothing to choose), `chosen`.
     """
     settings, decay = [], parameters.second_moment_decay
     for hidden, rate in product(parameters.hidden, parameters.rates):
         adam = AdamParameters(rate=rate, batch=parameters.batch, second_moment_decay=decay)
         settings.append(LearningParameters(hidden=hidden, networks=adam, structures=adam, threshold=1.0))
-    work = sorted(product(NETWORKS, settings), key=lambda item: item[0] != "delan")  # the longest first
+    work = sorted(product(NETWORKS, settings), key=lambda item: item[0] != "delan")  # the slowest first
     results = [[np.nan]] * len(work)
     if len(settings) * len(parameters.epochs) > 1:
         parts = motion.split(parameters.train_share)

@@ -13,11 +13,11 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.tasks.motion.motion_parameters import CARRYING, DELAY, EMPTY, LEARNED
 from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults, chosen
 
-# Models whose torques are drawn beside the measured ones.
+# Models whose torques are drawn with the measured ones.
 TRACED = (URDF, ("mlp", "none"), (BEST, "viscous"), (BEST, "coulomb"))
-TRACED_JOINTS = 4  # joints that are predicted worst, whose torques are drawn
+TRACED_JOINTS = 4  # number of worst-predicted joints whose torques are drawn
 
-# What the arm does while the load is followed, and the ground behind it.
+# State of the arm while the load is tracked, and the background colour.
 STAGES = {
     LEARNED: ("empty:\nlearned from", "#e9ebee"),
     EMPTY: ("empty: another\nmotion", "#ffffff"),
@@ -44,7 +44,7 @@ def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawi
 
 @styled
 def errors_panel(results: MotionResults) -> Figure:
-    """NMSE over the joints by model; intervals for the model that is written."""
+    """NMSE over the joints by model; intervals for the model written as a URDF."""
     figure, axes = panel("Motion not learned from", 3.5, xlabel="joint", ylabel="NMSE", yscale="log")
     for key, look in LOOKS.items():
         if key in results.test.index and (key[0] != BOUNDS or key == results.bounds):
@@ -59,7 +59,7 @@ def errors_panel(results: MotionResults) -> Figure:
 
 @styled
 def torque_panel(results: MotionResults, joint: int) -> Figure:
-    """Torque of one joint, measured and predicted."""
+    """Measured and predicted torque of one joint."""
     title = f"Joint {joint}: {results.names[joint - 1]}"
     figure, axes = panel(title, 3.5, xlabel="time of the motion (s)", ylabel="torque (N m)")
     its = chosen(results["traces"], joint=joint)
@@ -75,7 +75,7 @@ def torque_panel(results: MotionResults, joint: int) -> Figure:
 
 @styled
 def load_panel(results: MotionResults, log: str) -> Figure:
-    """Mass in the hand over time, as it is found while the arm moves."""
+    """Estimated mass in the hand over time, while the arm moves."""
     load = results.parameters.load
     assert load is not None
     title = f"Log {results.carried_logs.index(log) + 1}: the load found over time"
@@ -90,7 +90,7 @@ def load_panel(results: MotionResults, log: str) -> Figure:
         if stage == CARRYING:
             axes.fill_between([start, end], 0.95 * true, 1.05 * true, color=GREY, alpha=0.35, linewidth=0)
             axes.plot([start, end], [true, true], color=BLACK, linewidth=2.0, label=f"published: {true:g} kg")
-            if start + load.settled_s < end:  # below the words
+            if start + load.settled_s < end:  # drawn below the label
                 axes.axvline(start + load.settled_s, ymax=0.9, color=BLACK, linestyle=":", linewidth=1.0)
     axes.plot(its["time_s"], its["mass_kg"], color=ORANGE, linewidth=1.8, label="found so far")
     axes.axhline(0.0, color=BLACK, linewidth=0.7)
@@ -100,7 +100,7 @@ def load_panel(results: MotionResults, log: str) -> Figure:
 
 @styled
 def delay_panel(results: MotionResults) -> Figure:
-    """What is left of each joint's torque by the delay that is assumed of its current."""
+    """Residual torque of each joint over the assumed delay of its current."""
     labels = {"xlabel": "delay assumed (ms)", "ylabel": "squares / least"}
     figure, axes = panel("How late the currents are", 3.4, **labels)
     its = chosen(results["delay_curves"], log=results.train_log)
@@ -113,7 +113,7 @@ def delay_panel(results: MotionResults) -> Figure:
 
 @styled
 def parts_panel(parts: pd.DataFrame, published: Mapping[str, float]) -> Figure:
-    """Errors of all trainings by part, beside those published."""
+    """Errors of all trainings by part, with the published ones."""
     labels = {"ylabel": "squared error", "yscale": "log"}
     figure, axes = panel("Characters not learned from", 3.5, **labels)
     places = np.arange(len(published))
@@ -128,7 +128,7 @@ def parts_panel(parts: pd.DataFrame, published: Mapping[str, float]) -> Figure:
 
 @styled
 def share_panels(joints: pd.DataFrame, times: np.ndarray, motion: Motion) -> list[Figure]:
-    """Positions within their range, velocities and torques over their limits."""
+    """Positions relative to their range; velocities and torques relative to their limits."""
     lower, upper = joints["lower"].replace(-np.inf, -np.pi), joints["upper"].replace(np.inf, np.pi)
     middle, half = 0.5 * (upper + lower), 0.5 * (upper - lower)
     shares = {
@@ -148,7 +148,7 @@ def share_panels(joints: pd.DataFrame, times: np.ndarray, motion: Motion) -> lis
 
 @styled
 def gain_panel(gains: pd.DataFrame) -> Figure:
-    """Errors after random trajectories over those after the designed one."""
+    """Parameter errors after random trajectories, relative to those after the designed one."""
     figure, axes = panel(
         "Errors after random trajectories", xlabel="random trajectory", ylabel="times larger"
     )

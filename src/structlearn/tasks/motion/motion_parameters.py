@@ -1,4 +1,4 @@
-"""Logs of an arm's joints as a task names them. Fields: `stages/tasks/params.yaml`, `motion`."""
+"""Parameters of joint logs in a task entry. Fields: `stages/tasks/params.yaml`, `motion`."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,19 +12,19 @@ from structlearn.readers.source import JointNames, SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]
 
-# Protocols of parts of the torque: the logs that a set's authors leave out, or as many at random.
+# Protocols for parts of the torque: leave out the authors' logs, or as many at random.
 AUTHORS, RANDOM = "authors", "random"
 AT_REST, IN_MOTION, DELAY = "gain at rest", "gain in motion", "delay"  # quantities of drives, in N m/A and s
-FOUND, QUOTED = "found", "quoted"  # gains that a load is weighed with
-ALL_PAIRS = "all pairs"  # of the load from all pairs of logs at once
+FOUND, QUOTED = "found", "quoted"  # sets of gains for weighing a load
+ALL_PAIRS = "all pairs"  # the load from all pairs of logs at once
 CENTRE = [f"centre_{axis}_m" for axis in "xyz"]  # columns with a centre of mass
 
-# What the arm does while the load is followed, in their order.
+# States of the arm while the load is tracked, in order.
 LEARNED, EMPTY, CARRYING = "empty, learned from", "empty, another motion", "with the load"
 
 
 class NetworkChoiceParameters(Parameters):
-    """Networks that are learned beside the structures; of several settings the best is taken."""
+    """Networks trained for comparison; the best of several settings is taken."""
 
     train_share: float = Field(gt=0, lt=1)
     hidden: tuple[tuple[int, ...], ...] = Field(min_length=1)
@@ -37,7 +37,7 @@ class NetworkChoiceParameters(Parameters):
 
 
 class DriveParameters(Parameters):
-    """An arm that is known by the currents of its motors."""
+    """Drives of an arm that measures motor currents instead of torques."""
 
     rest: Log | None
     assumed_gains: Mapping[int, int]
@@ -47,7 +47,7 @@ class DriveParameters(Parameters):
 
 
 class LoadParameters(Parameters):
-    """A load that some logs carry: weighed by pairs of logs, and followed while it is carried."""
+    """A load carried in some logs: weighed by pairs of logs, and tracked while it is carried."""
 
     pairs: tuple[tuple[Log, Log], ...]
     known_kg: float = Field(gt=0)
@@ -59,7 +59,7 @@ class LoadParameters(Parameters):
 
 
 class PartsParameters(Parameters):
-    """A simulated planar arm whose parts of the torque are known; whole logs are left out."""
+    """A simulated planar arm with known parts of the torque; whole logs are left out."""
 
     left_out: tuple[Log, ...] = Field(min_length=1)
     published: Mapping[str, PositiveFloat]
@@ -121,21 +121,21 @@ class MotionParameters(SourceParameters):
         return self
 
     def sources(self) -> dict[str, tuple[str, ...]]:
-        """All files and folders that are read, as they are written, by what they are for."""
+        """All files and folders that are read, as written in the entry, by purpose."""
         return super().sources() | ({} if self.urdf is None else {"urdf": (self.urdf,)})
 
     @property
     def block(self) -> int:
-        """Samples of a block."""
+        """Samples per block."""
         return max(1, round(self.block_s * self.rate_hz))
 
     @property
     def drawing(self) -> tuple[int, int, int]:
-        """Samples of a block, draws and seed of a bootstrap over blocks."""
+        """Block length in samples, number of draws and seed of the block bootstrap."""
         return self.block, self.draws, self.seed
 
 
 def read_logs(path: Path, parameters: MotionParameters) -> dict[str, Any]:
-    """Logs by name from the table of an import, with the signals that the parameters ask for."""
+    """Imported logs by name, with the signals that the parameters need."""
     kind: Any = DriveLog if parameters.drives else PartedLog if parameters.parts else JointLog
     return {log.name: log for log in read_log_table(path, kind)}

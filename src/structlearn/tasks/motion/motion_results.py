@@ -1,4 +1,4 @@
-"""What the logs of an arm tell: errors by joint and model, drives and a load, each with its interval."""
+"""Findings from an arm's logs: errors by joint and model, drives and a load, each with its interval."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -17,12 +17,12 @@ from structlearn.rigid_body.motion import drawn_nmse
 from structlearn.tasks.motion import motion_parameters as protocol
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 
-# The URDF as it came; the kinds that become a URDF, and that need not be physically consistent.
+# The URDF as supplied; the structure written as a URDF; the unconstrained reference.
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
 MODELS = {"urdf": NAMES[DEFAULT]} | NAMES | {BOUNDS: "least squares"}
 FRICTIONS = {name: ", ".join(its).replace("coulomb", "Coulomb") for name, its in friction.FRICTIONS.items()}
-LOOKS = {  # models with their friction as figures show them; keys are those of the protocol's tables
+LOOKS = {  # models with their friction as drawn in figures, keyed as in the protocol's tables
     URDF: Look(MODELS["urdf"], GREY),
     ("mlp", "none"): Look("MLP", ORANGE),
     ("mlp_scaled", "none"): Look("MLP, scaled", OCHRE),
@@ -49,7 +49,7 @@ MISSING = dict.fromkeys(("over_networks", "over_networks_by_seed"), "no networks
 
 
 class Drawn(NamedTuple):
-    """A number and its draws of the bootstrap (1 + D,), and the number of blocks that were drawn from."""
+    """A number with its bootstrap draws (1 + D,), and the number of blocks."""
 
     samples: np.ndarray
     n: int
@@ -60,7 +60,7 @@ class Drawn(NamedTuple):
         return float(self.samples[0])
 
     def over(self, reference: float) -> "Drawn":
-        """By how many percent it exceeds a reference."""
+        """Excess over a reference in percent."""
         return Drawn(100.0 / reference * self.samples - 100.0, self.n)
 
     def evidence(self, comparisons: int = 1) -> Evidence:
@@ -73,21 +73,21 @@ class Drawn(NamedTuple):
         return "none" if np.isnan(self.value) else stated(self.evidence(), number)
 
 
-Row = Drawn | Found | Mapping[str, Drawn]  # of the findings, before it has intervals
+Row = Drawn | Found | Mapping[str, Drawn]  # a finding before its interval is computed
 
 
 def stated(found: Evidence, number: str) -> str:
-    """`0.12 [0.1, 0.2]`: a number with its interval."""
+    """A number with its interval as text, e.g. `0.12 [0.1, 0.2]`."""
     return f"{rounded(found.value, number)} {interval(found.low, found.high, number)}"
 
 
 def chosen(table: pd.DataFrame, **keys: object) -> pd.DataFrame:
-    """Rows whose columns have these values."""
+    """Rows whose columns have the given values."""
     return table[np.logical_and.reduce([table[name] == value for name, value in keys.items()])]
 
 
 def model_words(key: tuple[str, str]) -> str:
-    """`Cov, viscous, Coulomb`."""
+    """Name of a model and its friction, e.g. `Cov, viscous, Coulomb`."""
     return ", ".join(filter(None, (MODELS[key[0]], FRICTIONS[key[1]])))
 
 
@@ -97,15 +97,15 @@ class MotionResults(dict[str, pd.DataFrame]):
     def __init__(self, tables: Mapping[str, pd.DataFrame], parameters: MotionParameters) -> None:
         super().__init__(tables)
         self.parameters, its = parameters, parameters.judged_friction
-        # the model that verdicts are about, and least squares with the same friction
+        # the model that verdicts use, and least squares with the same friction
         self.best, self.bounds = (BEST, its), (BOUNDS, its)
-        # `train`, the part that verdicts are about, and further ones
+        # `train`, the part that verdicts use, and further ones
         self.parts: list[str] = self["blocks"]["part"].unique().tolist()
         self.tested = self.parts[1]
         self.names, self.joints = (self["gravity"][column].tolist() for column in ("name", "joint"))
-        self.train_log = str(self["motions"].query("learned_s > 0")["log"].iloc[0])  # the first of them
+        self.train_log = str(self["motions"].query("learned_s > 0")["log"].iloc[0])  # the first training log
         self.carried_logs: list[str] = self["carried"]["log"].unique().tolist() if "carried" in self else []
-        # by part, NMSE by model, friction and joint, mean over seeds
+        # by part: NMSE by model, friction and joint, mean over seeds
         keys, models, frictions = ["part", "model", "friction"], list(MODELS), list(FRICTIONS)
         wide = self["errors"].pivot_table(index=keys, columns="joint", values="nmse", sort=False)
         wide = wide.loc[sorted(wide.index, key=lambda key: (frictions.index(key[2]), models.index(key[1])))]
@@ -119,7 +119,7 @@ class MotionResults(dict[str, pd.DataFrame]):
         return np.vstack([value, draws]), count
 
     def mean_nmse(self, model: tuple[str, str]) -> Drawn:
-        """Mean over the joints on the part that is tested on."""
+        """NMSE on the test part, averaged over the joints."""
         values, count = self.nmse(self.tested, model)
         return Drawn(values.mean(axis=1), count)
 
@@ -129,19 +129,19 @@ class MotionResults(dict[str, pd.DataFrame]):
         return {f"joint {joint}": Drawn(its, count) for joint, its in zip(self.joints, values.T, strict=True)}
 
     def whole_errors(self, model: tuple[str, str]) -> dict[str, Drawn]:
-        """Errors of all joints together on the part that is tested on.
+        """Errors of all joints together on the test part.
 
-        `limit_percent`: mean over the joints of the root mean square, over twice the joint's limit (NRMS);
-        `relative_percent`: root mean square over that of the torques; `norm_n_m`: mean norm.
+        `limit_percent`: mean over the joints of the RMS error over twice the joint's limit (NRMS);
+        `relative_percent`: RMS error over that of the torques; `norm_n_m`: mean norm.
         """
         key, joints = "/".join(model), len(self.joints)
         its = chosen(self["blocks"], part=self.tested).sort_values(["block", "joint"])
         sums = its[["samples", "torque_squared", key]].to_numpy().reshape(-1, joints, 3)
         norms = chosen(self["norms"], part=self.tested)[["samples", key]].to_numpy()
         counts = drawn_counts(len(sums), self.parameters.draws, self.parameters.seed)
-        counts = np.vstack([np.ones(len(sums)), counts])  # the first is the whole
+        counts = np.vstack([np.ones(len(sums)), counts])  # first row: all blocks once
         samples, squared, errors = np.moveaxis(np.tensordot(counts, sums, 1), -1, 0)
-        limits = 2.0 * self["gravity"]["limit_n_m"].replace(0.0, np.nan).to_numpy()  # 0: the URDF has none
+        limits = 2.0 * self["gravity"]["limit_n_m"].replace(0.0, np.nan).to_numpy()  # 0: none in the URDF
         lengths = counts @ norms
         found = {
             "limit_percent": 100.0 * (np.sqrt(errors / samples) / limits).mean(axis=1),
@@ -160,9 +160,9 @@ class MotionResults(dict[str, pd.DataFrame]):
         return self.load_kg(pair, gains).over(self.parameters.load.known_kg)
 
     def carried(self, log: str) -> tuple[pd.Series, Drawn]:
-        """Masses in kg found while the load was carried, after the wait, and their mean absolute error in %.
+        """Masses in kg estimated while the load was carried, after settling, and their mean error in %.
 
-        The error has no draws where that is too short.
+        The error has no draws if the load was carried too briefly.
         """
         own, load = self.parameters, self.parameters.load
         assert load is not None
@@ -178,22 +178,22 @@ class MotionResults(dict[str, pd.DataFrame]):
         return masses, Drawn(np.append(error.mean(), errors / samples), count)
 
     def drive(self, quantity: str, joint: int, log: str = "") -> Drawn:
-        """A gain in N m/A, or a delay in ms, of one joint; by default in the log that was learned from."""
+        """Gain in N m/A, or delay in ms, of one joint; default: in the training log."""
         its = self._drawn("drive", "value", quantity=quantity, joint=joint, log=log or self.train_log)
         return Drawn(1e3 * its.samples, its.n) if quantity == protocol.DELAY else its
 
     def rest_log(self) -> str | None:
-        """The log of the arm at rest that gave the drives' gains."""
+        """Log of the arm at rest that determined the drives' gains."""
         return next(iter(chosen(self["drives"], quantity=protocol.AT_REST)["log"]), None)
 
     def _drawn(self, table: str, column: str, **keys: object) -> Drawn:
-        """A row of a table with its draws."""
+        """One row of a table with its draws."""
         whole, draws = chosen(self[f"{table}s"], **keys).iloc[0], chosen(self[f"{table}_draws"], **keys)
         return Drawn(np.append(whole[column], draws[column]), whole["blocks"])
 
 
 def motion_findings(results: MotionResults) -> Findings:
-    """Every number of the page that is no table's; what the logs cannot decide is unknown."""
+    """All numbers of the page outside of tables; undetermined ones are unknown."""
     find = Findings("blocks of motion")
     rows = _models(results) | _drives(results) | _load(results) | results.whole_errors(results.best)
     for name, its in rows.items():
@@ -208,7 +208,7 @@ def motion_findings(results: MotionResults) -> Findings:
 
 
 def _evidence(row: Row) -> Found:
-    """What was found, of draws with intervals that hold together over all cases."""
+    """Evidence from draws, with intervals widened to hold jointly over all cases."""
     if isinstance(row, Mapping):
         return {case: one.evidence(len(row)) if isinstance(one, Drawn) else one for case, one in row.items()}
     return row.evidence() if isinstance(row, Drawn) else row

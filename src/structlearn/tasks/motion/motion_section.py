@@ -1,4 +1,4 @@
-"""The dynamics of an arm on its task's page: models tested on held-out motion, and whether to trust them."""
+"""Page section on an arm's dynamics: models tested on held-out motion, and whether to trust them."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -30,9 +30,9 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
-# Parameters of a link that a page shows, and how they are written.
+# Link parameters on the page, with their number formats
 LINKS = {"mass_kg": ".2f"} | dict.fromkeys(names.CENTRE, ".3f") | {"viscous": ".2f", "coulomb": ".2f"}
-WHOLE = {  # errors of all joints together: heading, and how they are written
+WHOLE = {  # errors of all joints together: heading and number format
     "limit_percent": ("NRMS (% of the limits)", ".3f"),
     "relative_percent": ("relative (%)", ".2f"),
     "norm_n_m": ("norm (N m)", ".2f"),
@@ -43,7 +43,7 @@ PROTOCOLS = {names.AUTHORS: "their protocol", names.RANDOM: "random choices"}
 
 
 def section(files: TaskFiles) -> Section:
-    """The dynamics of an arm: identified, checked against its URDF, by parts of the torque, or why not."""
+    """Section on an arm: identified, checked against its URDF, by parts of the torque, or why not."""
     reason = files.folder / "motion" / ABSENT
     if reason.exists():
         facts = {"reason": reason.read_text(encoding="utf-8").strip()}
@@ -120,7 +120,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
 
 
 def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
-    """Of logs that are too slow to identify an arm."""
+    """Findings from logs that are too slow to identify an arm."""
     find, signs = Findings("joints"), {-1: "reversed", 1: "as_recorded"}
     left = chosen(tables["payload_torques"], payload=True).groupby("sign")["left_n_m"]
     payloads = tables["payloads"].set_index("sign")["mass_kg"]
@@ -132,7 +132,7 @@ def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
 
 
 def motion_tables(results: MotionResults) -> dict[str, Table]:
-    """Tables keyed by name."""
+    """Tables by name."""
     wide, best, further = results.test, results.best, results.parts[2:]
     joints = {"joint": results.joints, "name": results.names} | {
         model_words(key): [its.text(".2g") for its in results.joint_nmse(results.tested, key).values()]
@@ -182,7 +182,7 @@ def _gravity(gravity: pd.DataFrame) -> Table:
 
 
 def _bodies(results: MotionResults) -> Table:
-    """Links as written, a column per parameter, with half a 95 % interval where fits were drawn."""
+    """Links as written to the URDF, one column per parameter, with half a 95 % interval if available."""
     its = results["bodies"]
     its = its[its["parameter"].isin(list(LINKS))]
     text = [
@@ -241,7 +241,7 @@ def _followed(results: MotionResults) -> Table:
 def parts_section(
     tables: Mapping[str, pd.DataFrame], parameters: PartsParameters, origin: Mapping[str, str]
 ) -> Section:
-    """Of a task whose logs have the parts of their torques: findings are errors over those published."""
+    """Section on logs with parts of their torques; findings are errors relative to the published ones."""
     find, published = Findings("trainings"), parameters.published
     rows: dict[str, dict[str, Any]] = {
         name: {"part": name, "published": f"{value:.2g}"} for name, value in published.items()

@@ -1,4 +1,4 @@
-"""Recording of an arm that carries a load, and of what is found of it."""
+"""Recording of an arm that carries a load, with the estimated load."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,7 +34,7 @@ def write_carried(
     logs: Mapping[str, MotionLog],
     load: LoadParameters,
 ) -> None:
-    """Write the first motion with the load, and what is found of it online."""
+    """Write the first motion with the load, and the online estimates of the load."""
     carried = tables["carried"]
     name = carried["log"].iloc[0]
     learned = carried[(carried["log"] == name) & (carried["stage"] == CARRYING)]
@@ -59,7 +59,7 @@ def write_carried(
 
 
 def _blueprint(reach: float) -> rrb.Blueprint:
-    around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # upright too
+    around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # also if upright
     view = arm_view("Arm with its load", [arm_contents(ARM), f"/{BODY}"], around)
     right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
     return layout(rrb.Horizontal(view, right, column_shares=[3, 3]))

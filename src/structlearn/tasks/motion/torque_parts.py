@@ -1,7 +1,7 @@
-"""Models of a simulated planar arm, learned without some of its logs, by every part of the torque there.
+"""Models of a simulated planar arm, tested on left-out logs by every part of the torque.
 
-The parts are those of deep Lagrangian networks: a network that has the torque right need not have them right.
-Networks of all choices of logs learn as one stack; shorter sets of logs are filled up by their first samples.
+The parts are those of deep Lagrangian networks: a network with accurate torques may have inaccurate parts.
+Networks for all choices of logs train as one stack; shorter sets of logs are padded with their first samples.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,19 +24,19 @@ from structlearn.rigid_body.tree import KinematicTree
 from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM, PartsParameters
 from structlearn.tasks.task_files import write_tables
 
-# A protocol, its seed or the number of its random choice, and the logs left out.
+# Protocol, its seed or the index of the random choice, and the logs left out
 Choice = tuple[str, int, tuple[str, ...]]
 
 
 def learn_parts(
     logs: Mapping[str, PartedLog], parameters: PartsParameters, iterations: int, folder: Path
 ) -> dict[str, pd.DataFrame]:
-    """Learn all models, and write tables into a folder.
+    """Train all models, and write tables to a folder.
 
-    Returns `parts`: `model`, `protocol`, `draw` (a seed, or a random choice), `left_out`, `measure`,
-    `error`, mean over samples of the sum of squares over joints in (N m)^2, of the power in W^2.
-    `planar`: `protocol`, `draw`, `length_m` between the first two joints, `possible` (all links
-    physically consistent). Raises InputError: a log that is named is missing, or there are too few.
+    Returns `parts`: `model`, `protocol`, `draw` (a seed, or a random choice), `left_out`, `measure`, `error`:
+    mean over samples of the sum of squares over joints in (N m)^2, for power in W^2. `planar`: `protocol`,
+    `draw`, `length_m` between the first two joints, `possible` (all links physically consistent). Raises
+    InputError: a named log is missing, or there are too few.
     """
     if len(logs) <= len(parameters.left_out) or set(parameters.left_out) - set(logs):
         left_out = ", ".join(parameters.left_out)
@@ -56,7 +56,7 @@ def learn_parts(
             rows += [(kind, *row) for row in errors(network, tree, choice, logs, motions)]
     for choice, motion in zip(choices, learned_from, strict=True):
         protocol, draw, _ = choice
-        if protocol == AUTHORS and draw:  # the fit needs no seed
+        if protocol == AUTHORS and draw:  # the fit does not depend on the seed
             continue
         tree, model = fit_planar_arm(motion, iterations)
         rows += [("cov", *row) for row in errors(model, tree, choice, logs, motions)]
@@ -74,7 +74,7 @@ def learn_parts(
 
 
 def held_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
-    """The authors' choice once per seed, and the random ones."""
+    """The authors' choice once per seed, and the random choices."""
     generator, count = np.random.default_rng(0), len(parameters.left_out)
     choices: list[Choice] = [(AUTHORS, seed, parameters.left_out) for seed in range(parameters.seeds)]
     for draw in range(parameters.splits):
@@ -85,7 +85,7 @@ def held_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
 def learned_networks(
     kind: Literal["mlp", "delan"], tree: KinematicTree, motions: Sequence[Motion], parameters: PartsParameters
 ) -> list[DynamicsModels]:
-    """A network per motion, the seed of each its place."""
+    """One network per motion, seeded by its index."""
     longest = max(map(len, motions))
     filled = [motion.part(np.arange(longest) % len(motion)) for motion in motions]
     hidden, generators = parameters.hidden[kind], [seeded(place) for place in range(len(motions))]

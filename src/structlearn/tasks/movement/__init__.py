@@ -1,1 +1,1 @@
-"""Tasks of movements: demonstrations are cut, learned as primitives, corrected, checked on a robot."""
+"""Movement tasks: demonstrations are segmented, learned as primitives, corrected, checked on a robot."""

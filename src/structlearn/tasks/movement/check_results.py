@@ -1,6 +1,6 @@
-"""What checking a skill on a robot found: margins of every quantity in every run, and verdicts.
+"""Result of checking a skill on a robot: margins of every quantity in every run, and verdicts.
 
-A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1.
+A margin is the unused part of a bound: at most 1, 0 at the bound, negative beyond.
 """
 
 from dataclasses import dataclass, replace
@@ -15,23 +15,23 @@ from structlearn.tasks.task_files import TaskFiles, write_tables
 
 NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")  # of runs
 YES, DOUBTFUL, NO, NOT_TESTED = "yes", "doubtful", "no", "not tested"
-THIN = 0.1  # a smaller margin is doubtful: what a controller adds to its reference may use it up
-SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}  # by which power of the duration each falls
+THIN = 0.1  # smaller margins are doubtful: a controller's deviation from its reference may use them up
+SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}  # power of the duration with which each falls
 TRIED = ["change", "failing_runs", "still_failing", "least_margin_share"]
 NOTHING_TRIED = pd.DataFrame({name: [] for name in TRIED})
 
 
 @dataclass(frozen=True)
 class SkillCheck:
-    """Margins of all runs, and what was tried to mend those that fail."""
+    """Margins of all runs, and attempts to fix those that fail."""
 
-    # a row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`, `bound`,
-    # `unit`, `margin`, `time_s`, `verdict`; what was not tested has no numbers
+    # one row per run and quantity: `kind`, `run`, `quantity`, `where` (joint or links), `value`, `bound`,
+    # `unit`, `margin`, `time_s`, `verdict`; quantities that were not tested have no numbers
     margins: pd.DataFrame
     rest: dict[str, float]  # rest configuration by joint, rad or m
     notes: tuple[str, ...]  # what was not tested, and why
-    # the change in words, how many runs failed and still do, and their least margin; the last row is the
-    # advice if it mends all
+    # per change: description, how many runs failed and still do, and their least margin; the last row is the
+    # advice if it fixes all
     tried: pd.DataFrame
 
     @property
@@ -46,10 +46,10 @@ class SkillCheck:
 
     @property
     def stretch(self) -> float:
-        """Factor of all durations with which velocity, acceleration and jerk would keep their bounds.
+        """Factor on all durations with which velocity, acceleration and jerk would keep their bounds.
 
-        A primitive keeps its path when its duration changes, so these fall with the factor's first, second
-        and third power. 1 where something else fails, which no slower run would mend.
+        A primitive's path does not depend on its duration, so these fall with the factor's first, second and
+        third power. 1 if something else fails, which a slower run would not fix.
         """
         if not set(self.failing["quantity"]) <= set(SLOWED):
             return 1.0
@@ -58,13 +58,13 @@ class SkillCheck:
 
     @property
     def advice(self) -> str:
-        """What mends all runs that fail, as tried; empty if nothing does."""
+        """The change that fixes all failing runs; empty if there is none."""
         mends = self.tried["change"][self.tried["still_failing"] == 0]
         return str(mends.iloc[-1]) if len(mends) else ""
 
     @property
     def faults(self) -> list[str]:
-        """The worst of each quantity that fails, in words: which joint, by how much and when."""
+        """Descriptions of the worst failure of each quantity: which joint, by how much and when."""
         failing = replace(self, margins=self.failing).worst("quantity") if len(self.failing) else self.failing
         return [
             f"{row.quantity} of {row.where} is {row.value:.3g} {row.unit} at {row.time_s:.2f} s "
@@ -73,7 +73,7 @@ class SkillCheck:
         ]
 
     def worst(self, *by: str) -> pd.DataFrame:
-        """The row with the least margin by these columns, in the order of the runs."""
+        """The row with the least margin per group of these columns, in the order of the runs."""
         groups = self.margins.fillna({"margin": 1.0}).groupby(list(by), sort=False)["margin"]
         return self.margins.loc[groups.idxmin()]
 
@@ -95,7 +95,7 @@ def verdict(margin: float) -> str:
 
 
 def overall(verdicts: pd.Series) -> str:
-    """The worst of several: a no, else a doubt; what is not tested is a doubt."""
+    """The worst of several verdicts: no, else doubtful (also if not tested), else yes."""
     found = set(verdicts)
     return NO if NO in found else DOUBTFUL if found & {DOUBTFUL, NOT_TESTED} else YES
 
@@ -117,7 +117,7 @@ def read_check(folder: str | Path) -> SkillCheck:
 
 
 def lines(check: SkillCheck) -> list[str]:
-    """The worst of each quantity, and the verdict."""
+    """Text: the worst of each quantity, and the verdict."""
     worst = check.worst("quantity").assign(margin_percent=lambda table: 100.0 * table["margin"])
     columns = ["quantity", "verdict", "margin_percent", "value", "bound", "unit", "where", "run", "time_s"]
     table = worst[columns].to_string(index=False, float_format="{:.3g}".format, na_rep="-")
@@ -134,7 +134,7 @@ def lines(check: SkillCheck) -> list[str]:
 
 
 def main(files: TaskFiles) -> bool:
-    """Print the check of a task; whether nothing fails.
+    """Print the check of a task. Returns whether nothing fails.
 
     Raises InputError: the task has no robot, or was not checked.
     """

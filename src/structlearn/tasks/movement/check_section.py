@@ -1,4 +1,4 @@
-"""On the robot: whether the task's robot can do what the skill may ask of it, and with which margins."""
+"""Page section on the robot: whether it can execute the skill's runs, and with which margins."""
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,7 @@ WORST = ["quantity", "kind", "run", "where", "value", "bound", "unit", "time_s",
 
 
 def check_section(files: TaskFiles) -> Section | None:
-    """Of a task with a robot."""
+    """Section of a task with a robot."""
     robot = files.entry(MovementEntry).robot
     if robot is None or not files.skill.exists():
         return None
@@ -65,7 +65,7 @@ def check_section(files: TaskFiles) -> Section | None:
 
 @styled
 def margins_figure(margins: pd.DataFrame, kinds: list[str]) -> Figure:
-    """Every run's margin of every quantity, by kind of run."""
+    """Margins of every quantity in every run, by kind of run."""
     figure = canvas(2.9, WIDTH)
     panel = figure.subplots()
     places = {name: place for place, name in enumerate(reversed(list(margins["quantity"].unique())))}
@@ -82,12 +82,12 @@ def margins_figure(margins: pd.DataFrame, kinds: list[str]) -> Figure:
 
 
 def verdicts(check: SkillCheck, by: str, keys: pd.Series) -> pd.Series:
-    """The overall verdict on each value of a column."""
+    """Overall verdict for each value of a column."""
     return keys.map(check.margins.groupby(by, sort=False)["verdict"].agg(overall))
 
 
 def skill_section(files: TaskFiles) -> Section:
-    """Of a task with demonstrations."""
+    """Section on the skill of a task with demonstrations."""
     if not files.skill.exists():
         reason = (files.folder / "skill" / ABSENT).read_text(encoding="utf-8").strip()
         return Section("skill", "The skill", facts={"absent": reason})

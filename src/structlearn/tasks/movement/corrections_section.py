@@ -1,4 +1,4 @@
-"""Corrections: what people corrected, and how well a model predicts it where it has not learned."""
+"""Page sections on corrections: what people corrected, and how well models predict it on held-out data."""
 
 import numpy as np
 import pandas as pd
@@ -23,15 +23,15 @@ from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
 TARGET_SAMPLES = 200
-DRAWN = 6  # settings that are drawn
-POOR = 1.0  # NMSE from which on a model is no better than the mean
-CHECKED = ("reproduction", "smoothing", "others")  # how columns of checks begin
+DRAWN = 6  # number of settings drawn
+POOR = 1.0  # NMSE above which a model is no better than the mean
+CHECKED = ("reproduction", "smoothing", "others")  # prefixes of columns of checks
 AXES = ["x", "y", "z"]
 PATHS = {"nominal": "nominal_path", "coupling": "coupling_path", "spread": "corrected_spread"}
 
 
 def feedback_section(files: TaskFiles) -> Section | None:
-    """Feedback from sensors, learned from corrections in several settings."""
+    """Section on sensor feedback, learned from corrections in several settings."""
     learned, parameters = read_feedback(files.folder / "feedback"), files.entry(MovementEntry).feedback
     if learned is None or parameters is None:
         return None
@@ -68,7 +68,7 @@ def feedback_section(files: TaskFiles) -> Section | None:
 
 
 def response_table(scores: pd.DataFrame) -> Table:
-    """Scores with displacements in mm and degrees."""
+    """Scores, with displacements in mm and degrees."""
     factors, units = zip(*scores["axis"].map(in_view), strict=True)
     frame, measures = scores.assign(unit=units), ["asked", "got", "off"]
     frame[measures] = frame[measures].mul(list(factors), axis=0)
@@ -94,7 +94,7 @@ def targets_panel(title: str, axis: Axis, dataset: CouplingDataset) -> Figure:
 
 
 def phase_section(files: TaskFiles) -> Section | None:
-    """Coupling over phase alone, learned from corrected runs of the task's primitive."""
+    """Section on coupling as a function of phase alone, learned from corrected runs of the primitive."""
     if not (files.folder / "feedback/completeness.parquet").exists():
         return None
     own, (primitive,) = files.entry(MovementEntry), files.primitives()
@@ -102,7 +102,7 @@ def phase_section(files: TaskFiles) -> Section | None:
     segments = segment_paths(files.runs("demonstrations"), cuts, own.fit.smoothing_hz)
     names = ("completeness", "distances", "profile", "targets", "scores", "paths")
     ends, distances, profile, targets, scores, paths = (files.table(f"feedback/{name}") for name in names)
-    runs = distances.groupby("run").mean(numeric_only=True)  # of each its mean over the splits
+    runs = distances.groupby("run").mean(numeric_only=True)  # per run, mean over the splits
     by_split = distances.groupby("split")[[f"{key}_mm" for key in PATHS]].mean()
     axes, mean, std = scores.groupby("axis"), by_split.mean(), by_split.std()
     values = {
@@ -131,7 +131,7 @@ def phase_section(files: TaskFiles) -> Section | None:
         "std_mm": std,
         "furthest_mm": distances[by_split.columns].max(),
     }
-    by_axis = {  # largest mean target, its root mean square spread, and the network on left-out ones
+    by_axis = {  # largest mean target, its RMS spread, and the network on left-out runs
         "largest_m": targets.groupby("axis")["mean"].agg(lambda values: values.abs().max()),
         "spread_m": targets.groupby("axis")["std"].agg(lambda values: np.sqrt((values**2).mean())),
         "nmse": axes["nmse"].mean(),
@@ -166,7 +166,7 @@ def phase_section(files: TaskFiles) -> Section | None:
 
 @styled
 def corrected_panel(paths: pd.DataFrame, primitive: PosePrimitive, segments: list[Segment]) -> Figure:
-    """Runs from the side; corrected ones left out, and the primitive without and with coupling."""
+    """Side view: left-out corrected runs, and the primitive without and with coupling."""
     figure, axes = panel("Runs, and corrected ones", 3.5, xlabel="forward (mm)", ylabel="up (mm)")
     for number, (position, _) in enumerate(segments):
         local = in_local_frame(position, primitive.position.frame).position
@@ -198,7 +198,7 @@ def profile_panel(profile: pd.DataFrame) -> Figure:
 
 @styled
 def target_panel(targets: pd.DataFrame, axis: str) -> Figure:
-    """Coupling targets of the corrected runs along one local axis over phase, and what was learned."""
+    """Coupling targets of the corrected runs along one local axis over phase, and the learned term."""
     title = f"Coupling along local {axis}{' (up)' if axis == 'z' else ''}"
     figure, axes = panel(title, xlabel="phase p", ylabel="coupling term (m)", xlim=(1.0, 0.0))
     colour, rows = palette.AXIS_COLOURS[AXES.index(axis)], targets[targets["axis"] == axis].iloc[::5]

@@ -1,4 +1,4 @@
-"""Recordings of a task and their cuts: rates, gaps, primitives in time, what is left out or doubtful."""
+"""Page sections on a task's recordings and their cuts: rates, gaps, primitives, exclusions and warnings."""
 
 from typing import Any
 
@@ -24,9 +24,9 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
-DRAWN = 12  # demonstrations whose speed is drawn; of more, the flagged ones first
+DRAWN = 12  # most demonstrations whose speed is drawn, flagged ones first
 ENDS = ["start_s", "end_s"]
-CASES = {  # claims about the cuts of movements between rests: methods whose errors are compared
+CASES = {  # claims about cuts of movements between rests: pairs of methods to compare
     "printed_over_crossing": ("zvc", "wls_text"),
     "printed_over_least_squares": ("ls", "wls_text"),
     "ours_over_crossing": ("zvc", "wls"),
@@ -35,7 +35,7 @@ CASES = {  # claims about the cuts of movements between rests: methods whose err
 
 
 def came_in_section(files: TaskFiles) -> Section:
-    """Sets of recordings with their files, rates and gaps."""
+    """Section on the sets of recordings: files, rates and gaps."""
     table, clock = files.table("recorded/came_in"), files.entry(MovementEntry).clock
     sets = table.groupby("set", sort=False).agg(
         files=("recording", "size"),
@@ -57,7 +57,7 @@ def came_in_section(files: TaskFiles) -> Section:
 
 
 def cuts_section(files: TaskFiles) -> Section:
-    """Where each primitive lies in each demonstration."""
+    """Section on where each primitive lies in each demonstration."""
     own, segmentation = files.entry(MovementEntry), files.segmentation()
     demonstrations = files.runs("demonstrations")
     by_name, flagged = {one.name: one for one in demonstrations}, set(segmentation.doubts["demonstration"])
@@ -82,7 +82,7 @@ def cuts_section(files: TaskFiles) -> Section:
         "left_out": Table(segmentation.left_out),
         "doubts": Table(segmentation.doubts, {"number": ".2f"}),
     }
-    if own.given is None:  # how well each demonstration was made, the best first; outliers stand out
+    if own.given is None:  # quality of each demonstration, best first; outliers are highlighted
         made = quality(demonstrations, segmentation.results, own.fit.smoothing_hz)
         ranked = made.sort_values("rank").reset_index(drop=True)[
             ["rank", "demonstration", *MEASURES, "outlier"]
@@ -103,7 +103,7 @@ def cuts_section(files: TaskFiles) -> Section:
 
 
 def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Segmentation) -> pd.DataFrame:
-    """How long and how far primitives are, one row each."""
+    """Duration and length of each primitive, one row each."""
     rows = []
     for name, cuts in segmentation.results.items():
         ways = []
@@ -117,7 +117,7 @@ def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Se
 
 
 def rests_section(files: TaskFiles) -> Section | None:
-    """How well whole movements are found again between rests."""
+    """Section on how well whole movements between rests are recovered."""
     if files.entry(MovementEntry).rests is None:
         return None
     errors = files.table("segments/cut_errors")
@@ -133,7 +133,7 @@ def rests_section(files: TaskFiles) -> Section | None:
         name += f"_{row.method}" if row.method != RESULT else ""
         find.exact(name, row.mean_ms, unit="ms", headline=name.endswith("_2mm"))
     find = find.among("movements, averaged over draws of rests and noise")
-    # pairs are movements, averaged over draws of rests and noise, which hardly differ without noise
+    # pairs are movements, averaged over draws of rests and noise (draws hardly differ without noise)
     both_ends = 1e3 * errors[["start_error_s", "end_error_s"]].abs().mean(axis=1)
     paired = errors.assign(error_ms=both_ends).pivot_table(
         "error_ms", ["noise_mm", "demonstration"], "method"

@@ -1,4 +1,4 @@
-"""Feedback from corrections in several settings, and how well it predicts those left out (IV.6)."""
+"""Feedback from corrections in several settings, evaluated on left-out ones (IV.6)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,21 +36,21 @@ from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameter
 
 NETWORKS = "networks.safetensors"
 
-# Setting of the nominal executions, which nobody corrected: their coupling target is 0.
+# Setting of the nominal executions without corrections, whose coupling target is 0
 LEVEL = "no correction"
 
 
 @dataclass(frozen=True)
 class Feedback:
-    """Feedback learned for P primitives, by primitive and axis."""
+    """Feedback of P primitives, by primitive and axis."""
 
     expected: Mapping[str, VectorPrimitive]  # traces by primitive
     datasets: Mapping[str, Mapping[Axis, CouplingDataset]]  # corrections in all settings
     networks: Mapping[str, Mapping[Axis, CouplingModel]]
-    checks: pd.DataFrame  # of `coupling_targets.coupling_dataset`, with `primitive`; `setting` is a label
-    # `primitive`, `axis`, `left_out`, `learned` (False: a setting that only tests), `nmse` on what was left
-    # out (NaN where nothing was corrected), and of the unroll with its recorded readings the displacement
-    # `asked` where its mean is largest, what was `got` there, and the rms difference `off` (m, rad)
+    checks: pd.DataFrame  # from `coupling_targets.coupling_dataset`, with `primitive`; `setting` is a label
+    # `primitive`, `axis`, `left_out`, `learned` (False: a setting only for testing), `nmse` on the left-out
+    # part (NaN without corrections), and from the unroll with its recorded readings the displacement `asked`
+    # where its mean is largest, the displacement `got` there, and the RMS difference `off` (m, rad)
     scores: pd.DataFrame
 
 
@@ -63,8 +63,8 @@ def learn_feedback(
 ) -> Feedback:
     """Expected traces from executions, coupling targets from corrections, and networks between them.
 
-    Executions train too, with target 0: where readings are as expected, nothing is to be corrected. Raises
-    InputError: a run cannot be cut or lacks a stream, a primitive is not there, or samples are too few.
+    Executions are training data too, with target 0: expected readings need no correction. Raises InputError:
+    a run cannot be cut or lacks a stream, a primitive is missing, or there are too few samples.
     """
     names = [primitive.name for primitive in primitives]
     nominal = execution_cuts(executions, names, cutting)
@@ -87,7 +87,7 @@ def _learned(
     levels: Mapping[str, CouplingDataset],
     parameters: TaskFeedbackParameters,
 ) -> tuple[dict[str, dict[Axis, CouplingModel]], pd.DataFrame]:
-    """Final networks, and scores of those that were learned without a part and every other execution."""
+    """Final networks, and scores of networks trained without a part and without every other execution."""
     work, tests = [], []
     for name, axis in ((name, axis) for name, by_axis in datasets.items() for axis in by_axis):
         dataset, level = datasets[name][axis], levels[name]
@@ -115,7 +115,7 @@ def _learned(
 
 
 def _groups(dataset: CouplingDataset, parameters: TaskFeedbackParameters) -> np.ndarray:
-    """Labels (S,) of what is left out in turn: settings, or parts of the demonstrations of a single one."""
+    """Labels (S,) of the parts to leave out: settings, or groups of demonstrations of a single setting."""
     if len(parameters.settings) > 1:
         return dataset.setting.astype(str)
     parts = dataset.demonstration % parameters.parts
@@ -130,7 +130,7 @@ def _trained(work: tuple[str, Axis, str, CouplingDataset, TaskFeedbackParameters
 
 
 def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, float, float, float]:
-    """NMSE of the coupling terms, and of the unroll what was asked for, what came out, and the difference."""
+    """NMSE of the coupling terms; displacement asked for and got in the unroll, and their difference."""
     corrected = np.ptp(dataset.target) > 0.0
     error = nmse(network.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity), dataset.target)
     paths = corrected_paths(dataset, SAMPLES)
@@ -142,7 +142,7 @@ def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, fl
 
 
 def feedback_metrics(feedback: Feedback) -> Metrics:
-    """NMSE on what was left out, and what is commanded where nothing was corrected, in mm or degrees."""
+    """NMSE on left-out parts, and the commanded displacement without corrections, in mm or degrees."""
     found: Metrics = {}
     for (name, axis), its in feedback.scores.groupby(["primitive", "axis"], sort=False):
         found[f"feedback_{name}_{axis}_nmse"] = float(its.loc[its["learned"], "nmse"].mean())
@@ -153,7 +153,7 @@ def feedback_metrics(feedback: Feedback) -> Metrics:
 
 
 def in_view(axis: Axis) -> tuple[float, str]:
-    """Factor and unit in which displacements along or about an axis are shown."""
+    """Factor and unit for displaying displacements along or about an axis."""
     return (float(np.degrees(1.0)), "deg") if turns(axis) else (1e3, "mm")
 
 
@@ -171,7 +171,7 @@ def write_feedback(feedback: Feedback, folder: Path) -> None:
 
 
 def read_feedback(folder: Path) -> Feedback | None:
-    """What `write_feedback` wrote; None where the task has no feedback from sensors. Raises InputError."""
+    """Feedback from the files of `write_feedback`; None if the task has none. Raises InputError."""
     if not (folder / NETWORKS).exists():
         return None
     networks: dict[str, dict[Axis, CouplingModel]] = {}

@@ -1,12 +1,12 @@
-"""Demonstrations of a task as a LeRobotDataset (v3.0): states, actions, and the primitives as subtasks.
+"""Export of a task's demonstrations as a LeRobotDataset (v3.0), with the primitives as subtasks.
 
     meta/info.json, stats.json, tasks.parquet, subtasks.parquet, episodes/chunk-000/file-000.parquet
     data/chunk-000/file-000.parquet
 
 An episode is a demonstration from the start of its first primitive to the end of its last. Its state is the
-joint positions where they were recorded, else the pose; its action is the state of the next frame, as of
-demonstrations by hand. No images are written. `meta/episodes` has the quality of each demonstration beside
-what the format asks for.
+joint positions, if recorded, else the pose; its action is the state of the next frame, as usual for
+hand-guided demonstrations. No images are written. `meta/episodes` has quality measures of each demonstration
+besides the columns that the format requires.
 """
 
 import json
@@ -31,7 +31,7 @@ PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 COUNTERS = ("frame_index", "episode_index", "index", "task_index", "subtask_index")
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
-Frames = dict[str, np.ndarray]  # of an episode: (T, D) or (T,) by the name of the feature
+Frames = dict[str, np.ndarray]  # of an episode: (T, D) or (T,) by feature
 
 
 def write_lerobot(
@@ -43,12 +43,12 @@ def write_lerobot(
     fps: int | None = None,
     robot: str | None = None,
 ) -> int:
-    """Publish a dataset of the demonstrations that were cut; how many episodes it has.
+    """Publish a dataset of the segmented demonstrations, and return its number of episodes.
 
-    `task`: what is done, in words; `smoothing_hz`: low-pass of positions for the measures of quality; `fps`:
-    frames per second, by default those of the clock, if whole; `robot`: its name. Raises InputError: no
-    demonstration was cut, signals differ between demonstrations, or the clock's rate is not whole and no
-    other was given.
+    `task`: description of the task; `smoothing_hz`: low-pass of positions for quality measures; `fps`: frames
+    per second, default: the clock's rate, if it is an integer; `robot`: its name. Raises InputError: no
+    demonstration was cut, signals differ between demonstrations, or the clock's rate is not an integer and no
+    `fps` is given.
     """
     cuts = segmentation.results
     runs = [run for run in runs if all(run.name in table.index for table in cuts.values())]
@@ -75,7 +75,7 @@ def write_lerobot(
 
 
 def state_names(run: Demonstration) -> dict[str, tuple[str, ...]]:
-    """Names of the columns of each signal's feature."""
+    """Column names of each signal's feature."""
     pose = state = POSE[: 3 if run.orientation is None else 7]
     if run.joint_positions is not None:
         count = run.joint_positions.shape[1]
@@ -89,7 +89,7 @@ def state_names(run: Demonstration) -> dict[str, tuple[str, ...]]:
 
 
 def frames(run: Demonstration, cuts: Mapping[str, pd.DataFrame], fps: int) -> Frames:
-    """Frames of an episode; between two primitives the one before goes on."""
+    """Frames of an episode; between two primitives the previous one continues."""
     starts = np.array([table.loc[run.name, "start_s"] for table in cuts.values()])
     end = max(table.loc[run.name, "end_s"] for table in cuts.values())
     count = int(np.floor((end - starts[0]) * fps + 1e-6)) + 1
@@ -115,7 +115,7 @@ def frames(run: Demonstration, cuts: Mapping[str, pd.DataFrame], fps: int) -> Fr
 
 
 def _write_data(episodes: Sequence[Frames], names: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
-    """Write all frames, in files of at most `FILE_MB`; where each episode is, and its statistics."""
+    """Write all frames, in files of at most `FILE_MB`; returns per episode its place and statistics."""
     rows: list[dict[str, Any]] = []
     files: list[list[Frames]] = [[]]
     bytes_in_file, first = 0, 0

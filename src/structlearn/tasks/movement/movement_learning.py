@@ -1,7 +1,7 @@
-"""Cuts and primitives of the recordings of a task, and how far they are from what was recorded (IV.5).
+"""Cuts and primitives of a task's recordings, and their distance from what was recorded (IV.5).
 
-A recording is a demonstration that is cut, or needs no cutting: it is one run of a single primitive, or one
-primitive of an execution that was recorded in parts.
+A recording is a demonstration to be cut, a run of a single primitive, or one primitive of an execution that
+was recorded in parts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,13 +40,13 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import PAIR_COLUMNS, Segmentation, cut
 from structlearn.tasks.movement.movement_parameters import PARTS, RestParameters
 
-SAMPLES = 500  # of a path in normalised time
+SAMPLES = 500  # per path in normalised time
 
 
 def segmented(
     runs: Sequence[Demonstration], given: str | None, cutting: SegmentParameters | None
 ) -> Segmentation:
-    """Cuts of recordings; where a primitive is `given`, whole ones. Raises InputError as `segments.cut`."""
+    """Cuts of recordings; whole ones for a `given` primitive. Raises InputError as `segments.cut`."""
     if given is None:
         assert cutting is not None
         return cut(runs, cutting)
@@ -62,7 +62,7 @@ def segmented(
 
 
 def learned_cuts(segmentation: Segmentation, keep_doubtful: bool) -> dict[str, pd.DataFrame]:
-    """Cuts by primitive that are learned from: without demonstrations that have a cut warning.
+    """Cuts by primitive to learn from, without demonstrations that have a cut warning.
 
     Raises InputError: all have one.
     """
@@ -77,7 +77,7 @@ def learned_cuts(segmentation: Segmentation, keep_doubtful: bool) -> dict[str, p
 
 
 def cut_metrics(runs: Sequence[Demonstration], segmentation: Segmentation) -> Metrics:
-    """Numbers of demonstrations, mean durations, and in simulation the mean error of the cut points."""
+    """Numbers of demonstrations, mean durations, and, if simulated, the mean cut error."""
     found: Metrics = {
         "cuts_demonstrations": segmentation.cuts["demonstration"].nunique(),
         "cuts_left_out": len(segmentation.left_out),
@@ -95,10 +95,10 @@ def cut_metrics(runs: Sequence[Demonstration], segmentation: Segmentation) -> Me
 def cut_errors_between_rests(
     runs: Sequence[Demonstration], cutting: SegmentParameters, rests: RestParameters
 ) -> pd.DataFrame:
-    """Errors of the cuts of whole movements that were set between random rests with smooth noise.
+    """Cut errors of whole movements, each embedded between random rests with smooth noise.
 
-    The first movement, treated in the same way, is the reference. Rests are the same at every noise level.
-    Returns rows of `cut_errors` with `noise_mm` and `seed`.
+    The first movement, treated likewise, is the reference. Rests are the same at every noise level. Returns
+    rows of `cut_errors` with `noise_mm` and `seed`.
     """
     work = product(rests.noise_mm, range(rests.seeds))
     find = partial(_found_again, runs=runs, cutting=cutting, rests=rests)
@@ -119,11 +119,11 @@ def _found_again(
 def reproduction(
     runs: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], parameters: FitParameters, fold: int
 ) -> pd.DataFrame:
-    """Distance of primitives from what they were learned from and from what was left out.
+    """Distance of primitives from training demonstrations and from left-out ones.
 
-    Returns rows of `cross_validation` with `scaled` (False: forcing terms as published, which do not grow
-    with the reach) and `from_mean_mm`, the mean distance of the demonstration from the mean of all, in the
-    local frame and normalised time: no single movement can be much closer to all of them.
+    Returns rows of `cross_validation` with `scaled` (False: unscaled forcing terms, as published) and
+    `from_mean_mm`, the mean distance of the demonstration from the mean of all, in the local frame and
+    normalised time: a lower bound, roughly, for a single movement that reproduces all of them.
     """
     tables = [cross_validation(runs, cuts, parameters, fold).assign(scaled=True)]
     published = parameters.model_copy(update={"scaled_axes": (False,) * 3})
@@ -146,7 +146,7 @@ def reproduction(
 
 
 def fit_metrics(reproduction: pd.DataFrame, parameters: FitParameters) -> Metrics:
-    """Mean distance of each primitive from demonstrations left out, or learned from if there is just one."""
+    """Mean distance of each primitive from left-out demonstrations, or training ones if there is just one."""
     used = reproduction[(reproduction["regression"] == parameters.regression) & reproduction["scaled"]]
     found: Metrics = {}
     for name, its in used.groupby("primitive", sort=False):
@@ -158,11 +158,11 @@ def fit_metrics(reproduction: pd.DataFrame, parameters: FitParameters) -> Metric
 
 
 def turns(runs: Sequence[Demonstration], primitive: PosePrimitive, parameters: FitParameters) -> pd.DataFrame:
-    """How orientations are reproduced by a primitive from each run alone, and by the one from all of them.
+    """Reproduction of orientations by a primitive from each run alone, and by one from all runs.
 
     Returns `learned_from`, `compared_with`, `turn_deg` (net turn of the run), `mean_deg`, `max_deg`,
-    `end_deg`. A single run's primitive is unrolled with the run's start, goal and duration and compared with
-    the run as recorded; that of all with the mean start, goal and duration, and compared with the runs'
+    `end_deg`. The primitive of a single run is unrolled with the run's start, goal and duration, and compared
+    with the recording; that of all runs with the mean start, goal and duration, and compared with the runs'
     time-normalised mean. Raises InputError: a run has no orientation.
     """
     segments = segment_paths(runs, whole(runs), parameters.smoothing_hz)
@@ -216,10 +216,10 @@ def learn_traces(
 ) -> tuple[dict[str, VectorPrimitive], pd.DataFrame, pd.DataFrame]:
     """Sensor primitives of all tactile channels in every part of an execution.
 
-    The sensors' offset is taken at the start of the first part and stays for the whole execution. Returns
-    by part: its sensor primitive; a table per primitive and electrode with `range` (largest minus
-    smallest count), `rms` (root mean squared error in counts) and `nmse`; and the traces, with
-    `primitive`, `electrode`, `time_s`, `recorded`, `expected` (counts).
+    The sensors' offset is taken at the start of the first part and kept for the whole execution. Returns by
+    part its sensor primitive; a table per primitive and electrode with `range` (largest minus smallest
+    count), `rms` (RMS error in counts) and `nmse`; and the traces: `primitive`, `electrode`, `time_s`,
+    `recorded`, `expected` (counts).
     """
     primitives, scores, traces = {}, [], []
     for part in parts:

@@ -1,4 +1,4 @@
-"""What an entry of `movement` says: recordings, cuts, primitives, corrections, and the robot of the skill."""
+"""Parameters of a `movement` entry: recordings, cuts, primitives, corrections, and the skill's robot."""
 
 from typing import Annotated, Literal, Self
 
@@ -15,11 +15,11 @@ from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 
-PARTS = "parts"  # recordings that are the primitives of one execution, each under its own name
+PARTS = "parts"  # recordings are the primitives of one execution, named individually
 
 
 class RestParameters(Parameters):
-    """Rests and noise between which whole movements are found again. Fields: `stages/tasks/params.yaml`."""
+    """Rests and noise around whole movements, to test cuts. Fields: `stages/tasks/params.yaml`."""
 
     noise_mm: tuple[float, ...] = Field(min_length=1)
     noise_hz: float = Field(gt=0)
@@ -39,7 +39,7 @@ class TaskFeedbackParameters(CorrectionParameters, NetworkParameters):
 
 
 class PhaseCorrectionParameters(Parameters):
-    """Corrected runs of a single primitive, from which coupling is learned over phase alone."""
+    """Corrected runs of a single primitive, to learn coupling as a function of phase alone."""
 
     source: str = Field(min_length=1)
     part: str | None
@@ -51,12 +51,12 @@ class PhaseCorrectionParameters(Parameters):
     seed: int = Field(ge=0)
 
 
-# One for all joints, or one for each.
+# One value for all joints, or one per joint
 Bound = PositiveFloat | Annotated[tuple[PositiveFloat, ...], Field(min_length=1)]
 
 
 class Placement(Parameters):
-    """Where a frame stands in another: its origin, and a unit quaternion w, x, y, z."""
+    """Pose of a frame in another: its origin, and a unit quaternion w, x, y, z."""
 
     position_m: tuple[float, float, float]
     orientation: tuple[float, float, float, float]
@@ -70,12 +70,12 @@ class Placement(Parameters):
 
     @property
     def turn(self) -> np.ndarray:
-        """(4,) its orientation, with norm 1 to the last digit."""
+        """Orientation (4,), exactly normalised."""
         return quaternion.normalised(np.array(self.orientation))
 
 
 class RobotParameters(Parameters):
-    """A robot, its base and tool relative to the demonstrations, and bounds that its URDF does not state."""
+    """A robot, its base and tool relative to the demonstrations, and bounds that its URDF lacks."""
 
     urdf: str = Field(min_length=1)
     tip: str = Field(min_length=1)
@@ -145,7 +145,7 @@ class MovementEntry(SourceParameters):
         return self
 
     def sources(self) -> dict[str, tuple[str, ...]]:
-        """All files and folders that are read, as they are written, by what they are for."""
+        """All files and folders that are read, as written in the entry, by purpose."""
         pose = None if self.topics is None else self.topics.pose
         computed = (pose.urdf,) if isinstance(pose, JointPose) else ()
         found: dict[str, tuple[str, ...]] = {"demonstrations": (self.source, *computed), "robot": ()}

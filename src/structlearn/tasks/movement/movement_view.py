@@ -1,4 +1,4 @@
-"""Recordings of a task's movements, and of what was learned from them."""
+"""Recordings of a task's movements, and of the learned primitives."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -41,15 +41,15 @@ is left of the motion is the swing.
 """
 RECORDED, PRIMITIVE = Look("recorded", DEMONSTRATION_COLOUR), Look("primitive", REPRODUCTION_COLOUR)
 EXECUTION = "execution"  # name of an execution whose parts were recorded one by one
-RATE_HZ = 50.0  # of turns
-RADIUS, APART = 0.04, 0.11  # of the caps in m, and from one's middle to the next one's
-EYE = np.array([0.26, 0.0, 0.2])  # camera in m, from the middle of the row
-UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # the chart's dominant axis points up
+RATE_HZ = 50.0  # of rotations
+RADIUS, APART = 0.04, 0.11  # of the caps, and distance of their centres, m
+EYE = np.array([0.26, 0.0, 0.2])  # camera position in m, from the middle of the row
+UP = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # chart's dominant axis points up
 CHART = ("twist", "swing", "second swing")
 
 
 def write_movements(files: TaskFiles, folder: Path) -> None:
-    """A recording of the demonstrations, one of the primitives, and others of what else was learned."""
+    """Write recordings of the demonstrations, of the primitives, and of whatever else was learned."""
     own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
     cut = joined(runs) if own.given == PARTS else (runs, files.segmentation())
     title = f"{files.name}: demonstrations"
@@ -71,7 +71,7 @@ def write_corrected(
     nominal: Sequence[PosePrimitive],
     networks: Mapping[str, CouplingModel],
 ) -> None:
-    """The complete corrected runs, and the nominal primitive with and without the coupling learned."""
+    """Write the complete corrected runs, and the nominal primitive with and without learned coupling."""
     tables = {}
     for name, unrolled in typical_paths(nominal[0].position, corrected, list(networks.items())).items():
         whole_path = sequence.SequencePath(unrolled, None, np.array([0, len(unrolled.time) - 1]))
@@ -86,7 +86,7 @@ def write_corrected(
 
 
 def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segmentation]:
-    """Parts that follow each other as one demonstration, and where each begins and ends."""
+    """Consecutive parts as one demonstration, and where each begins and ends."""
     times, starts = [], [0.0]
     for part in parts:
         times.append(part.time + starts[-1])
@@ -102,7 +102,7 @@ def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segment
 
 
 def write_turns(path: Path, logs: Sequence[OrientationTrajectory], primitive: PosePrimitive) -> None:
-    """Write the recording."""
+    """Write the recording of rotations."""
     axes, learned = dominant_axes(logs), primitive.orientation
     assert learned is not None
     shown = [*((f"log {number}", log, RECORDED.colour) for number, log in enumerate(logs, 1))]
@@ -127,7 +127,7 @@ def _send_cap(
     times: Sequence[rr.TimeColumn],
     orientation: np.ndarray,
 ) -> None:
-    """A cap with a pointer at its place in the row, turning with orientations (T, 4), and the goal's mark."""
+    """Log a cap with a pointer, rotating with orientations (T, 4), and the mark of its goal."""
     middle, height, paint = np.array([0.0, APART * place, 0.0]), 0.27 * RADIUS, rgba([colour])
     front = middle + np.array([[1.15 * RADIUS, 0.0, height], [1.8 * RADIUS, 0.0, 0.0]])
     solid, radius = rr.components.FillMode.Solid, [[0.0, 0.0, height], [RADIUS, 0.0, height]]

@@ -1,16 +1,16 @@
-"""Corrected runs of a primitive: coupling targets, learned from the phase alone (IV.6).
+"""Coupling of corrected runs as a function of phase alone (IV.6).
 
-Corrected runs have the start and goal of the nominal ones and another path in between. Their coupling targets
-against the nominal primitive (eq. IV.23) are learned as a function of phase, without any sensor:
+Corrected runs have the start and goal of the nominal ones, but another path in between. Their coupling
+targets against the nominal primitive (eq. IV.23) are learned as a function of phase, without any sensor:
 
-    c = w_c . (G(p, u) * b_m)          a phase-modulated network of input dimension 0 and no hidden layer
+    c = w_c . (G(p, u) * b_m)          a phase-modulated network with no inputs and no hidden layer
 
-Such a network is linear in its features G, so its squared loss is convex: the least squares that the forcing
-term is fitted with give its minimum at once, and nothing is trained.
+Such a network is linear in its features G, so its squared loss is convex: the least squares of the forcing
+term give the minimum directly, and nothing is trained.
 
-Every split draws the runs to learn from anew, since one draw of a few runs to reproduce says little. The
-splits share their runs, so an interval over them would be too narrow: whoever compares two distances takes
-each run's mean over the splits that left it out.
+Every split draws the training runs anew, since a single draw of a few runs says little. The splits share
+their runs, so an interval over splits would be too narrow: to compare two distances, take each run's mean
+over the splits that left it out.
 """
 
 from collections.abc import Sequence
@@ -33,26 +33,26 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.tasks.movement.movement_parameters import PhaseCorrectionParameters
 
 AXES = ("x", "y", "z")  # of the local frame: x from start to goal, z upwards, y to the side
-SAMPLES = 500  # of a movement in normalised time, for distances and tables
-# Last part of the movement that is looked at alone: there the phase velocity fades, and with it all that a
-# phase-modulated network can say.
+SAMPLES = 500  # per movement in normalised time, for distances and tables
+# Last share of the movement, examined separately: the phase velocity vanishes there, and with it the output
+# of a phase-modulated network.
 END = 0.1
 Networks = Sequence[tuple[str, CouplingModel]]  # one network per local axis, by its name in `AXES`
 
 
 @dataclass(frozen=True)
 class CorrectedRun:
-    """One complete corrected run."""
+    """A complete corrected run."""
 
     name: str  # of the recording
     path: Trajectory  # (T, 3) m relative to its start, in its local frame
-    target: np.ndarray  # (T, 3) coupling target of each local axis, in m: c is an acceleration times tau^2
+    target: np.ndarray  # (T, 3) coupling target along each local axis, in m: an acceleration times tau^2
 
 
 def completeness(runs: Sequence[Demonstration], nominal: PositionPrimitive, largest_m: float) -> pd.DataFrame:
     """Which corrected runs start and end where the nominal ones do.
 
-    One that begins or ends in mid-air has no start or no goal, hence no local frame and no coupling target.
+    A run that begins or ends in mid-air has no start or goal, hence no local frame and no coupling target.
     Returns `run`, `start_off_mm`, `goal_off_mm`, and whether it is `complete`.
     """
     ends = np.array([one.position[[0, -1]] for one in runs]) - [nominal.start, nominal.goal]
@@ -68,7 +68,7 @@ def completeness(runs: Sequence[Demonstration], nominal: PositionPrimitive, larg
 
 
 def complete(runs: Sequence[Demonstration], completeness: pd.DataFrame) -> list[Demonstration]:
-    """Those that are complete."""
+    """The complete runs."""
     names = set(completeness.loc[completeness["complete"], "run"])
     return [one for one in runs if one.name in names]
 
@@ -76,7 +76,7 @@ def complete(runs: Sequence[Demonstration], completeness: pd.DataFrame) -> list[
 def corrected_runs(
     runs: Sequence[Demonstration], nominal: PositionPrimitive, smoothing_hz: float
 ) -> list[CorrectedRun]:
-    """Corrected runs with the coupling term that each asks of the nominal primitive."""
+    """Corrected runs with their coupling targets relative to the nominal primitive."""
     found = []
     for run in runs:
         path = in_local_frame(differentiated(run.position, run.dt, smoothing_hz), nominal.frame)
@@ -90,7 +90,7 @@ def phase_networks(
 ) -> list[tuple[str, PhaseModulatedNetwork]]:
     """Phase-only networks at the minimum of their squared loss, one per local axis.
 
-    Only the products of w_c and b_m count, so w_c is 1 and b_m solves the ridge regression of
+    Only the products of w_c and b_m matter, so w_c is 1 and b_m solves the ridge regression of
     `kernels.forcing_weights`; there is no other minimum.
     """
     weights = kernels.forcing_weights(targets, count=kernel_count)  # (N, 3)
@@ -98,14 +98,14 @@ def phase_networks(
 
 
 def phase_coupling(networks: Networks, samples: int) -> np.ndarray:
-    """Coupling term (samples, 3) of phase-only networks from start to end; it does not depend on duration."""
+    """Coupling term (samples, 3) of phase-only networks from start to end, for any duration."""
     phases = canonical.phase(np.linspace(0.0, 1.0, samples), canonical.TAU_PER_DURATION)
     nothing = np.zeros((samples, 0))
     return np.column_stack([network.coupling(nothing, *phases) for _, network in networks])
 
 
 def adapted_path(nominal: VectorPrimitive, run: Trajectory, networks: Networks | None = None) -> Trajectory:
-    """The nominal primitive to the goal and in the time of a run, with learned coupling in the loop."""
+    """The nominal primitive with a run's goal and duration, with learned coupling in the loop, if any."""
     terms = None if networks is None else phase_coupling(networks, len(run.time))
     coupling = None if terms is None else lambda k, x, xd: terms[k]
     return nominal.unroll(run.dt, run.position[0], run.position[-1], run.duration, coupling=coupling)
@@ -114,9 +114,9 @@ def adapted_path(nominal: VectorPrimitive, run: Trajectory, networks: Networks |
 def typical_paths(
     nominal: PositionPrimitive, runs: Sequence[Demonstration], networks: Networks
 ) -> dict[str, Trajectory]:
-    """The nominal primitive in the mean situation of corrected runs, without and with learned coupling.
+    """The nominal primitive with the mean start, goal and duration of corrected runs.
 
-    Returns `nominal` and `coupling`: (T, 3) paths in the base frame.
+    Returns `nominal` and `coupling`, without and with learned coupling: (T, 3) paths in the base frame.
     """
     start, goal = (np.mean([one.position[end] for one in runs], axis=0) for end in (0, -1))
     duration, dt = float(np.mean([one.time[-1] for one in runs])), runs[0].dt
@@ -130,22 +130,21 @@ def typical_paths(
 def learn_corrections(
     runs: Sequence[CorrectedRun], nominal: VectorPrimitive, parameters: PhaseCorrectionParameters
 ) -> tuple[Networks, dict[str, pd.DataFrame]]:
-    """Learn the coupling from some runs and reproduce the others, for several random choices.
+    """Learn the coupling from some runs and reproduce the others, for several random splits.
 
     Returns the networks of the first split, and tables:
 
     distances: per `split` and left-out `run` the number `learned_from`, mean distances over normalised time
-        from the nominal primitive without and with learned coupling, unrolled to the run's goal in its
+        from the nominal primitive without and with learned coupling, unrolled with the run's goal and
         duration from the nominal runs' mean initial state (`nominal_mm`, `coupling_mm`), and from the mean of
         the training runs (`spread_mm`); `end_share` of the distance with coupling in the last `END`.
     profile: these distances over `fraction` of the duration and `phase`, mean over splits and left-out runs.
     targets: per `axis` and `fraction` with `phase`, in m: `mean` and `std` of all targets, and the coupling
         `learned` in the first split.
-    scores: per `split` and `axis` the `nmse` on left-out targets, and which shares of the squared targets and
-        residuals lie in the last `END` (`target_end_share`, `residual_end_share`).
-    paths: of the first split's left-out runs in local frames: `run`, `path` (`recorded`, `nominal` or
-        `coupling`), `fraction`, `x`, `y`, `z` in m.
-
+    scores: per `split` and `axis` the `nmse` on left-out targets, and the shares of the squared targets and
+        residuals in the last `END` (`target_end_share`, `residual_end_share`).
+    paths: first split's left-out runs in local frames: `run`, `path` (`recorded`, `nominal` or `coupling`),
+        `fraction`, `x`, `y`, `z` in m.
     Raises MissingInputError: there are no two runs, one to learn from and one to leave out.
     """
     if len(runs) < 2:
@@ -194,7 +193,7 @@ def learn_corrections(
 
 
 def _split(count: int, parameters: PhaseCorrectionParameters, split: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places of the runs learned from and of those left out, each in order."""
+    """Indices of training and left-out runs, sorted."""
     order = np.random.default_rng([parameters.seed, split]).permutation(count)
     learned = min(max(round(parameters.learned_share * count), 1), count - 1)
     return np.sort(order[:learned]), np.sort(order[learned:])
@@ -219,6 +218,6 @@ def _curve(path: Trajectory) -> np.ndarray:
 
 
 def _end_share(values: np.ndarray) -> np.ndarray:
-    """Share of the sum over normalised time (last axis) that lies in the last `END`."""
+    """Share of the sum over normalised time (last axis) in the last `END`."""
     first = round((1.0 - END) * values.shape[-1])
     return values[..., first:].sum(axis=-1) / values.sum(axis=-1)

@@ -1,4 +1,4 @@
-"""Primitives of a task: what was learned, over what it was learned from, and how far they are apart."""
+"""Page sections on a task's primitives: the learned movements, and their distance from the recordings."""
 
 from collections.abc import Sequence
 
@@ -25,20 +25,20 @@ from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
 
 TITLES = {"nominal": "Nominal", "generalised": "New situation"}
-# By `left_out` and `scaled`: part of a metric's name, and what a table says.
+# By (`left_out`, `scaled`): part of a metric's name, and words in a table
 VARIANTS = {
     (False, True): ("fit", "learned from"),
     (True, True): ("left_out", "left out"),
     (False, False): ("fit_unscaled", "learned from, forcing not scaled"),
 }
-MANY = 30  # demonstrations from which on their distances are shown as histograms
-STRONG_RANGE = 20  # counts; an electrode that moves more is clear of the sensor's noise of half a count
+MANY = 30  # number of demonstrations above which distances are shown as histograms
+STRONG_RANGE = 20  # counts; electrodes that vary more are clear of the sensor's noise of half a count
 AXES = ["x", "y", "z"]
 VIEWS = {"xz": ("From the side", "forward", "up"), "xy": ("From above", "forward", "to the side")}
 
 
 def primitives_section(files: TaskFiles) -> Section:
-    """What was learned of the demonstrations, and how far it is from them."""
+    """Section on the primitives learned from the demonstrations, and their distance from them."""
     own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
     cuts = learned_cuts(files.segmentation(), own.keep_doubtful)
     segments = {name: segment_paths(runs, its, own.fit.smoothing_hz) for name, its in cuts.items()}
@@ -80,7 +80,7 @@ def primitives_section(files: TaskFiles) -> Section:
 
 
 def summary(reproduction: pd.DataFrame) -> pd.DataFrame:
-    """Per primitive and variant: means of the mean errors, largest of the largest and of the end errors."""
+    """Per primitive and variant: means of the mean errors, maxima of the largest and end errors."""
     keys = zip(reproduction["left_out"], reproduction["scaled"], strict=True)
     named = reproduction.assign(demonstrations=[VARIANTS[key][1] for key in keys])
     how = {name: "mean" if "mean" in name else "max" for name in REPRODUCTION_ERRORS if name in named}
@@ -91,7 +91,7 @@ def summary(reproduction: pd.DataFrame) -> pd.DataFrame:
 def add_distances(
     find: Findings, reproduction: pd.DataFrame, errors: pd.DataFrame, segments: dict[str, list[Segment]]
 ) -> None:
-    """Distances by primitive and variant, and what claims name, over the demonstrations of all primitives."""
+    """Add distances by primitive and variant, and those that claims use, over all demonstrations."""
     for name, its in reproduction.groupby("primitive", sort=False):
         find.mean(f"{name}_own_spread_mm", its.drop_duplicates("demonstration")["from_mean_mm"], unit="mm")
     prefixes = {words: prefix for prefix, words in VARIANTS.values()}
@@ -111,7 +111,7 @@ def add_distances(
 
 @styled
 def space_figure(runs: list[Demonstration], nominal: pd.DataFrame) -> list[Figure]:
-    """The nominal sequence over all demonstrations."""
+    """Nominal sequence over all demonstrations."""
     paths = [(one.position, {"color": palette.LIGHT_GREY, "linewidth": 0.8}) for one in runs]
     for place, (name, part) in enumerate(nominal.groupby("primitive", sort=False)):
         look = {"color": palette.primitive_colour(place), "linewidth": 2.2, "label": name}
@@ -148,7 +148,7 @@ def local_panel(primitive: PosePrimitive, segments: list[Segment], view: str) ->
 
 @styled
 def distance_panel(reproduction: pd.DataFrame, title: str, column: str, width_mm: float) -> Figure:
-    """How far the primitive is from every demonstration, in bins of a width."""
+    """Histogram of the primitive's distance from every demonstration, with a given bin width."""
     figure, axes = panel(title, xlabel="distance (mm)", ylabel="demonstrations")
     for left_out, colour in ((False, palette.BLUE), (True, palette.OCHRE)):
         values = reproduction.query("scaled and left_out == @left_out")[column]
@@ -159,7 +159,7 @@ def distance_panel(reproduction: pd.DataFrame, title: str, column: str, width_mm
 
 
 def turns_section(files: TaskFiles) -> Section | None:
-    """Turns of the hand: a primitive of each run alone, and one of all."""
+    """Section on rotations of the hand: a primitive of each run alone, and one of all."""
     own = files.entry(MovementEntry)
     if not own.turns:
         return None
@@ -214,7 +214,7 @@ def turn_panel(segments: list[Segment], primitive: PosePrimitive) -> Figure:
 
 
 def execution_section(files: TaskFiles) -> Section | None:
-    """An execution that was recorded in parts: the sequence over it, and its sensor primitives."""
+    """Section on an execution that was recorded in parts: the sequence over it, and its sensor primitives."""
     if files.entry(MovementEntry).given != PARTS:
         return None
     errors, nominal = files.table("primitives/execution"), files.table("primitives/nominal")
@@ -235,7 +235,7 @@ def execution_section(files: TaskFiles) -> Section | None:
 
 
 def traces_section(files: TaskFiles) -> Section | None:
-    """Sensor primitives of the tactile channels of an execution."""
+    """Section on the sensor primitives of an execution's tactile channels."""
     if files.entry(MovementEntry).traces_hz is None:
         return None
     scores, traces = files.table("primitives/trace_scores"), files.table("primitives/traces")
@@ -262,7 +262,7 @@ def traces_section(files: TaskFiles) -> Section | None:
 
 @styled
 def execution_panel(parts: list[Demonstration], path: pd.DataFrame) -> Figure:
-    """Position of an execution, and of the sequence learned from it; lines where it switches."""
+    """Position of an execution and of the sequence learned from it, with lines at the switches."""
     figure, axes = panel("Recorded (grey), sequence", xlabel="time (s)", ylabel="from the start (mm)")
     first, origin = 0, path[AXES].iloc[0].to_numpy()
     for number, part in enumerate(parts):
@@ -279,7 +279,7 @@ def execution_panel(parts: list[Demonstration], path: pd.DataFrame) -> Figure:
 
 @styled
 def electrode_errors_panel(scores: pd.DataFrame) -> Figure:
-    """Error of all sensor primitives over how far the electrode moves."""
+    """Error of all sensor primitives over the range of their electrode."""
     figure, axes = panel("Error of all electrodes", xlabel="range of the electrode (counts)", ylabel="NMSE")
     by_primitive = scores.groupby("primitive", sort=False)
     for colour, (name, part) in zip(palette.CATEGORICAL_COLOURS, by_primitive, strict=False):
@@ -290,7 +290,7 @@ def electrode_errors_panel(scores: pd.DataFrame) -> Figure:
 
 @styled
 def electrode_panels(scores: pd.DataFrame, traces: pd.DataFrame) -> list[Figure]:
-    """The six electrodes that move most in every primitive, with their sensor primitives."""
+    """The six electrodes that vary most in every primitive, with their sensor primitives."""
     strongest = scores.groupby("electrode")["range"].max().nlargest(6).index
     figures = []
     for name, part in traces.groupby("primitive", sort=False):

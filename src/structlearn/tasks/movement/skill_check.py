@@ -1,6 +1,6 @@
-"""Whether a robot can do what a skill may ask of it, with the margin of each quantity in each run.
+"""Whether a robot can execute the runs of a skill, with the margin of each quantity in each run.
 
-Every run is followed by inverse kinematics from near the same rest configuration.
+Every run is tracked by inverse kinematics, starting near the same rest configuration.
 
 | quantity | bound |
 |---|---|
@@ -45,16 +45,16 @@ from structlearn.tasks.movement.check_results import CORRECTIONS, GOALS, NO, NOM
 from structlearn.tasks.movement.movement_parameters import RobotParameters
 from structlearn.tasks.task_files import local_path
 
-RATE_HZ = 200.0  # of a run: 5 ms are short beside anything that a primitive of half a second does
-COLLISION_EVERY = 4  # samples between looks at distances: links come some centimetres nearer in 20 ms
-# Where the tip may be off: the search ends at a millionth of it or cannot reach the pose.
+RATE_HZ = 200.0  # of a run: 5 ms are short for a primitive of half a second
+COLLISION_EVERY = 4  # samples between checks of distances: links approach by some centimetres in 20 ms
+# Tolerances of the tip: the solver either converges to a millionth of them or cannot reach the pose.
 REACH_M, REACH_RAD = 1e-3, np.radians(0.5)
 JUMP = 0.1  # rad or m from one sample to the next
-# By how much the workspace is made smaller on every side, and what of the bounds is left, in two attempts:
-# the latter is 1.5 times the largest correction that was demonstrated.
+# Shrinkage of the workspace on every side, and remaining share of the bounds, in two attempts: the second
+# share equals 1.5 times the largest demonstrated correction.
 INSETS_M, SHARES = (0.02, 0.05), (2.0 / 3.0, 1.0 / 3.0)
-COARSE, SEED = 20, 1  # samples between looks at the nominal run, and seed, of the search for a rest
-BEYOND_ALL_BOUNDS = 1e9  # weights of a network whose coupling term is at its bound after a tick or two
+COARSE, SEED = 20, 1  # stride over the nominal run, and seed, of the search for a rest configuration
+BEYOND_ALL_BOUNDS = 1e9  # weights of a network whose coupling term reaches its bound in a tick or two
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Unroll:
     """One run of T ticks."""
 
     kind: str  # of `check_results.KINDS`
-    name: str  # what differs from the nominal run, in words
+    name: str  # description of the difference from the nominal run
     position: np.ndarray  # (T, 3) m, frame of the demonstrations
     orientation: np.ndarray | None  # (T, 4) unit quaternions
 
@@ -85,7 +85,7 @@ def unrolls(skill: ReactiveSkill, rate_hz: float, slower: float = 1.0) -> Iterat
         pushing = open_loop(np.full(KERNEL_COUNT, sign * BEYOND_ALL_BOUNDS))
         networks = {name: {axis: pushing} for name, its in skill.networks.items() if axis in its}
         pushed = replace(skill, networks=networks)
-        # the phase velocity, with which networks are modulated, is negative
+        # the phase velocity, which modulates networks, is negative
         yield run(pushed, CORRECTIONS, f"{axis} {'-' if sign > 0 else '+'}", start, goals)
 
 
@@ -109,7 +109,7 @@ def _run(
     rate_hz: float,
     slower: float,
 ) -> Unroll:
-    """What the controller gives, tick for tick."""
+    """The controller's output, tick by tick."""
     durations = [slower * one.duration for one in skill.primitives]
     controller = Controller(skill, rate_hz, durations, goals=goals)
     controller.start(start.position, start.orientation)
@@ -123,7 +123,7 @@ def _run(
 
 
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
-    """Follow all runs of a skill with a robot, and where some fail, try what would mend them (`changes`).
+    """Track all runs of a skill with a robot; if some fail, try changes that might fix them (`changes`).
 
     Raises InputError: the URDF cannot be used, there are not as many bounds as joints, or no joint
     configuration reaches the start.
@@ -167,12 +167,12 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
 
 
 def changes(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, ReactiveSkill, float]]:
-    """What might mend the runs that fail: words, the skill, and the factor of its durations.
+    """Changes that might fix the failing runs: description, skill, and factor of its durations.
 
-    Slower where velocity, acceleration or jerk fail; a smaller box where starts or goals do, smaller bounds
-    where corrections do; then both together.
+    Slower if velocity, acceleration or jerk fail; a smaller box if starts or goals fail; smaller bounds if
+    corrections fail; then both together.
     """
-    kinds, stretch = set(check.failing["kind"]), 1.01 * check.stretch  # a little beyond the bound itself
+    kinds, stretch = set(check.failing["kind"]), 1.01 * check.stretch  # slightly beyond the bound
     slower = f"durations x {stretch:.2f}"
     if not kinds:
         return
@@ -201,7 +201,7 @@ def changes(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, Reac
 def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
     """A run as poses of the tip in the robot's base frame.
 
-    Raises InputError: the tool is offset from the tip, and the run has no orientations.
+    Raises InputError: the tool is offset from the tip, but the run has no orientations.
     """
     base, tool = parameters.base, parameters.tool
     back = quaternion.conjugate(base.turn)
@@ -220,9 +220,9 @@ def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
 def margins(
     arm: Arm, path: JointPath, parameters: RobotParameters, shapes: LinkShapes | None
 ) -> Iterator[dict[str, Any]]:
-    """The worst of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` but the run.
+    """The worst of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` except the run.
 
-    The margin of a range is 1 in its middle, and of a joint without limits.
+    The margin of a joint range is 1 in its middle, and for joints without limits.
     """
     tree, dt, joints = arm.tree, 1.0 / RATE_HZ, path.joints
     units = ["m" if prismatic else "rad" for prismatic in tree.prismatic]
@@ -265,7 +265,7 @@ def margins(
 
 
 def _per_joint(arm: Arm, parameters: RobotParameters, key: str) -> np.ndarray:
-    """(n,) of one number, or of as many as there are joints."""
+    """Values (n,) from one number, or from one per joint."""
     array = np.atleast_1d(np.array(getattr(parameters, key), dtype=float))
     count = len(arm.tree.names)
     if array.size not in ({count} if key == "rest_configuration" else {1, count}):
@@ -282,7 +282,7 @@ def _worst(
     names: Sequence[str],
     units: Sequence[str],
 ) -> dict[str, Any]:
-    """Where the margin `left` (T, K) of values (T, K) is least; one above 1 says no more than 1."""
+    """The sample and column with the least margin `left` (T, K) of values (T, K); capped at 1."""
     sample, place = map(int, np.unravel_index(np.argmin(left), left.shape))
     margin = min(float(left[sample, place]), 1.0)
     return {

@@ -52,7 +52,7 @@ def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataF
 
 
 def _send_shapes(stream: rr.RecordingStream, name: str, shapes: pd.DataFrame) -> tuple[np.ndarray, float]:
-    """Log obstacles, walls and axes; returns the obstacles' middle (3,) m and the floor's height."""
+    """Log obstacles, walls and axes. Returns the obstacles' middle (3,) m and the floor's height."""
     sizes, centres = (shapes[columns].to_numpy() for columns in (EXTENT, PLACE))
     solid = shapes["box"].to_numpy(bool)
     stream.log(entity(name, "obstacles"), rrd.solid_boxes(sizes[solid], centres[solid], [GREY]), static=True)

@@ -34,7 +34,7 @@ class Reading:
     """Estimates of N presses by one model of `touch_names.SPACES`; NaN where it has no such number."""
 
     model: str
-    coordinates: np.ndarray  # (N, D), whose distances are those on the skin
+    coordinates: np.ndarray  # (N, D), with distances as on the skin
     place: np.ndarray  # (N, 2) m, by regression
     depth: np.ndarray | float  # (N,) m, height of the probe, by regression
     seed: int = 0
@@ -48,8 +48,8 @@ def place_errors(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of what was learned from one recording on another, or on the blocks of one of its own folds.
 
-    `work`: what was learned, or None where it is learned here from all blocks but those of the fold; the
-    recording; another one, or the number of a fold.
+    `work`: what was learned (None: learn here from all blocks except the fold's); the training recording;
+    the test recording, or the number of a fold.
 
     Returns:
         `block_scores` with `learned_from` and `asked_about`, names of recordings, and `new` (`NEW_BLOCKS` or

@@ -29,7 +29,7 @@ class Touches:
     """Samples of a recording in which something touches."""
 
     name: str
-    counts: np.ndarray  # (N, E) readings less those at rest
+    counts: np.ndarray  # (N, E) readings minus those at rest
     place: np.ndarray  # (N, 3) m
     parameters: TouchParameters
     along: Geodesics | None = None  # distances along the skin; None: straight ones

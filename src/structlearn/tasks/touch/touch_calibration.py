@@ -87,7 +87,7 @@ def finger_traces(
 
 
 def _fingers(recording: Recording, rate_hz: float) -> list[np.ndarray]:
-    """Counts (T, 19) of every finger; raises InputError for other numbers of electrodes or a slower rate."""
+    """Counts (T, 19) of every finger. Raises InputError: other numbers of electrodes, or a slower rate."""
     fingers: list[np.ndarray] = []
     for stream in (one for one in recording.streams if one.kind == "tactile"):
         step = 1e-9 * float(np.median(np.diff(stream.stamps)))
@@ -124,7 +124,7 @@ def calibration_traces(
 
 
 def contact_change(counts: np.ndarray, contact: int, average: int) -> np.ndarray:
-    """Change of every electrode by contact: mean of the samples before `contact` less that of the first.
+    """Change of every electrode by contact: mean of the samples before `contact` minus that of the first.
 
     Raises MissingInputError: the trace ends before the contact is made, or both means overlap.
     """
